@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pretouch._core.values import declared
+from pretouch._core.fields import declared
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario
 from pretouch.sensors import (
     CustomSensor,

@@ -1,7 +1,7 @@
-"""pretouch chooses the gain of a proximity-sensor-based preemptive impact controller without one collision.
+"""pretouch designs the gain of a proximity-sensor-based preemptive impact controller without collision tests.
 
-Calibrate the sensor on the bench, describe the encounter, and get the optimal gain, the contact that it leads to, the
-margins and the evidence:
+Calibrate the sensor, describe the encounter, and get the optimal gain, the contact that it results in, the margins and
+the evidence:
 
     >>> import pretouch as pt
     >>> sensor = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -14,8 +14,8 @@ margins and the evidence:
     >>> round(design.gain, 4)
     -0.7463
 
-The names of the front are listed in the stub beside this file; what few need stands in rooms of its own, such as
-`pt.plots`, `pt.robust` or `pt.simulation`, each loaded when it is first used. Numbers are SI floats or arrays of them.
+The stub __init__.pyi lists the public names. Less frequent functions are in modules such as `pt.plots`, `pt.robust` or
+`pt.simulation`. Everything is imported when it is first used. Numbers are SI floats or arrays of them.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ _load, __dir__ = lazy_names(__name__)
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from importlib.metadata import version  # noqa: PLC0415 - takes longer than the rest
+        from importlib.metadata import version  # noqa: PLC0415 - slow to import
 
         return version(__name__)
     return _load(name)
 
 
-class _Front(ModuleType):
-    """Keeps `pretouch.sweep` the verb: Python puts a folder that it loads in the place of the same name."""
+class _PublicModule(ModuleType):
+    """Keeps `pretouch.sweep` the function: importing the package `pretouch.sweep` would replace it."""
 
     def __setattr__(self, name: str, value: object) -> None:
-        folder = name == "sweep" and isinstance(value, ModuleType)
-        super().__setattr__(name, value.sweep if folder else value)  # type: ignore[attr-defined]
+        is_package = name == "sweep" and isinstance(value, ModuleType)
+        super().__setattr__(name, value.sweep if is_package else value)  # type: ignore[attr-defined]
 
 
-sys.modules[__name__].__class__ = _Front
+sys.modules[__name__].__class__ = _PublicModule

@@ -18,7 +18,7 @@ from mpmath import mp, mpf
 
 from encounters import CURVES, KINDS, Encounters, random_encounters
 from gradient_scales import scales_of, sizes_of
-from pretouch._core.values import declared
+from pretouch._core.fields import declared
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.motion.gradient_rows import GradientRows
 from pretouch.motion.layout import RELATIVE_INPUTS

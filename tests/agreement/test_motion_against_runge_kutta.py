@@ -15,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from encounters import CURVES, KINDS, Encounters, random_encounters, together
-from pretouch._core.values import declared
+from pretouch._core.fields import declared
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact, solution
 from pretouch.sensors import ExponentialFirstOrder, SensorModel
 from reference_integrator import integrate, integrate_over_distance

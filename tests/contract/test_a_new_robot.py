@@ -14,7 +14,7 @@ import pytest
 
 import pretouch as pt
 from pretouch._core.blocks import Measured
-from pretouch._core.values import check_declared, quantity
+from pretouch._core.fields import check_declared, quantity
 from pretouch.report import write_report
 from pretouch.simulation import ContactModel, ImpedancePlant, PlantModel, SpringDamper, gain_limit, timing_of
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, verdict

@@ -59,7 +59,7 @@ def test_help_names_every_verb_and_option(run):
         "robust": ["FILE", "--samples", "--seed", "1 no"],
         "simulate": ["FILE", "--gain", "--seed", "1 it did not"],
         "verify": ["FILE", "--gain", "--runs", "--seed", "--no-changes", "1 it does not"],
-        "reproduce": ["[ID]...", "table-2", "impact-force", "1 not"],
+        "reproduce": ["[ID]...", "table-2", "impact-force", "1 some differences"],
     }
     assert all(verb in out for verb in own)
     for verb, options in own.items():
@@ -232,7 +232,7 @@ def test_a_report_is_written_again_but_nothing_of_the_user_is_overwritten(run, p
     edited = report.read_text()
     code, _, err = run(verb, file)
     assert code == 2
-    assert err.startswith(f"pretouch: {report}: this file exists and is not overwritten unasked")
+    assert err.startswith(f"pretouch: {report}: this file exists and is not overwritten")
     assert "--output" in err
     assert "--force" in err
     assert report.read_text() == edited

@@ -109,7 +109,7 @@ def test_every_page_has_the_reservations_and_the_headline_at_its_top(run, verb):
     words = assert_sound(Path(f"clipped-{verb}.html").read_text(encoding="utf-8")).words
     first = words.index(UNSUPPORTED + near_end()[0])
     assert first < words.index("D_p")
-    assert "The calibration of its sensor: clipped.csv" in words
+    assert "Sensor calibration: clipped.csv" in words
     assert "The controller must subtract the offset " in words
     run(verb, scenario("whole.toml", WHOLE), *VERBS[verb])
     words = assert_sound(Path(f"whole-{verb}.html").read_text(encoding="utf-8")).words
@@ -156,8 +156,8 @@ def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_r
     code, _, err = run(verb, scenario("clipped.toml", CLIPPED), *VERBS[verb])
     near, reason = near_end()
     assert code == 2
-    assert f"starts {near} in front of the contact surface, where the calibration supports it ({reason})" in err
-    assert f'sink the sensor with recess = "{near}", or calibrate again with a lower amplification, so that the ' in err
+    assert f"starts {near} in front of the contact surface, at the start of the calibrated range ({reason})" in err
+    assert f'set recess = "{near}", or calibrate again with a lower amplification, so that the ' in err
     assert "does not flatten or clip there, or extend the curve" in err
 
 
@@ -172,12 +172,12 @@ def test_the_ways_out_of_a_refusal_lead_out(run):
     assert out.startswith(f"{UNSUPPORTED}7 mm ({near_end()[1]}) to contact at 0 mm.")
     assert "Distances in brackets count from the sensor's zero, 5 mm behind the contact surface." in out
     far = scenario("far.toml", WHOLE.splitlines()[0], ("42.2 mm", "70 mm"))
-    assert "where the calibration ceases to support the curve (last measured distance)" in run("design", far)[2]
+    assert "the end of the calibrated range (last measured distance)" in run("design", far)[2]
 
 
 def test_a_curve_that_the_file_cuts_is_not_blamed_on_the_calibration(run):
     err = run("design", scenario("cut.toml", WHOLE + '\nminimum_distance = "2 mm"'))[2]
-    assert "starts 2 mm in front of the contact surface, expected it to reach contact" in err
+    assert "starts 2 mm in front of the contact surface, expected a range that includes contact" in err
 
 
 @pytest.mark.parametrize(
@@ -189,4 +189,7 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
     known = ("[robust]", 'obstacle.position = { uniform = ["20 mm", "30 mm"] }\n[robust]')
     code, _, err = run(verb, scenario("far.toml", sensor, ("42.2 mm", "22 mm"), known), *options)
     assert code == 2
-    assert "; the calibration supports it from 0 mm (first measured distance) to 56 mm (last measured distance)" in err
+    assert (
+        "; the calibration supports the curve from 0 mm (first measured distance) to 56 mm (last measured distance)"
+        in err
+    )

@@ -105,7 +105,7 @@ def test_contacts_are_found_with_the_gain_that_is_given(run: Any) -> None:
         )
     )
     assert (code, out) == (2, "")
-    assert err.startswith("pretouch: results: found 'drive_force' without physical properties")
+    assert err.startswith("pretouch: results: found 'drive_force' without an impact model")
     code, out, err = run("sweep", "approach.toml", "--axis", SPEEDS, "--gain", "-0.5 N*s", "--result", "time")
     assert (code, err) == (0, "")
     assert out.startswith("10 encounters: 10 contact\n")
@@ -124,7 +124,7 @@ def test_the_dataset_goes_where_it_is_asked_for_and_stays(run: Any, name: str) -
     other = (*asked[:5], "-0.4", *asked[6:])
     code, out, err = run(*other)
     assert (code, out) == (2, "")
-    assert f"{name}: holds another sweep (other gain)" in err
+    assert f"{name}: is another sweep (other gain)" in err
     assert run(*other, "--force")[0] == 0
     if name.endswith(".nc"):
         with xr.open_dataset(name, engine="h5netcdf") as found:
@@ -147,9 +147,9 @@ def test_a_sweep_whose_answer_is_no_ends_with_1(run: Any) -> None:
         (["obstacle.velocity=1:2"], "expected NAME=START:STOP:COUNT"),
         (["obstacle.velocity=-1:-2:3:linear"], "expected NAME=START:STOP:COUNT"),
         (["obstacle.velocity=-1:-2:many"], "found 'many' values of obstacle.velocity, expected a whole number"),
-        (["obstacle.velocity=-1:1:10:log"], "expected ends of one sign and not zero for equal ratios"),
+        (["obstacle.velocity=-1:1:10:log"], "expected ends of the same sign, not zero, for logarithmic spacing"),
         (["obstacle.velocity=-1 kg:-2 kg:3"], "obstacle.velocity: found '-1 kg', expected a quantity in m/s"),
-        (["obstacle.speed=-1:-2:3"], "'obstacle.speed', which is no input of this sweep"),
+        (["obstacle.speed=-1:-2:3"], "'obstacle.speed', which is not an input of this sweep"),
         (["obstacle.velocity=-1", "obstacle.velocity=-2"], "found obstacle.velocity twice"),
     ],
 )
@@ -174,7 +174,7 @@ def test_a_figure_is_written_once_and_what_cannot_be_drawn_is_refused_first(run:
         assert out.splitlines()[-1] == f"Figure: {name}"
         assert Path(name).read_bytes().startswith(start)
     monkeypatch.setattr(sys.modules["pretouch.sweep"], "sweep", None)  # not reached
-    assert "a.png: this file exists and is not overwritten unasked" in run(*asked, "--figure", "a.png")[2]
+    assert "a.png: this file exists and is not overwritten" in run(*asked, "--figure", "a.png")[2]
     assert "expected a name that ends in .png" in run(*asked, "--figure", "a.jpg")[2]
     single = ("sweep", "approach.toml", "--axis", "obstacle.velocity=-1", "--figure", "b.png")
     assert "found 0 axes of more than one value" in run(*single)[2]
@@ -188,7 +188,7 @@ def test_an_interrupt_says_how_to_go_on(run: Any, monkeypatch: Any) -> None:
     asked = ("sweep", "approach.toml", "--axis", SPEEDS)
     assert run(*asked) == (130, "", "")
     code, out, err = run(*asked, "--output", "out.zarr")
-    assert (code, out, err) == (130, "", "pretouch: interrupted; the same command goes on from here\n")
+    assert (code, out, err) == (130, "", "pretouch: interrupted; run the same command again to resume\n")
 
 
 # --- figures

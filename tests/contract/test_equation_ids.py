@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pretouch
-from pretouch._core.vocabulary import EQUATIONS
+from pretouch._core.equations import EQUATIONS
 
 SOURCE = Path(pretouch.__file__).parent
 TESTS = Path(__file__).parents[1] / "equations"

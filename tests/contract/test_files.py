@@ -110,10 +110,10 @@ def test_a_device_a_pipe_and_a_file_that_is_too_large_are_not_read(tmp_path):
     """Each of them would never end: the pipe waits for somebody who writes."""
     os.mkfifo(tmp_path / "pipe")
     for path, what in ((tmp_path / "pipe", "found a pipe"), ("/dev/zero", "found a device or a socket")):
-        with pytest.raises(InvalidInputError, match=f"{what}, expected a file; write what comes from it into a file"):
+        with pytest.raises(InvalidInputError, match=f"{what}, expected a file; save its content as a file"):
             read_regular_file(path, most=10, refuse=InvalidInputError)
     (tmp_path / "large").write_bytes(bytes(2_000_001))
-    with pytest.raises(InvalidInputError, match="large: found a file of more than 2 MB, expected at most that"):
+    with pytest.raises(InvalidInputError, match="large: found a file of more than 2 MB, expected at most that size"):
         read_regular_file(tmp_path / "large", most=2_000_000, refuse=InvalidInputError)
     assert len(read_regular_file(tmp_path / "large", most=2_000_001, refuse=InvalidInputError)) == 2_000_001
     with pytest.raises(IsADirectoryError):
@@ -159,7 +159,7 @@ def test_a_report_that_was_changed_is_not_our_own_any_more(tmp_path, change):
 
 
 def test_what_is_no_page_is_neither_signed_nor_known(tmp_path):
-    with pytest.raises(InvalidInputError, match="expected a whole page"):
+    with pytest.raises(InvalidInputError, match="expected a complete page"):
         sign("text")
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
     assert not is_own_unchanged(tmp_path / "binary")

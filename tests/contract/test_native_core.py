@@ -150,17 +150,17 @@ DAMAGES = {
     "empty": (lambda library, _: os.truncate(library, 0), "has 0 bytes, expected"),
     "foreign": (
         lambda library, _: library.write_bytes(b"\0" * OWN.stat().st_size),
-        "is not as it was built: its hash differs",
+        "has been changed since it was built: its hash differs",
     ),
-    "one bit": (lambda library, _: flip(library), "is not as it was built: its hash differs"),
+    "one bit": (lambda library, _: flip(library), "has been changed since it was built: its hash differs"),
     "older": (
         lambda _, record: record.write_text(record.read_text().replace(native.INTERFACE, 16 * "0")),
         "was built for another version of pretouch",
     ),
     "missing": (lambda library, _: library.unlink(), "is missing"),
-    "without a record": (lambda _, record: record.unlink(), "has no record of its build beside it"),
-    "with half a record": (lambda _, record: os.truncate(record, 20), "has a damaged record"),
-    "with a list for a record": (lambda _, record: record.write_text("[1]"), "has a damaged record"),
+    "without a record": (lambda _, record: record.unlink(), "has no build record (.json) in the same folder"),
+    "with half a record": (lambda _, record: os.truncate(record, 20), "has a damaged build record"),
+    "with a list for a record": (lambda _, record: record.write_text("[1]"), "has a damaged build record"),
     "no library at all": (pretend, "cannot be loaded"),
     "a folder": (lambda library, _: (library.unlink(), library.mkdir()), "cannot be read"),
 }

@@ -252,9 +252,7 @@ def test_the_five_styles_differ_in_grey() -> None:
     assert told_apart(*CURVES)
     assert not told_apart(*CURVES, CURVES[2])
     assert not told_apart(("#0072b2", "-"), ("#8a4f7d", "-")), "colors as bright as each other"
-    assert not told_apart(("#0072b2", (0, (5, 1.6))), ("#0072b2", (0, (5.2, 1.7)))), (
-        "nearly the same strokes"
-    )
+    assert not told_apart(("#0072b2", (0, (5, 1.6))), ("#0072b2", (0, (5.2, 1.7)))), "nearly the same strokes"
     assert len(set(MARKERS)) == len(MARKERS) == len(CURVES)
 
 
@@ -303,7 +301,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "words": (lambda: line(x=["a"], y=[0]), r"expected a row of numbers"),
     "two rows": (lambda: line(x=[[0, 1]], y=[0, 1]), r"of shape \(1, 2\), expected a row"),
     "kind": (lambda: line(kind="dots"), r"kind: found 'dots', expected one of line, points, both"),
-    "style": (lambda: line(style=5), r"found style 5, expected a place in the palette, 0 to 4"),
+    "style": (lambda: line(style=5), r"found style 5, expected an index of the palette, 0 to 4"),
     "low alone": (lambda: line(low=X), r"found low without high"),
     "high alone": (lambda: line(high=X), r"found high without low"),
     "low above": (lambda: line(low=X + 1, high=X), r"low = 1 above high = 0 at index 0"),
@@ -326,17 +324,17 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "no curves": (panel, r"^curves: found none"),
     "one curve": (lambda: panel(curves=line()), r"^curves: found one Curve, expected a list"),
     "no curve": (lambda: panel(curves=[X]), r"^curves: found ndarray, expected Curve"),
-    "six": (lambda: panel(*[line()] * 6), r"^curves: found 6, of which only 5 look different; try quiet=True"),
+    "six": (lambda: panel(*[line()] * 6), r"^curves: found 6 curves, but only 5 styles exist; use quiet=True"),
     "map without unit": (
         lambda: panel(map=Map(x=[0, 1], y=[0, 1], values=np.eye(2)), title="height"),
         r"^title: found 'height', expected a unit in brackets",
     ),
-    "map of a row": (lambda: Map(x=[0, 1], y=[0], values=[[0, 1]]), r"^map: values: found 2 finite ones of shape"),
+    "map of a row": (lambda: Map(x=[0, 1], y=[0], values=[[0, 1]]), r"^map: values: found 2 finite values of shape"),
     "map turned": (
         lambda: Map(x=[0, 1], y=[0, 1, 2], values=np.ones((2, 3))),
-        r"expected shape \(3, 2\) as of y and x",
+        r"expected shape \(3, 2\) of y and x",
     ),
-    "map of nothing": (lambda: Map(x=[0, 1], y=[0, 1], values=np.full((2, 2), np.nan)), r"found 0 finite ones"),
+    "map of nothing": (lambda: Map(x=[0, 1], y=[0, 1], values=np.full((2, 2), np.nan)), r"found 0 finite values"),
     "map on log": (
         lambda: panel(map=Map(x=[0, 1], y=[0, 1], values=np.eye(2)), title="h [m]", x_log=True),
         r"^map: x: found 0 on a logarithmic axis",

@@ -172,8 +172,8 @@ def test_figures_show_the_numbers_of_the_design(letter: GainDesign) -> None:
 
 def test_trade_off_names_what_blocks_a_gain() -> None:
     texts = " ".join(text for text, _ in visible_texts(plots.trade_off(DESIGNS["infeasible"]())))
-    assert "broken: relative velocity" in texts
-    assert "broken: excursion" in texts
+    assert "violated: relative velocity" in texts
+    assert "violated: excursion" in texts
     assert "no contact" in " ".join(text for text, _ in visible_texts(plots.trade_off(DESIGNS["no-contact"]())))
 
 

@@ -102,8 +102,8 @@ def test_figures_show_the_numbers_of_the_design(one: RobustDesign) -> None:
     assert "limit" in texts
     assert "relative velocity at contact" in texts
     texts = " ".join(text for text, _ in visible_texts(plots.price(one)))
-    assert {"obstacle.velocity", "sensor.exponent", "best for each value"} <= {
-        name for name in ("obstacle.velocity", "sensor.exponent", "best for each value") if name in texts
+    assert {"obstacle.velocity", "sensor.exponent", "best gain for each value"} <= {
+        name for name in ("obstacle.velocity", "sensor.exponent", "best gain for each value") if name in texts
     }
 
 

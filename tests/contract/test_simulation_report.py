@@ -17,11 +17,11 @@ from figure_checks import assert_legible, visible_texts
 from loop_samples import BareLaw
 from page_checks import EVIL, assert_sound, parse
 from page_rows import row, table
-from pretouch._core.described import cell_as_html
 from pretouch._core.files import is_own_unchanged
 from pretouch._core.units import format_quantity
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
 from pretouch.report import plots, report_html, write_report
+from pretouch.report.blocks_html import cell_as_html
 from pretouch.simulation import PARTS, ClosedLoop, ContactModel, PlantModel
 from pretouch.simulation.closed_loop import contact_rows, law_rows, loop_rows
 
@@ -153,7 +153,7 @@ def test_figures_show_the_numbers_of_the_run(pushing: pt.SimulatedEncounter) -> 
     texts = " ".join(text for text, _ in visible_texts(plots.simulation(pushing)))
     assert pushing.detection is not None
     for shown in (
-        f"first seen at {1e3 * pushing.detection.distance:.1f} mm",
+        f"detected at {1e3 * pushing.detection.distance:.1f} mm",
         f"\u2212{abs(pushing.run.relative_velocity):.4f} m/s",
         f"\u2212{abs(pushing.prediction.end.relative_velocity):.4f} m/s",
         "\u22120.300 m/s",
@@ -233,7 +233,7 @@ def test_reports_escape_what_users_wrote_and_show_where_a_curve_is_from() -> Non
     page = report_html(made, calibration=report, source=source)
     words = assert_sound(page).words
     assert "<script" not in page
-    assert "The calibration of its sensor: sensor.csv" in words
+    assert "Sensor calibration: sensor.csv" in words
 
 
 def shown(rows: Iterable[tuple[str, Any]]) -> dict[str, str]:

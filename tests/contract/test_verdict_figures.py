@@ -108,7 +108,7 @@ def test_the_figure_of_stability_shows_the_limit_half_of_it_and_the_gain(one: pt
     assert half[1] == pytest.approx(limits[1] / 2)
     assert set(own[1]) == {abs(one.gain)}
     texts = texts_of(plots.verdict_stability(one))
-    for text in ("unstable above", "margin of 2", "verified gain", f"{abs(one.stability.strongest):.4g} N s"):
+    for text in ("unstable above", "gain margin 2", "verified gain", f"{abs(one.stability.strongest):.4g} N s"):
         assert text in texts
 
 
@@ -134,7 +134,7 @@ def test_the_figure_of_the_gain_shows_how_far_the_margin_of_2_reaches() -> None:
     assert {strongest, strongest / 2} <= upright
     on_loop = [line.get_xdata() for line in axes.lines if len(line.get_xdata()) > 10]
     assert min(float(np.max(x)) for x in on_loop) <= strongest / 2 * (1 + 1e-9)
-    assert "margin of 2 up to here" in texts_of(plots.verdict_gain(wild))
+    assert "gain margin 2" in texts_of(plots.verdict_gain(wild))
 
 
 def test_gains_that_miss_a_limit_are_thin_and_grey() -> None:

@@ -185,4 +185,4 @@ def test_reports_escape_what_users_wrote_and_show_where_a_curve_is_from() -> Non
     words = assert_sound(page).words
     assert "<script" not in page
     assert "SHA-256 abc" in words
-    assert "The calibration of its sensor: sensor.csv" in words
+    assert "Sensor calibration: sensor.csv" in words

@@ -93,7 +93,7 @@ def test_a_loop_that_no_memory_holds_is_refused_with_its_key(
 
 
 NO_ADMITTANCE = "found a natural frequency of 3.162e+07 rad/s, expected at most 10,000 rad/s"
-NO_SENSOR = "expected at least 1e-06 m; check the parameters of the curve with their units"
+NO_SENSOR = "expected at least 1e-06 m; check the parameters of the curve and their units"
 NO_ROBOT = "natural frequency of 5e+08 rad/s, expected at most 1,000,000 rad/s; check both units"
 
 
@@ -143,11 +143,11 @@ def test_one_distance_far_beyond_all_others_is_a_typing_error_or_means_no_object
 
 
 def test_a_person_who_waits_is_told_how_far_the_work_is(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress, "_SECONDS", 0.0)
+    monkeypatch.setattr(progress, "_INTERVAL", 0.0)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     lay("tradeoff.toml")
     code, _, err = run("design", "tradeoff.toml", "--no-report")
-    told = re.findall(r"^pretouch: ([\d,]+) encounters solved in \d+ s, going on$", err, re.MULTILINE)
+    told = re.findall(r"^pretouch: ([\d,]+) encounters solved in \d+ s, still running$", err, re.MULTILINE)
     counts = [int(count.replace(",", "")) for count in told]
     assert code == 0
     assert len(counts) > 1

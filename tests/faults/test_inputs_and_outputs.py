@@ -208,10 +208,7 @@ def test_keys_of_very_many_parts_are_refused_before_they_are_read(run: Any, key:
     Path("deep.toml").write_text(f"# a.b.c\n{key}{'' if key[0] == '[' else ' = 1'}\n", encoding="utf-8")
     code, out, err = run("design", "deep.toml")
     assert (code, out) == (2, "")
-    assert err == (
-        "pretouch: deep.toml, line 2: found a key of more than 32 parts, expected at most that; a scenario takes "
-        "section.key\n"
-    )
+    assert err == ("pretouch: deep.toml, line 2: found a key with more than 32 parts, expected section.key\n")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX pipes and devices")
@@ -223,3 +220,28 @@ def test_a_scenario_that_never_ends_is_none(run: Any) -> None:
         assert f"{path}: found {what}, expected a file" in err
     Path("large.toml").write_text("#" * 1_000_001, encoding="utf-8")
     assert "large.toml: found a file of more than 1 MB" in run("design", "large.toml")[2]
+
+
+@pytest.mark.parametrize("kind", ["a table", "a header", "a line", "a distance without a unit"])
+@pytest.mark.parametrize(
+    ("key", "line"),
+    [
+        ("columns", 'columns = { distance = "1 [mm]", output = "9 [V]" }'),
+        ("columns", 'columns = { distance = "range" }'),
+        ("labels", 'columns = { distance = "1 [mm]", output = "2 [V]" }\nlabels = ["side"]'),
+    ],
+)
+def test_a_scenario_with_wrong_columns_does_not_show_a_file_that_is_no_calibration(
+    run: Any, kind: str, key: str, line: str
+) -> None:
+    """With columns by number any table can be read: what does not fit is said at its key, without the file's words."""
+    Path("secret").write_text(SECRETS[kind], encoding="utf-8")
+    text = Path("fingertip.toml").read_text(encoding="utf-8")
+    text = text.replace('calibration = "sensor.csv"', f'calibration = "secret"\n{line}')
+    Path("fingertip.toml").write_text(text, encoding="utf-8")
+    code, out, err = run("design", "fingertip.toml", "--json")
+    assert code == 2
+    assert err.rstrip().endswith("to see more, run: pretouch fit secret")
+    assert f": sensor.{key}: found {key} that do not fit secret" in err or "sensor.calibration: secret" in err
+    for word in ("mallory", "swordfish"):
+        assert word not in err + out

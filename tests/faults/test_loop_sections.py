@@ -31,7 +31,7 @@ MISTAKES = [
     ('part = "VCNL4010"', "", "[chain]", "chain", 'missing rate, expected rate = "250 Hz", or part = "VCNL4010"'),
     ('"VCNL4010"', '"VNCL4010"', "part", "chain.part", 'did you mean "VCNL4010"?'),
     ('"VCNL4010"', "4010", "part", "chain.part", "found 4010, expected text"),
-    ('"VCNL4010"', '"RPR-220"', "part", "chain.part", "reports V beside a sensor in counts (sensor.scale, line 3)"),
+    ('"VCNL4010"', '"RPR-220"', "part", "chain.part", "reports V, but the sensor is in counts (sensor.scale, line 3)"),
     (IN_CHAIN, 'noise = "20 mV"', "noise", "chain.noise", 'found "20 mV", expected counts, the unit of sensor.scale'),
     (IN_CHAIN, 'noise = "-1 counts"', "noise", "chain.noise", "expected a nonnegative sensor output"),
     (IN_CHAIN, "noise = true", "noise", "chain.noise", "found true, expected a sensor output"),
@@ -48,14 +48,14 @@ MISTAKES = [
     (IN_CHAIN, 'phase = "any"', "phase", "chain.phase", 'found "any", expected a quantity in s or "random"'),
     (IN_CHAIN, 'rate = "0 Hz"', "rate", "chain.rate", "expected a positive quantity in Hz"),
     (IN_CHAIN, "nois = 20", "nois", "chain.nois", 'found an unknown key, expected "noise"'),
-    (IN_CHAIN, 'rate = "2 kHz"', 'rate = "1', "controller.rate", 'found 1000 Hz, slower than the sensor with its 2000'),
-    (IN_CHAIN, "noise = 0", "[controller]", "controller.floor", "the chain has no noise that it could be 3 times of"),
+    (IN_CHAIN, 'rate = "2 kHz"', 'rate = "1', "controller.rate", 'expected at least the rate of the sensor, 2000'),
+    (IN_CHAIN, "noise = 0", "[controller]", "controller.floor", "default, 3 standard deviations of the noise, is 0"),
     (IN_CONTROLLER, "", "[controller]", "controller", 'missing rate, expected one of rate = "1 kHz" and period'),
     (IN_CONTROLLER, 'rate = 1000\nperiod = "1 ms"', "period", "controller.period", "found both rate and period"),
     (IN_CONTROLLER, 'period = "5 ms"', "period", "controller.period", '[chain] with rate = "200 Hz"'),
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = "1 mV"', "floor", "controller.floor", 'found "1 mV", expected counts'),
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = 0', "floor", "controller.floor", "expected a positive sensor output"),
-    (IN_CONTROLLER, "rate = 1000\nfloor = 3e4", "scale", "sensor.scale", "floor of 3e+04 hides"),
+    (IN_CONTROLLER, "rate = 1000\nfloor = 3e4", "scale", "sensor.scale", "below the controller's floor of 3e+04"),
     (IN_CONTROLLER, "rate = 1000\nsaturation = 50", "satur", "controller.saturation", "exceed the sum of offset and"),
     (IN_CONTROLLER, "rate = 1000\nmedian_window = 17", "median", "controller.median_window", "from 1 (no median)"),
     (IN_CONTROLLER, "rate = 1000\nmedian_window = 3.0", "median", "controller.median_window", "a whole number of at l"),
@@ -79,13 +79,13 @@ MISTAKES = [
     ('"hunt-crossley"', '"hertz"', 'kind = "hertz"', "contact.kind", 'found "hertz", expected one of "hunt-crossley"'),
     (STIFF, 'stiffness = "1e6 N/m"', 'stiffness = "1e', "contact.stiffness", 'N/m^1.5, such as "1e6 N/m^1.5"'),
     (STIFF, 'stiffness = "1e6 V/m^1.5"', 'stiffness = "1e', "contact.stiffness", "a positive quantity in N/m^1.5"),
-    (STIFF, "stiffness = -1", "stiffness = -1", "contact.stiffness", "a positive quantity in N/m^n"),
+    (STIFF, "stiffness = -1", "stiffness = -1", "contact.stiffness", "a positive quantity in N/mⁿ"),
     (STIFF, "stiffness = 1e6\nexponent = 0.5", "exponent =", "contact.exponent", "found 0.5, which must be at least 1"),
     (STIFF, "stiffness = 1e6\ndamping = 1", "damping = 1", "contact.damping", 'a key of "spring-damper", which "hunt-'),
     ("runs = 500", "runs = 0", "runs", "loop.runs", "expected a whole number of at least 1, such as 1000"),
     ("runs = 500", "seed = -1", "seed", "loop.seed", "expected a whole number of at least 0"),
     ("runs = 500", 'horizon = "0 s"', "horizon", "loop.horizon", "expected a positive quantity in s"),
-    (MARGIN, "stability_margin = 1", "stability", "loop.stability_margin", "found 1, expected a number above 1, such"),
+    (MARGIN, "stability_margin = 1", "stability", "loop.stability_margin", "found 1, expected a gain margin above 1"),
     (MARGIN, 'stability_margin = "2 m"', "stability", "loop.stability_margin", 'found "2 m", expected a number'),
     ('[plant]\nposition = "0 m"', "[plant]\nmass = 4", "mass = 4", "plant.mass", "a key of [admittance] or [robot]"),
 ]  # fmt: skip
@@ -148,12 +148,16 @@ def test_the_undamaged_file_is_read(write):
 @pytest.mark.parametrize(
     ("sections", "named", "says"),
     [
-        (CHAIN, "chain", 'found no [controller] beside it, expected [controller] with rate = "1 kHz"'),
-        (CONTROLLER, "controller", 'found no [chain] beside it, expected [chain] with part = "VCNL4010" or rate ='),
-        (ROBOT, "robot", "found no [chain] beside it"),
-        (ROBOT, "robot", "found no [controller] beside it"),
-        (LOOP + CHAIN, "chain", "found no [controller] beside it"),
-        (ROBOT + CONTACT + CONTROLLER, "controller", "found no [chain] beside it"),
+        (CHAIN, "chain", 'found this section without [controller], expected [controller] with rate = "1 kHz"'),
+        (
+            CONTROLLER,
+            "controller",
+            'found this section without [chain], expected [chain] with part = "VCNL4010" or rate =',
+        ),
+        (ROBOT, "robot", "found this section without [chain]"),
+        (ROBOT, "robot", "found this section without [controller]"),
+        (LOOP + CHAIN, "chain", "found this section without [controller]"),
+        (ROBOT + CONTACT + CONTROLLER, "controller", "found this section without [chain]"),
     ],
 )
 def test_a_part_of_a_loop_alone_is_refused(message, sections, named, says):
@@ -173,7 +177,10 @@ def test_a_misspelt_section_is_not_called_missing_as_well(message):
 def test_an_ideal_robot_has_no_contact(message, robot):
     text = LOOPED.replace(ROBOT, robot)
     told = message(text)
-    assert f"line {line_of('[contact]', text)}: contact: found a contact of an ideal robot, which has no mass" in told
+    assert (
+        f"line {line_of('[contact]', text)}: contact: found a contact model for an ideal robot, which has no mass"
+        in told
+    )
     assert 'kind = "impedance" or kind = "position"' in told
 
 
@@ -197,9 +204,7 @@ def test_a_bare_curve_is_in_the_unit_of_the_part_and_must_be_of_its_size(write, 
     bare = LOOPED.replace('"0.533 counts"', "0.533")
     assert load_scenario(write(bare)).part.unit == "counts"
     told = message(LOOPED.replace('"0.533 counts"', "1.30e-5"))
-    assert (
-        "line 3: sensor.scale: found an output of 0.4877 at contact, which the controller's floor of 60 hides" in told
-    )
+    assert "line 3: sensor.scale: found an output of 0.4877 at contact, below the controller's floor of 60" in told
     assert "expected outputs in counts, which VCNL4010 reports, well above it" in told
 
 
@@ -214,7 +219,7 @@ def test_without_any_other_unit_the_outputs_of_a_loop_share_one(message):
 
 def test_a_margin_belongs_to_one_admittance(message):
     told = message(replaced('stiffness = "25 N/m"', "stiffness = 25\ndamping_ratio_bounds = [0.7, 1]", LOOPED))
-    assert "loop.stability_margin: found a margin beside an admittance that is to be chosen" in told
+    assert "loop.stability_margin: found a margin together with bounds in [admittance]" in told
 
 
 def test_a_margin_that_leaves_no_gain_is_placed(write):
@@ -234,7 +239,7 @@ def test_a_margin_that_leaves_no_gain_is_placed(write):
     "axes", [{"admittance.mass": [1, 2]}, {"start": {"obstacle.position": [0.03, 0.04], "obstacle.velocity": [-1, -2]}}]
 )
 def test_a_margin_does_not_hold_for_a_sweep_that_moves_the_limit(write, axes):
-    with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: found a margin beside a sweep over \w+\.\w+"):
+    with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: found a margin in a sweep over \w+\.\w+"):
         pt.sweep(load_scenario(write(LOOPED)), axes)
 
 
@@ -255,8 +260,9 @@ def test_a_start_outside_of_the_limits_is_refused(message):
 def test_a_curve_in_volts_takes_no_part_in_counts(message):
     told = message(LOOPED.replace('"0.533 counts"', '"13 uV"'))
     assert (
-        "chain.part: found a part that reports counts beside a sensor in V (sensor.scale, line 3), expected one" in told
+        "chain.part: found a part that reports counts, but the sensor is in V (sensor.scale, line 3), expected one"
+        in told
     )
     table = '[sensor]\nmodel = "table"\ndistances = ["0 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'
     told = message(LOOPED.replace(SENSOR.replace("1.30e-5", '"0.533 counts"'), table))
-    assert "beside a sensor in V (sensor.outputs, line 4)" in told
+    assert "but the sensor is in V (sensor.outputs, line 4)" in told

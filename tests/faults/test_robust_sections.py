@@ -123,27 +123,28 @@ MISTAKES = [
     ("{ normal = [3.32, 0.1] }", "3.3", "sensor.exp", "uncertainty.sensor.exponent", "found 3.3, expected a table"),
     ("[3.32, 0.1] }", "[3.32, 0.1], uniform = [3, 4] }", "sensor.exp", "uncertainty.sensor.exponent", "exactly one"),
     ("{ uniform = [\"38", "{ between = [0, 1], uniform = [\"38", "obstacle.p", "uncertainty.obstacle.position.between",
-     "expected it beside normal only"),
+     "expected it only with normal"),
     ('["2 cm/s", "0 m/s", "1 cm/s"]', '["2 cm/s"]', "plant.v", "uncertainty.plant.velocity.samples", "a list of two"),
     ("sensor.exponent", "sensor.rate", "sensor.rate", "uncertainty.sensor.rate", "expected one of: distance_off"),
-    ("sensor.exponent", "sensor.order", "sensor.order", "uncertainty.sensor.order", "the inverse-power curve has not"),
+    ("sensor.exponent", "sensor.order", "sensor.order", "uncertainty.sensor.order",
+     "the inverse-power curve does not have"),
     ("sensor.exponent = { normal = [3.32, 0.1] }", 'sensor = "calibration"', "sensor =", "uncertainty.sensor",
      'expected sensor.parameters = "calibration"'),
     ("sensor.exponent = { normal = [3.32, 0.1] }", 'sensor.parameters = "fit"', "sensor.par",
      "uncertainty.sensor.parameters", 'found "fit", expected "calibration"'),
     ("sensor.exponent = { normal = [3.32, 0.1] }", 'sensor.parameters = "calibration"', "sensor.par",
-     "uncertainty.sensor.parameters", "for a sensor that is given by its parameters"),
+     "uncertainty.sensor.parameters", "without a calibration in [sensor]"),
     ("obstacle.position =", "obstacle.positon =", "obstacle.positon", "uncertainty.obstacle.positon", "an unknown"),
     ("plant.velocity", "plnt.velocity", "plnt", "uncertainty.plnt", 'expected "plant"'),
     ("admittance.damping = { uniform", "admittance.damping = { interval", "admittance.d",
-     "uncertainty.admittance.damping.interval", 'beside measure = "tail-mean"; expected uniform'),
+     "uncertainty.admittance.damping.interval", 'together with measure = "tail-mean"; expected uniform'),
     ('["9 N*s/m", "11 N*s/m"]', '["-11 N*s/m", "-9 N*s/m"]', "[uncertainty]", "uncertainty", "found -10 N*s/m"),
     ("admittance.damping = {", "admittance.natural_frequency = { uniform = [4, 6] }\nadmittance.damping = {",
      "[uncertainty]", "uncertainty", "expected damping and stiffness, or natural frequency"),
     ('"tail-mean"', '"mean"', "measure", "robust.measure", 'found "mean", expected one of "expected"'),
     ("probability = 0.9", "", "[robust]", "robust", "missing probability, which tail-mean needs"),
     ("probability = 0.9", "probability = 1.0", "probability", "robust.probability", "between 0 and 1, such as 0.95"),
-    ('"tail-mean"', '"expected"', "probability", "robust.probability", "found a probability beside expected"),
+    ('"tail-mean"', '"expected"', "probability", "robust.probability", "found a probability together with expected"),
     ("seed = 7", "seed = -1", "seed", "robust.seed", "found -1, expected a whole number of at least 0"),
     ("seed = 7", "seed = true", "seed", "robust.seed", "found true, expected a whole number"),
     ("seed = 7", "samples = 1", "samples", "robust.samples", "a whole number of at least 2"),
@@ -171,7 +172,7 @@ def test_a_mistake_is_named_with_line_and_key(message, old, new, start, key, say
 
 def test_robust_without_uncertainty_is_refused(message):
     told = message(WHOLE + "[robust]\nseed = 1\n")
-    assert "line 27: robust: found no [uncertainty] beside it, expected" in told
+    assert "line 27: robust: found this section without [uncertainty], expected" in told
     assert "line 27: uncertainty: found no input, expected one or more" in message(WHOLE + "[uncertainty]\n")
 
 
@@ -216,7 +217,7 @@ def test_the_covariance_of_a_calibration_is_taken(write, tmp_path):
     recessed = own.replace("minimum_distance = 0", 'minimum_distance = "0 mm"\nrecess = "0.5 mm"')
     assert list(load_scenario(write(recessed)).uncertainty) == ["calibration", "sensor.recess"]
     told = refusal(write(text + "sensor.exponent = { normal = [2.2, 0.1] }\n"))
-    assert "uncertainty.sensor.exponent: found sensor.exponent beside sensor.parameters" in told
+    assert "uncertainty.sensor.exponent: found sensor.exponent together with sensor.parameters" in told
 
 
 def test_a_curve_whose_parameters_run_away_has_no_covariance(write, tmp_path):

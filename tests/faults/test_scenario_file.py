@@ -51,7 +51,7 @@ VALUES = [
     ('"1 kg"', '"heavy"', "mass", "admittance.mass", '"heavy"', "a quantity in kg"),
     ('"1 kg"', '"1 kg\x85\u2028\x9b2J"', "mass", "admittance.mass", r'"1 kg\x85\u2028\x9b2J"', "a quantity in kg"),
     ('"1 kg"', '""', "mass", "admittance.mass", '""', "a quantity in kg"),
-    ('"25 N/m"', '"25 furlong"', "stiffness", "admittance.stiffness", '"25 furlong"', "'furlong' is not known"),
+    ('"25 N/m"', '"25 furlong"', "stiffness", "admittance.stiffness", '"25 furlong"', "'furlong' is unknown"),
     ('"-0.3 m/s"', '"-0,3 m/s"', "velocity", "obstacle.velocity", '"-0,3 m/s"', "a decimal point"),
     ("exponent = 3.32", "exponent = -3.32", "exponent", "sensor.exponent", "-3.32", "a positive number"),
     ("exponent = 3.32", 'exponent = "3.32 m"', "exponent", "sensor.exponent", '"3.32 m"', "a number"),
@@ -101,16 +101,22 @@ KEYS = [
     ("exponent = 3.32", "", "[sensor]", "sensor.exponent", "missing, expected a number; add, for example: exponent = "),
     ('mass = "1 kg"', "", "[admittance]", "admittance.mass", 'add, for example: mass = "1 kg"'),
     ('bounds = ["-10 N*s", "-0.01 N*s"]', "", "[gain]", "gain.bounds", 'add, for example: bounds = ["-10 N*s"'),
-    ("exponent = 3.32", "exponent = 3\nrate = -60", "rate", "sensor.rate", 'which "inverse-power" does not take'),
-    ("exponent = 3.32", "exponent = 3\nselect = {}", "select", "sensor.select", "only beside calibration"),
+    ("exponent = 3.32", "exponent = 3\nrate = -60", "rate", "sensor.rate", 'which "inverse-power" does not have'),
+    ("exponent = 3.32", "exponent = 3\nselect = {}", "select", "sensor.select", "only together with calibration"),
     (
         "model =",
         'calibration = "s.csv"\nmodel =',
         "scale",
         "sensor.scale",
-        "beside calibration (line 2), expected either",
+        "together with calibration (line 2), expected either",
     ),
-    ("damping =", 'natural_frequency = "5 rad/s"\ndamping =', "damping", "admittance.damping", "found beside mass"),
+    (
+        "damping =",
+        'natural_frequency = "5 rad/s"\ndamping =',
+        "damping",
+        "admittance.damping",
+        "found together with mass",
+    ),
     ("exponent = 3.32", "exponent = 3\nmass = 1", "mass", "sensor.mass", "found a key of [admittance]"),
     ("[sensor]", 'mass = "1 kg"\n[sensor]', "mass", "mass", "outside of a section, expected it in [admittance]"),
     ('velocity_scale = "0.3 m/s"', "", "[objective]", "objective", "missing velocity_scale"),
@@ -169,11 +175,11 @@ def test_an_empty_file_misses_every_required_section(message):
     ("old", "new", "line", "says"),
     [
         ('"1 kg"', "1 kg", 7, 'a quantity with a unit is text, expected mass = "1 kg"'),
-        ('"1 kg"', "1,5", 7, "expected a decimal point in the place of the comma: mass = 1.5"),
-        ('"inverse-power"', "inverse-power # L(3)", 2, 'text stands in quotes, expected model = "inverse-power"'),
+        ('"1 kg"', "1,5", 7, "expected a decimal point instead of the comma: mass = 1.5"),
+        ('"inverse-power"', "inverse-power # L(3)", 2, 'text needs quotes, expected model = "inverse-power"'),
         ('"1 kg"', '"1 kg', 7, "not valid TOML"),
-        ('mass = "1 kg"', 'mass = "1 kg"\nmass = 2', 8, "this key is given twice, expected it once"),
-        ("[gain]", "[sensor]\n[gain]", 18, "this section is given twice, expected it once"),
+        ('mass = "1 kg"', 'mass = "1 kg"\nmass = 2', 8, "this key is given twice, expected once"),
+        ("[gain]", "[sensor]\n[gain]", 18, "this section is given twice, expected once"),
         ('["-10 N*s", "-0.01 N*s"]', '["-10 N*s"', 20, "not valid TOML"),
         ('"1 kg"', "[" * 5000, 1, "nested too deeply"),
         ('"1 kg"', "1" * 5000, 7, "not valid TOML"),
@@ -225,7 +231,7 @@ def test_a_file_without_permission_is_refused(write, monkeypatch):
 def test_a_calibration_in_the_place_of_a_scenario_is_recognized(tmp_path):
     file = tmp_path / "sensor.csv"
     file.write_text("distance [mm],output [V]\n0,2\n")
-    with pytest.raises(ScenarioFileError, match=r"line 1: .* for a calibration use: pretouch fit"):
+    with pytest.raises(ScenarioFileError, match=r"line 1: .* for a calibration run: pretouch fit"):
         load_scenario(file)
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
-from pretouch.config.document import key_lines
+from pretouch.config.key_lines import key_lines
 from pretouch.config.quantities import Quantity
 from properties import examples
 from scenario_text import WHOLE

@@ -32,11 +32,11 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
             r"found 'velocity'.* did you mean obstacle\.velocity or plant\.velocity",
         ),
         ({"obstacle.velocty": [-0.3]}, {"gain": -0.5}, r"found 'obstacle\.velocty'.* did you mean obstacle\.velocity"),
-        ({"nonsense": [1.0]}, {"gain": -0.5}, "is no input of this sweep; expected one of"),
-        ({"sensor.rate": [-60.0]}, {"gain": -0.5}, "no input of this sweep"),
-        ({"constraint.excursion": [0.1]}, DESIGN, "no input of this sweep"),
-        ({"obstacle.velocity": []}, {"gain": -0.5}, "expected one row of one value or more"),
-        ({"obstacle.velocity": [[-0.3]]}, {"gain": -0.5}, "expected one row"),
+        ({"nonsense": [1.0]}, {"gain": -0.5}, "is not an input of this sweep; expected one of"),
+        ({"sensor.rate": [-60.0]}, {"gain": -0.5}, "not an input of this sweep"),
+        ({"constraint.excursion": [0.1]}, DESIGN, "not an input of this sweep"),
+        ({"obstacle.velocity": []}, {"gain": -0.5}, "expected a row of at least one value"),
+        ({"obstacle.velocity": [[-0.3]]}, {"gain": -0.5}, "expected a row"),
         (
             {"obstacle.velocity": [-0.3, np.nan]},
             {"gain": -0.5},
@@ -63,18 +63,18 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
             "results: found 'speed', expected one of",
         ),
         ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["objective"]}, "which needs designs"),
-        ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["impact_force"]}, "without physical properties"),
+        ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["impact_force"]}, "without an impact model"),
         (
             {"sample": {"obstacle.velocity": [-0.3, -0.2], "plant.velocity": [0.0]}},
             {"gain": -0.5},
             "found 2 values of obstacle.velocity, 1 values of plant.velocity along sample",
         ),
-        ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "expected a name of its own"),
+        ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "expected a custom name"),
         ({"time": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "found 'time', which is the name of a result"),
         (
             {"a": {"plant.velocity": [0.0]}, "plant.velocity": [0.1]},
             {"gain": -0.5},
-            r"found plant\.velocity twice, expected every input once",
+            r"found plant\.velocity twice, expected each input only once",
         ),
         (
             {"admittance.natural_frequency": [5.0], "admittance.damping": [1.0]},
@@ -106,7 +106,7 @@ def test_a_distance_beyond_the_range_of_some_curve_of_the_sweep_is_found_beforeh
 
 def test_arrays_in_the_scenario_are_sent_to_the_axes() -> None:
     many = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.3, -0.2])))
-    with pytest.raises(InvalidInputError, match=r"found an array of encounters .* arrays go to axes"):
+    with pytest.raises(InvalidInputError, match=r"found an array of encounters .* pass arrays as axes"):
         pt.sweep(pt.Task(many, CURVED), {"gain": [-0.5]})
 
 
@@ -169,8 +169,8 @@ def test_how_long_a_sweep_takes_is_said_when_it_is_known(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    monkeypatch.setattr(cli_sweep, "_SECONDS", -math.inf)
-    tell = cli_sweep._telling()
+    monkeypatch.setattr(cli_sweep, "_INTERVAL", -math.inf)
+    tell = cli_sweep._progress_printer()
     for computed in (0, 500):
         tell(Progress(finished=1000, total=4000, seconds=2.0, computed=computed))
     first, second = capsys.readouterr().err.splitlines()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from encounters import CURVES, KINDS, random_encounters
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
-from pretouch._core.values import declared
+from pretouch._core.fields import declared
 from pretouch.motion import (
     Admittance,
     ContactStatus,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from encounters import CURVES, random_encounters
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.values import declared
+from pretouch._core.fields import declared
 from pretouch.design import PhysicalBound, Task, find_physical_bound, pareto_front
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario, find_contact, solve_motion
 from pretouch.sensors import ExponentialFirstOrder, InversePower

@@ -1,1 +1,1 @@
-"""What every other folder stands on: errors, units, checks of numbers, and the letter's equation ids."""
+"""The foundation of all other packages: errors, units, checks of arguments, pages of results, the compiled core."""

@@ -1,7 +1,7 @@
 """Check the arguments of public functions, and the fields of values, by their annotations.
 
-`check_arguments` decorates a function; `check_declared` of values.py asks for `rules_of_fields`. A rule is made once,
-when its function or class is first used. A type that was allowed before costs one look-up.
+`check_arguments` decorates a function; `check_declared` of fields.py calls `rules_of_fields`. A rule is made once,
+when its function or class is first used. An argument whose type was accepted before costs one lookup.
 """
 
 from __future__ import annotations
@@ -20,86 +20,90 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InvalidInputError
+from .messages import EXAMPLES, short_repr, with_article
 from .numbers import are_numbers, as_float, is_number, is_whole
-from .vocabulary import EXAMPLES, short_repr, with_article
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_HOME: Final = "pretouch."
-KEPT: Final = "_rules_of_fields"
+_PACKAGE: Final = "pretouch."
+RULES_ATTRIBUTE: Final = "_rules_of_fields"
+"""The attribute of a class in which the rules of its fields are cached."""
 
 
-class _Kind(NamedTuple):
-    """What an annotation allows.
+class _Allowed(NamedTuple):
+    """The values that an annotation allows.
 
     Args:
-        quick: types of which every value is allowed; more are added as they are met, if `by_type`.
-        holds: whether a value is allowed.
-        one: what is allowed, in words.
-        many: the same, of several.
-        by_type: whether the type of a value decides.
-        convert: from a value of another type to the one that is kept, such as from a number of NumPy to a float.
+        quick: types of which every value is allowed; if `by_type`, types that pass are added.
+        holds: tells whether a value is allowed.
+        singular: describes one allowed value in messages.
+        plural: describes several allowed values in messages.
+        by_type: whether the type of a value alone decides.
+        convert: turns an allowed value into the type that is stored, such as a NumPy number into a float.
     """
 
     quick: set[type]
     holds: Callable[[Any], bool]
-    one: str
-    many: str
+    singular: str
+    plural: str
     by_type: bool = True
     convert: Callable[[Any], Any] | None = None
 
 
 class Rule:
-    """What is allowed for one argument.
+    """The check of one argument.
 
     Args:
-        name: of the argument.
-        kind: what its annotation allows.
-        default: its default, which need not be checked.
+        name: name of the argument.
+        kind: the values that its annotation allows.
+        default: its default value, which is not checked.
 
     Attributes:
         quick: types of which every value is allowed.
     """
 
-    __slots__ = ("_kind", "_name", "default", "quick")
+    __slots__ = ("_allowed", "_name", "default", "quick")
 
-    def __init__(self, name: str, kind: _Kind, default: Any = None) -> None:
-        self._name, self._kind, self.default, self.quick = name, kind, default, kind.quick
+    def __init__(self, name: str, kind: _Allowed, default: Any = None) -> None:
+        self._name, self._allowed, self.default, self.quick = name, kind, default, kind.quick
 
     def check(self, value: Any, before: str = "") -> Any:
-        """Refuse a value that is not allowed.
+        """Check a value and convert it to a Python type.
 
         Args:
             value: the argument.
-            before: what is before the name in messages.
+            before: text before the argument's name in messages.
 
         Returns:
-            The value to be kept: a number, a whole number, a truth value or a row of numbers as those of Python.
+            The value to store: numbers, integers, booleans and rows of numbers become Python types.
 
         Raises:
-            InvalidInputError: it is not allowed.
+            InvalidInputError: the value is not allowed.
         """
         if type(value) in self.quick:
             return value
-        if not self._kind.holds(value):
-            raise InvalidInputError(f"{before}{self._name}: found {short_repr(value)}, expected {self._kind.one}")
-        if self._kind.by_type and type(value).__module__.startswith(_HOME):
-            self.quick.add(type(value))  # a class of the user's is not kept alive
-        return value if self._kind.convert is None else self._kind.convert(value)
+        if not self._allowed.holds(value):
+            raise InvalidInputError(
+                f"{before}{self._name}: found {short_repr(value)}, expected {self._allowed.singular}"
+            )
+        if self._allowed.by_type and type(value).__module__.startswith(_PACKAGE):
+            self.quick.add(type(value))  # a user's class is not stored, so that it can be garbage-collected
+        return value if self._allowed.convert is None else self._allowed.convert(value)
 
 
 _Rules: TypeAlias = tuple[tuple[Rule | None, ...], Rule | None, dict[str, Rule]]
-"""Of a function: the rules of its leading parameters, of any further ones, and of all by name."""
+"""The rules of a function: by position, for *args, and by name."""
 
 
 def check_arguments(function: F) -> F:
-    """Make a public function check its arguments before it does anything.
+    """Decorate a public function so that it checks its arguments before it does anything.
 
     Args:
-        function: with annotations; what these leave open, such as Any, is left to the function.
+        function: an annotated function; parameters annotated with Any are not checked.
 
     Returns:
-        The function, which refuses arguments of other types by InvalidInputError: argument, value, what is allowed.
+        The function. For an argument of another type it raises InvalidInputError, which names the argument, the value
+        and what is allowed.
 
     Examples:
         >>> @check_arguments
@@ -119,7 +123,7 @@ def check_arguments(function: F) -> F:
         if rules is None:
             rules = _rules_of_function(function)
         leading, further, by_name = rules
-        for value, rule in zip(args, leading):  # noqa: B905 - there may be more of either
+        for value, rule in zip(args, leading):  # noqa: B905 - the lengths may differ
             if rule is not None and type(value) not in rule.quick:
                 break
         else:
@@ -146,7 +150,7 @@ def _rules_of_function(function: Callable[..., Any]) -> _Rules:
     leading: list[Rule | None] = []
     further, by_name = None, {}
     for parameter in signature(inner).parameters.values():
-        kind = _kind(_evaluate(parameter.annotation, inner.__globals__))
+        kind = _allowed(_evaluate(parameter.annotation, inner.__globals__))
         rule = None if kind is None else Rule(parameter.name, kind)
         if parameter.kind is Parameter.VAR_POSITIONAL:
             further = rule
@@ -159,120 +163,119 @@ def _rules_of_function(function: Callable[..., Any]) -> _Rules:
 
 
 def rules_of_fields(cls: Any) -> dict[str, Rule]:
-    """Return the rules of the fields of a dataclass that no `quantity` declares, by name.
+    """Return the rules of those fields of a dataclass that no `quantity` declares, by name.
 
-    They are kept in the class as KEPT, and vanish with it.
+    The rules are cached in the class, as RULES_ATTRIBUTE, and are freed with it.
     """
     rules: dict[str, Rule] = {}
     for f in fields(cls):
         if not f.init or "unit" in f.metadata or f.metadata.get("checked") is False:
             continue
         home = next(base for base in cls.__mro__ if f.name in vars(base).get("__annotations__", {}))
-        if not home.__module__.startswith(_HOME):  # a user's class checks what it adds
+        if not home.__module__.startswith(_PACKAGE):  # a user's class checks the fields that it adds
             continue
         annotation = f.metadata.get("takes", f.type)
-        kind = _kind(_evaluate(annotation, vars(sys.modules[home.__module__])))
+        kind = _allowed(_evaluate(annotation, vars(sys.modules[home.__module__])))
         if kind is not None:
             rules[f.name] = Rule(f.name, kind, f.default)
-    setattr(cls, KEPT, rules)
+    setattr(cls, RULES_ATTRIBUTE, rules)
     return rules
 
 
-class _Elsewhere(type):
-    """The class of a name that is imported for type checkers alone: of its instances the name is known."""
+class _TypeCheckingOnly(type):
+    """A placeholder for a class that is imported only for type checkers; it is compared by name."""
 
     def __getattr__(cls, name: str) -> Any:  # as in `xr.Dataset`
         if name.startswith("__"):
             raise AttributeError(name)
-        return _Elsewhere(name, (), {})
+        return _TypeCheckingOnly(name, (), {})
 
 
-class _Names(dict[str, Any]):
-    """The names of a module, and of classes that it imports for type checkers alone."""
+class _Namespace(dict[str, Any]):
+    """The names of a module; a missing name is a class that is imported only for type checkers."""
 
     def __missing__(self, name: str) -> Any:
         if hasattr(builtins, name):
             raise KeyError(name)
-        return _Elsewhere(name, (), {})
+        return _TypeCheckingOnly(name, (), {})
 
 
 def _evaluate(annotation: Any, names: Mapping[str, Any]) -> Any:
-    """Return what an annotation says; Any where that cannot be told."""
+    """Evaluate an annotation; return Any if that fails."""
     if annotation is Parameter.empty:
         return Any
     try:
         while isinstance(annotation, str):
-            annotation = eval(annotation, {}, _Names(names))  # noqa: S307 - from pretouch's own source
+            annotation = eval(annotation, {}, _Namespace(names))  # noqa: S307 - from pretouch's own source
     except (TypeError, AttributeError, NameError):
         return Any
     return annotation
 
 
-_NUMBER: Final = _Kind({float, int, np.float64}, is_number, "a number", "numbers", by_type=False, convert=as_float)
-_KINDS: Final[dict[Any, _Kind]] = {
+_NUMBER: Final = _Allowed({float, int, np.float64}, is_number, "a number", "numbers", by_type=False, convert=as_float)
+_ALLOWED: Final[dict[Any, _Allowed]] = {
     float: _NUMBER,
-    int: _Kind({int}, is_whole, "a whole number", "whole numbers", by_type=False, convert=int),
-    bool: _Kind({bool}, lambda v: isinstance(v, bool | np.bool_), "True or False", "", by_type=False, convert=bool),
-    str: _Kind({str}, lambda v: isinstance(v, str), "text", "texts"),
-    None: _Kind({type(None)}, lambda v: v is None, "None", "None"),
-    type(None): _Kind({type(None)}, lambda v: v is None, "None", "None"),
-    os.PathLike: _Kind(set(), lambda v: isinstance(v, os.PathLike), "a path", "paths"),
-    Callable: _Kind(set(), lambda v: callable(v) and not isinstance(v, type), "a function", "functions"),
+    int: _Allowed({int}, is_whole, "a whole number", "whole numbers", by_type=False, convert=int),
+    bool: _Allowed({bool}, lambda v: isinstance(v, bool | np.bool_), "True or False", "", by_type=False, convert=bool),
+    str: _Allowed({str}, lambda v: isinstance(v, str), "text", "texts"),
+    None: _Allowed({type(None)}, lambda v: v is None, "None", "None"),
+    type(None): _Allowed({type(None)}, lambda v: v is None, "None", "None"),
+    os.PathLike: _Allowed(set(), lambda v: isinstance(v, os.PathLike), "a path", "paths"),
+    Callable: _Allowed(set(), lambda v: callable(v) and not isinstance(v, type), "a function", "functions"),
 }
-_NUMBERS: Final = _Kind({float, int, np.float64}, are_numbers, "a number or an array of numbers", "arrays", False)
+_NUMBERS: Final = _Allowed({float, int, np.float64}, are_numbers, "a number or an array of numbers", "arrays", False)
 
 
-def _kind(hint: Any) -> _Kind | None:
-    """Return what an annotation allows; None where that is anything."""
+def _allowed(hint: Any) -> _Allowed | None:
+    """Return the values that an annotation allows; None if it allows every value."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint is ArrayLike or origin is np.ndarray:
         return _NUMBERS
-    known = _KINDS.get(origin or hint)
-    if known is not None:
-        return known._replace(quick=set(known.quick))
+    simple = _ALLOWED.get(origin or hint)
+    if simple is not None:
+        return simple._replace(quick=set(simple.quick))
     if origin is not None:
         return _composed(origin, parts)
     return _instance(hint) if isinstance(hint, type) and hint not in {object, Any} else None
 
 
-def _composed(origin: Any, parts: tuple[Any, ...]) -> _Kind | None:
-    """Return what a union, a literal or a container of some parts allows."""
+def _composed(origin: Any, parts: tuple[Any, ...]) -> _Allowed | None:
+    """Return the values that a union, a literal or a container type allows."""
     if origin in {Union, types.UnionType}:
-        return _any_of([_kind(part) for part in parts])
+        return _any_of([_allowed(part) for part in parts])
     if origin is Literal:
-        said = ", ".join(map(str, parts))
-        return _Kind(set(), lambda v: isinstance(v, str) and v in parts, f"one of {said}", said, by_type=False)
+        choices = ", ".join(map(str, parts))
+        return _Allowed(set(), lambda v: isinstance(v, str) and v in parts, f"one of {choices}", choices, by_type=False)
     if origin is tuple and parts[-1:] != (Ellipsis,):
         return _row(parts)
-    found = None
     if isinstance(origin, type) and issubclass(origin, Iterable):
-        found = _mapping(*parts) if issubclass(origin, Mapping) else _sequence(_kind(parts[0]))
-    return found
+        return _mapping(*parts) if issubclass(origin, Mapping) else _sequence(_allowed(parts[0]))
+    return None
 
 
-def _any_of(kinds: Sequence[_Kind | None]) -> _Kind | None:
-    known = [kind for kind in kinds if kind is not None]
-    if len(known) < len(kinds):
+def _any_of(kinds: Sequence[_Allowed | None]) -> _Allowed | None:
+    members = [kind for kind in kinds if kind is not None]
+    if len(members) < len(kinds):
         return None
-    quick = set().union(*(kind.quick for kind in known))
-    words = " or ".join(dict.fromkeys(kind.one for kind in known))
-    left = [kind for kind in known if kind.one != "None"]
-    if len(left) == 1:
-        return left[0]._replace(quick=quick, one=words)
+    quick = set().union(*(kind.quick for kind in members))
+    words = " or ".join(dict.fromkeys(kind.singular for kind in members))
+    not_none = [kind for kind in members if kind.singular != "None"]
+    if len(not_none) == 1:
+        return not_none[0]._replace(quick=quick, singular=words)
 
     def convert(value: Any) -> Any:
-        kind = next(kind for kind in known if kind.holds(value))
+        kind = next(kind for kind in members if kind.holds(value))
         return value if kind.convert is None else kind.convert(value)
 
-    decides = all(kind.by_type for kind in known)
-    return _Kind(quick, lambda v: any(kind.holds(v) for kind in known), words, words, decides, convert)
+    decides = all(kind.by_type for kind in members)
+    return _Allowed(quick, lambda v: any(kind.holds(v) for kind in members), words, words, decides, convert)
 
 
 _COUNTS: Final = {1: "one", 2: "two", 3: "three"}
 
 
-def _row(parts: tuple[Any, ...]) -> _Kind | None:
-    kind, count = _kind(parts[0]), len(parts)
+def _row(parts: tuple[Any, ...]) -> _Allowed | None:
+    kind, count = _allowed(parts[0]), len(parts)
     if kind is None or any(part != parts[0] for part in parts):
         return None
     quick, holds = kind.quick, kind.holds
@@ -287,11 +290,11 @@ def _row(parts: tuple[Any, ...]) -> _Kind | None:
             return value
         return tuple(item if type(item) in quick else kind.convert(item) for item in value)
 
-    words = f"{_COUNTS.get(count, count)} {kind.many}"
-    return _Kind(set(), fits, words, words, by_type=False, convert=convert)
+    words = f"{_COUNTS.get(count, count)} {kind.plural}"
+    return _Allowed(set(), fits, words, words, by_type=False, convert=convert)
 
 
-def _sequence(kind: _Kind | None) -> _Kind:
+def _sequence(kind: _Allowed | None) -> _Allowed:
     def fits(value: Any) -> bool:
         if type(value) is tuple and kind is not None and kind.quick.issuperset(map(type, value)):
             return True
@@ -299,46 +302,50 @@ def _sequence(kind: _Kind | None) -> _Kind:
             return value.ndim > 0 and are_numbers(value)
         if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
             return False
-        if kind is None or not isinstance(value, Sequence | np.ndarray):  # what can be read once only is left unread
+        if kind is None or not isinstance(
+            value, Sequence | np.ndarray
+        ):  # an iterator can be read only once, so it is not checked
             return True
         allowed = kind.quick.issuperset(map(type, value)) or all(map(kind.holds, value))
         if allowed and kind.by_type:
-            kind.quick.update(t for t in set(map(type, value)) if t.__module__.startswith(_HOME))
+            kind.quick.update(t for t in set(map(type, value)) if t.__module__.startswith(_PACKAGE))
         return allowed
 
-    words = "a sequence" if kind is None else f"a sequence of {kind.many}"
-    return _Kind(set(), fits, words, "sequences", by_type=False)
+    words = "a sequence" if kind is None else f"a sequence of {kind.plural}"
+    return _Allowed(set(), fits, words, "sequences", by_type=False)
 
 
-def _mapping(key: Any, value: Any) -> _Kind:
-    """Return what a mapping allows; what is wrong with a value, the function says with its key."""
-    keys, values = _kind(key), _kind(value)
+def _mapping(key: Any, value: Any) -> _Allowed:
+    """Return the allowed mappings; the values are checked by the function itself, which names the key in messages."""
+    keys, values = _allowed(key), _allowed(value)
 
-    def fits(found: Any) -> bool:
-        return isinstance(found, Mapping) and (keys is None or all(map(keys.holds, found)))
+    def fits(candidate: Any) -> bool:
+        return isinstance(candidate, Mapping) and (keys is None or all(map(keys.holds, candidate)))
 
-    words = f"a mapping from {'names' if keys is None else keys.many} to {'values' if values is None else values.many}"
-    return _Kind(set(), fits, words, "mappings", by_type=False)
+    words = (
+        f"a mapping from {'names' if keys is None else keys.plural} to {'values' if values is None else values.plural}"
+    )
+    return _Allowed(set(), fits, words, "mappings", by_type=False)
 
 
-def _instance(cls: type) -> _Kind:
+def _instance(cls: type) -> _Allowed:
     name = cls.__name__
-    one, many = EXAMPLES.get(name, with_article(name)), f"{name}s"
-    if isinstance(cls, _Elsewhere):
-        return _Kind(set(), lambda v: any(base.__name__ == name for base in type(v).__mro__), one, many)
+    singular, plural = EXAMPLES.get(name, with_article(name)), f"{name}s"
+    if isinstance(cls, _TypeCheckingOnly):
+        return _Allowed(set(), lambda v: any(base.__name__ == name for base in type(v).__mro__), singular, plural)
     if getattr(cls, "_is_protocol", False):
         members = _members(cls)
-        return _Kind(set(), lambda v: not isinstance(v, type) and all(_has(v, m) for m in members), one, many)
-    return _Kind(set(), lambda v: isinstance(v, cls), one, many)
+        return _Allowed(set(), lambda v: not isinstance(v, type) and all(_has(v, m) for m in members), singular, plural)
+    return _Allowed(set(), lambda v: isinstance(v, cls), singular, plural)
 
 
 def _members(protocol: type) -> list[str]:
-    """Return the names that a value has for a protocol."""
+    """Return the attributes that a protocol requires."""
     bases = [base for base in protocol.__mro__ if getattr(base, "_is_protocol", False)]
     names = {name for base in bases for name in (*vars(base), *vars(base).get("__annotations__", {}))}
     return sorted(name for name in names if not name.startswith("_") or name == "__call__")
 
 
 def _has(value: Any, name: str) -> bool:
-    """Tell whether a value has an attribute; one that is computed is not asked for."""
+    """Return whether a value has an attribute, without computing it if it is a property."""
     return hasattr(type(value), name) or hasattr(value, name)

@@ -1,8 +1,7 @@
-"""What a result says of itself: one description in blocks, which each medium turns into its own text.
+"""The page of a result: headline, warnings, tables, sentences and figures, independent of the medium.
 
-A result is described once, as a `Page`. The text of a terminal is made of its headline, its warnings and the blocks
-that are marked as brief; a notebook shows the headline and the first brief table; a report has all of it, with its
-pictures.
+A result is described once, as a `Page`. The terminal shows the headline, the warnings and the blocks that are marked as
+brief. A notebook shows the headline, the warnings and the first brief table. A report shows everything, with figures.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any, ClassVar, Final, TypeAlias
 
 from .units import format_quantity
@@ -18,18 +18,18 @@ from .values import Value
 from .vocabulary import QUANTITIES
 
 LINK: Final = re.compile(r"\[([^\[\]]+)\]\(#([a-z0-9-]+)\)")
-"""How a text names a place of the page: `[words](#anchor)`."""
+"""A link inside a page: `[words](#anchor)`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measured(Value):
-    """A number that a medium writes with its unit.
+    """A number with its unit.
 
     Args:
-        value: in SI; None or NaN where there is none.
+        value: the number in SI; None or NaN if there is none.
         unit: its SI unit.
-        digits: significant digits.
-        beside: text that follows it, such as an interval.
+        digits: number of significant digits.
+        beside: text that follows the number, such as a confidence interval.
     """
 
     value: float | None
@@ -40,7 +40,7 @@ class Measured(Value):
 
 @dataclass(frozen=True, slots=True)
 class Named(Value):
-    """A quantity in words, with its symbol where a medium can show it."""
+    """The name of a quantity, and its symbol for media that can show it."""
 
     words: str
     symbol: str = ""
@@ -54,11 +54,11 @@ class Rows(Value):
     """Rows of cells; the first cell of a row names it.
 
     Args:
-        rows: the rows, each with as many cells.
-        head: what the columns are; empty where the rows speak for themselves.
-        note: what a reader must know of it, below.
+        rows: the rows, all with the same number of cells.
+        head: titles of the columns; empty for none.
+        note: a remark below the table.
         wraps: whether cells hold sentences, which may be broken into lines.
-        brief: whether it is part of the short text.
+        brief: whether the table is part of the short text.
     """
 
     rows: tuple[tuple[Cell, ...], ...]
@@ -73,9 +73,9 @@ class Rows(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paragraph(Value):
-    """Sentences; text between backticks is code. A `quiet` one explains, and is set smaller.
+    """Sentences; text between backticks is code. A `quiet` paragraph explains, and is set in smaller type.
 
-    In every text, `[words](#anchor)` leads to a section or a download of the page where a medium can.
+    In every text, `[words](#anchor)` is a link to a section or a download of the page, in media that have links.
     """
 
     text: str
@@ -85,7 +85,7 @@ class Paragraph(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listing(Value):
-    """Sentences, one below the other."""
+    """A list of sentences."""
 
     items: tuple[str, ...]
     brief: bool = False
@@ -93,13 +93,13 @@ class Listing(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture(Value):
-    """A figure, drawn by whoever shows it.
+    """A figure, which is drawn when the page is shown.
 
     Args:
-        figure: its name among the figures of `pretouch.report.plots`, or any name of one that is drawn already.
-        of: what it is drawn from, or the figure of Matplotlib itself.
-        name: what it shows, for who cannot see it.
-        caption: how it is read.
+        figure: name of a function of `pretouch.report.plots`; any name if `of` is a figure already.
+        of: the result that the figure shows, or a Matplotlib figure.
+        name: text for readers who cannot see the figure.
+        caption: how to read the figure.
     """
 
     figure: str
@@ -111,7 +111,7 @@ class Picture(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Code(Value):
-    """Text that is copied: a file or a part of one; under a title it can be folded away."""
+    """Text to be copied, such as a file; with a title it can be folded."""
 
     text: str
     title: str = ""
@@ -120,13 +120,13 @@ class Code(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Download(Value):
-    """A file that a page holds and a reader can save.
+    """A file that is embedded in a page and can be saved.
 
     Args:
-        name: of the file.
-        text: what is in it.
+        name: name of the file.
+        text: its content.
         kind: its media type.
-        anchor: what links lead to, and where a program finds it.
+        anchor: id of the element, for links and for programs that read the page.
     """
 
     name: str
@@ -138,13 +138,13 @@ class Download(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chapter(Value):
-    """Blocks under a title; one that holds a brief block is part of the short text with just those.
+    """A section: blocks under a title. The short text contains only its brief blocks.
 
     Args:
         title: the title.
-        blocks: what stands below it; None among them is left out.
-        titled: whether the short text shows the title, too.
-        anchor: what links lead to; empty where none does.
+        blocks: the blocks of the section; None is skipped.
+        titled: whether the short text shows the title as well.
+        anchor: id for links; empty for none.
     """
 
     title: str
@@ -157,39 +157,39 @@ class Chapter(Value):
 
     @property
     def brief(self) -> bool:
-        """Whether anything of it is part of the short text."""
+        """Whether any of its blocks is part of the short text."""
         return any(block.brief for block in self.blocks)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Later(Value):
-    """A section, or a table, that takes its time to work out: made by who shows it, never part of the short text.
+class LazyBlock(Value):
+    """A section or a table that is slow to compute: it is made when a report is written, never for the short text.
 
     Args:
-        make: returns it; None where there is nothing to show.
+        make: returns the block; None if there is nothing to show.
     """
 
     make: Callable[[], Chapter | Rows | None]
     brief: ClassVar[bool] = False
 
 
-Block: TypeAlias = Chapter | Rows | Paragraph | Listing | Picture | Code | Download | Later
+Block: TypeAlias = Chapter | Rows | Paragraph | Listing | Picture | Code | Download | LazyBlock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page(Value):
-    """Everything that a result says.
+    """The full description of a result.
 
     Args:
-        kind: what it is, such as `Gain design`.
-        headline: the answer in a sentence or two.
-        status: how it ended, in words.
-        good: whether that is what was asked for.
-        key_figures: the few numbers that matter most, with their names.
-        open: what must be known before anything else: where no data support the answer.
-        warnings: sentences to be read before relying on it.
-        blocks: the rest; None among them is left out.
-        source: name of what it was computed from, for the title.
+        kind: kind of the result, such as `Gain design`.
+        headline: the answer in one or two sentences.
+        status: how the computation ended, in words.
+        good: whether the answer is a positive one.
+        key_figures: the most important numbers, with their names.
+        open: sentences above the headline, on answers that no data support.
+        warnings: sentences to read before relying on the answer.
+        blocks: all further blocks; None is skipped.
+        source: name of the input file, for the title.
     """
 
     kind: str
@@ -206,18 +206,18 @@ class Page(Value):
         object.__setattr__(self, "blocks", tuple(block for block in self.blocks if block is not None))
 
     def with_blocks(self, *blocks: Block | None) -> Page:
-        """Return the page with blocks at its end."""
+        """Return the page with more blocks at its end."""
         return replace(self, blocks=(*self.blocks, *blocks))
 
 
 def named(name: str, *, magnitude: bool = False) -> Named:
-    """Return a quantity of the vocabulary as a cell, as a magnitude where only that is meant."""
+    """Return the name of a quantity as a cell; with `magnitude`, its symbol is written as |symbol|."""
     q = QUANTITIES[name]
     return Named(q.words, f"|{q.symbol}|" if magnitude and "|" not in q.symbol else q.symbol)
 
 
 def tables_of(blocks: Iterable[Block]) -> Iterator[Rows]:
-    """Yield all tables of blocks, those of their sections included."""
+    """Yield all tables among blocks, including those inside sections."""
     for block in blocks:
         if isinstance(block, Rows):
             yield block
@@ -226,11 +226,11 @@ def tables_of(blocks: Iterable[Block]) -> Iterator[Rows]:
 
 
 def aligned(table: Sequence[Sequence[str]], *, left: bool = False) -> list[str]:
-    """Align rows in columns, the first to the left and the others to the right.
+    """Align the cells of rows in columns: the first column to the left, the others to the right.
 
     Args:
-        table: the rows, each with as many cells.
-        left: whether the others stand to the left, too.
+        table: the rows, all with the same number of cells.
+        left: whether to align all columns to the left.
 
     Returns:
         The lines.
@@ -256,7 +256,7 @@ def page_as_text(page: Page) -> str:
         page: the page.
 
     Returns:
-        Lines, without an end of line after the last.
+        The text, without a line end after the last line.
     """
     parts = ["\n".join([page.headline, *page.open])]
     if page.warnings:
@@ -265,7 +265,7 @@ def page_as_text(page: Page) -> str:
 
 
 def _parts(blocks: Iterable[Block]) -> Iterator[str]:
-    """Yield the brief blocks; what follows a title stands right below it."""
+    """Yield the text of each brief block; the blocks of a titled section follow its title without an empty line."""
     for block in blocks:
         if not block.brief:
             continue
@@ -282,12 +282,12 @@ def _parts(blocks: Iterable[Block]) -> Iterator[str]:
 
 
 def _bare(text: str) -> str:
-    """Leave out what only a page can show: marks of code, and where links lead."""
+    """Remove the markup of code and links."""
     return LINK.sub(r"\1", text).replace("`", "")
 
 
 def cell_as_text(cell: Cell) -> str:
-    """Write a cell; a hyphen stands for a number that is not there."""
+    """Write a cell as text; a missing number is a hyphen."""
     if isinstance(cell, Named):
         return cell.words
     if not isinstance(cell, Measured):
@@ -295,3 +295,36 @@ def cell_as_text(cell: Cell) -> str:
     if cell.value is None or math.isnan(cell.value):
         return "-"
     return format_quantity(cell.value, cell.unit, cell.digits) + cell.beside
+
+
+class Described:
+    """A base class of results: `str` gives the short text of its page, and notebooks show an excerpt.
+
+    A class names the function that makes its page as text, so that results do not import what renders them.
+    """
+
+    __slots__ = ()
+
+    page: ClassVar[str]
+    """Module and function that make the page, such as `pretouch.design.page:gain_page`."""
+
+    def __str__(self) -> str:
+        return page_as_text(page_of(self))
+
+    def _repr_html_(self) -> str | None:
+        excerpt: Callable[[Page], str] = import_module("pretouch.report.blocks_html").page_as_excerpt
+        return excerpt(page_of(self))
+
+
+def page_of(result: Described) -> Page:
+    """Make the page of a result.
+
+    Args:
+        result: a result whose class names the function that makes its page.
+
+    Returns:
+        The page.
+    """
+    module, _, name = result.page.partition(":")
+    page: Page = getattr(import_module(module), name)(result)
+    return page

@@ -1,4 +1,4 @@
-"""Files."""
+"""Read input files, write output files atomically, sign reports, and serialize to JSON."""
 
 from __future__ import annotations
 
@@ -24,45 +24,45 @@ _SIGNATURE: Final = re.compile(r'<meta name="generator" content="pretouch sha256
 _HEAD: Final = re.compile(r"<head>\n?")
 _MARK: Final = '<meta name="generator" content="pretouch sha256:'
 _LEFTOVER: Final = re.compile(r"\.[0-9a-f]{12}\.tmp")
-_ABANDONED: Final = 3600.0  # s without a change, after which nobody writes to a temporary file any more
+_ABANDONED: Final = 3600.0  # s without a change, after which a temporary file is considered abandoned
 
 
 def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callable[[str], InvalidInputError]) -> bytes:
-    """Read a file that is a file and not too large: a device or a pipe may never end.
+    """Read a regular file of limited size; devices and pipes are refused, because they may never end.
 
     Args:
         path: the file.
-        most: bytes that it may have.
-        refuse: makes the error that says what is wrong with it.
+        most: largest allowed size [bytes].
+        refuse: makes the error from a message; it is raised for a device, a pipe, or a larger file.
 
     Returns:
-        Its bytes. What `refuse` makes is raised for a device, a pipe, and a larger file.
+        The bytes of the file.
     """
     mode = os.stat(path).st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         kind = "a pipe" if stat.S_ISFIFO(mode) else "a device or a socket"
-        raise refuse(f"{path}: found {kind}, expected a file; write what comes from it into a file first")
+        raise refuse(f"{path}: found {kind}, expected a file; save its content as a file first")
     with open(path, "rb") as stream:
         content = stream.read(most + 1)
     if len(content) > most:
-        raise refuse(f"{path}: found a file of more than {most / 1e6:,.0f} MB, expected at most that")
+        raise refuse(f"{path}: found a file of more than {most / 1e6:,.0f} MB, expected at most that size")
     return content
 
 
 def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Refuse to write over a file that was read, however either is spelled or linked.
+    """Refuse to overwrite an input file; different spellings and links of its path are recognized.
 
     Args:
-        path: where something is to be written.
+        path: the output file.
         inputs: the files that were read.
 
     Raises:
-        OutputExistsError: it is one of them.
+        OutputExistsError: the output is one of the inputs.
     """
     for each in inputs:
         try:
             same = os.path.samefile(path, each)
-        except OSError:  # one of them is not there
+        except OSError:  # one of the two does not exist
             same = os.path.realpath(path) == os.path.realpath(each)
         if same:
             raise OutputExistsError(
@@ -72,18 +72,18 @@ def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
 
 
 def temporary_path(target: Path) -> Path:
-    """Return a free name in the folder of a target, under which it is written before it gets its own name.
+    """Return the path of a temporary file next to a target file, which is renamed to the target when it is complete.
 
-    What a killed process left behind under such a name of the same target is removed, an hour after its last change.
+    Temporary files of the same target that a killed process left behind are removed an hour after their last change.
 
     Args:
-        target: what is to be written.
+        target: the file to be written.
 
     Returns:
-        The name, hidden.
+        A free path, with a hidden name.
     """
     name = target.name[:100]
-    with suppress(OSError):  # a folder that cannot be listed may still be written, and says so itself if not
+    with suppress(OSError):  # a folder that cannot be listed may still be writable
         siblings = [entry for entry in os.scandir(target.parent) if entry.name.startswith(f".{name}.")]
         for entry in siblings:
             ours = _LEFTOVER.fullmatch(entry.name.removeprefix(f".{name}"))
@@ -93,7 +93,7 @@ def temporary_path(target: Path) -> Path:
 
 
 def remove_tree(path: Path) -> None:
-    """Remove a file, or a folder with all that is in it, as far as that is possible."""
+    """Remove a file, or a folder with its content; errors are ignored."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
         return
@@ -102,15 +102,15 @@ def remove_tree(path: Path) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
-    """Write a text file whole or not at all, in UTF-8, and never over another file unless asked to.
+    """Write a text file atomically, in UTF-8; an existing file is replaced only with `overwrite`.
 
-    The text goes to a temporary file in the same folder first, so that a crash leaves no half file, and an
-    existing file is found out at the moment of writing, not before it.
+    The text is written to a temporary file in the same folder first, so that a crash leaves no partial file. Whether
+    the target exists is checked in the moment of renaming, without a race.
 
     Args:
-        path: where the file goes; its folder must exist.
-        text: what is written, its line ends as they are.
-        overwrite: whether a file that stands there may be replaced.
+        path: the file; its folder must exist.
+        text: the content; line ends are not changed.
+        overwrite: whether an existing file may be replaced.
 
     Returns:
         The path.
@@ -118,29 +118,29 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
     Examples:
         >>> import tempfile
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     print(write_text(f"{folder}/note.txt", "as it is").read_text())
-        as it is
+        ...     print(write_text(f"{folder}/note.txt", "unchanged").read_text())
+        unchanged
     """
     return write_bytes(path, text.encode(), overwrite=overwrite)
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool = False) -> Path:
-    """Write a file as `write_text` does.
+    """Write a file atomically, in the same way as `write_text`.
 
     Args:
-        path: where the file goes; its folder must exist.
-        content: what is written.
-        overwrite: whether a file that stands there may be replaced.
+        path: the file; its folder must exist.
+        content: the bytes.
+        overwrite: whether an existing file may be replaced.
 
     Returns:
         The path.
 
     Raises:
-        OutputExistsError: a file stands there and `overwrite` is false.
+        OutputExistsError: the file exists and `overwrite` is false.
         InvalidInputError: the folder does not exist or cannot be written.
     """
-    asked = Path(path)
-    target = Path(os.path.realpath(asked))  # a link stays a link, its target is written
+    named = Path(path)
+    target = Path(os.path.realpath(named))  # a link remains a link; its target is written
     temporary = temporary_path(target)
     try:
         _write_through(temporary, content)
@@ -153,19 +153,19 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
             temporary.unlink(missing_ok=True)
     except FileExistsError:
         raise OutputExistsError(
-            f"{asked}: this {'folder' if target.is_dir() else 'file'} exists and is not overwritten unasked; "
+            f"{named}: this {'folder' if target.is_dir() else 'file'} exists and is not overwritten; "
             "choose another name with --output, or replace the file with --force (overwrite=True in Python)"
         ) from None
     except FileNotFoundError:
-        raise InvalidInputError(f"{asked}: the folder {asked.parent} does not exist; create it first") from None
+        raise InvalidInputError(f"{named}: the folder {named.parent} does not exist; create it first") from None
     except OSError as error:
-        raise InvalidInputError(f"{asked}: cannot be written ({error.strerror})") from None
-    return asked
+        raise InvalidInputError(f"{named}: cannot be written ({error.strerror})") from None
+    return named
 
 
 def _write_through(path: Path, content: bytes) -> None:
-    """Write a new file and wait until the disk has it."""
-    binary = getattr(os, "O_BINARY", 0)  # on Windows only
+    """Write a new file and wait until it is on the disk."""
+    binary = getattr(os, "O_BINARY", 0)  # exists on Windows only
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | binary, 0o666)
     try:
         with os.fdopen(descriptor, "wb") as stream:
@@ -178,21 +178,21 @@ def _write_through(path: Path, content: bytes) -> None:
 
 
 def _move_to_free_name(source: Path, target: Path) -> None:
-    """Give a file a name that must be free; raise FileExistsError, without a race, where it is taken."""
+    """Rename a file to a name that must be free; raise FileExistsError, without a race, if it is taken."""
     try:
         os.link(source, target)
     except FileExistsError:
         raise
-    except OSError:  # a file system without hard links: take the name first, then replace what is ours by now
+    except OSError:  # a file system without hard links: create the target exclusively, then replace it
         os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
         source.replace(target)
 
 
 def sign(html: str) -> str:
-    """Put a `generator` line into an HTML page that says: pretouch wrote this, and this is the hash of the rest.
+    """Sign an HTML page: add a `generator` line that names pretouch and the hash of the rest of the page.
 
     Args:
-        html: a page with a `<head>`; a signature that it already carries is replaced.
+        html: a page with a `<head>`; an earlier signature is replaced.
 
     Returns:
         The page with its signature, which `is_own_unchanged` recognizes.
@@ -210,18 +210,18 @@ def sign(html: str) -> str:
     rest = _SIGNATURE.sub("", html)
     head = _HEAD.search(rest)
     if head is None:
-        raise InvalidInputError("html: found no <head>, expected a whole page")
+        raise InvalidInputError("html: found no <head>, expected a complete page")
     return f'{rest[: head.end()]}{_MARK}{_digest(rest)}">\n{rest[head.end() :]}'
 
 
 def is_own_unchanged(path: str | os.PathLike[str]) -> bool:
-    """Tell whether a file is a report that pretouch signed and that nobody has changed since.
+    """Return whether a file is a report that pretouch signed and that has not been changed since.
 
     Args:
         path: the file, which need not exist.
 
     Returns:
-        True only for an intact, signed report; such a file may be replaced without asking.
+        True only for an unchanged, signed report; such a file may be replaced without --force.
 
     Examples:
         >>> is_own_unchanged("nothing-here.html")
@@ -240,14 +240,14 @@ def _digest(text: str) -> str:
 
 
 def as_json(value: Mapping[str, Any], *, indent: int | None = 2) -> str:
-    """Write an object as JSON that every reader accepts.
+    """Serialize an object as standard JSON.
 
     Args:
         value: the object.
-        indent: spaces per level; None for one line without any space.
+        indent: spaces per level; None for one line without spaces.
 
     Returns:
-        JSON in ASCII.
+        JSON in ASCII; numbers that are not finite are null.
 
     Examples:
         >>> print(as_json({"gain": -0.75, "horizon": float("inf")}))
@@ -263,14 +263,14 @@ def as_json(value: Mapping[str, Any], *, indent: int | None = 2) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Turn a value into what JSON can hold; a number that is not finite becomes null.
+    """Convert a value to the types of JSON; a number that is not finite becomes None.
 
     Args:
-        value: anything a result may hold: numbers and arrays of NumPy, tuples, enumerations, paths, and what is made
-            of these: a dataclass becomes its fields, or what its `to_dict` returns.
+        value: any part of a result: NumPy numbers and arrays, tuples, enumerations, paths, and containers of these. A
+            dataclass is converted by its `to_dict`, or else by its fields.
 
     Returns:
-        The same in dicts, lists, text, numbers, truth values and None.
+        The value as dict, list, text, number, bool or None.
 
     Examples:
         >>> plain({"low": float("-inf"), "pair": (1, 2.5)})
@@ -286,7 +286,7 @@ def plain(value: Any) -> Any:
 
 
 def with_kind(value: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass, and the name of its class as `kind`: where one of several may stand."""
+    """Return the fields of a dataclass, with the name of its class as `kind`."""
     return {"kind": type(value).__name__, **{f.name: getattr(value, f.name) for f in fields(value)}}
 
 
@@ -294,10 +294,10 @@ _LISTS: Final = (list, tuple, set, frozenset)
 
 
 def _plain_one(value: Any) -> Any:
-    """Turn what holds no other value into what JSON can hold."""
+    """Convert a value that is not a container to a type of JSON."""
     if isinstance(value, Enum):
         return plain(value.value)
-    if hasattr(value, "tolist"):  # scalars and arrays of NumPy
+    if hasattr(value, "tolist"):  # NumPy scalars and arrays
         return plain(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None

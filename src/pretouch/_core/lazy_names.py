@@ -1,4 +1,4 @@
-"""Names that are listed once, in a module's stub, and loaded when they are first used."""
+"""Load public names lazily: a module's stub (.pyi) lists them, and each is imported when it is first used."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from typing import Any
 
 
 def lazy_names(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return what loads the names of a module when they are first asked for: its `__getattr__` and `__dir__`.
+    """Make `__getattr__` and `__dir__` of a module whose names are imported lazily.
 
-    The stub beside the module (`.pyi`) lists them, one import a line, for type checkers and for this; a program pays
-    only for the folders that it needs.
+    The stub of the module (`.pyi`) lists the names, one import per line, for type checkers and for this function. A
+    program imports only the packages that it uses.
 
     Args:
-        module: its `__name__`.
+        module: `__name__` of the module.
 
     Returns:
-        Both functions.
+        The functions `__getattr__` and `__dir__`.
     """
     if hasattr(sys.modules[module], "__path__"):
-        sys.meta_path.append(_Rooms(module))  # at the end: asked for what no folder has
+        sys.meta_path.append(_AliasFinder(module))  # last: only for names that no folder has
 
     def load(name: str) -> Any:
         if name == "__all__":
             return names()
-        found = None if name.startswith("__") else listed(module).get(name)
-        if found is None:
+        origin = None if name.startswith("__") else listed(module).get(name)
+        if origin is None:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
-        home = None if found[0] == module else import_module(found[0])
-        value = getattr(home, found[1]) if hasattr(home, found[1]) else import_module(".".join(found))
+        home = None if origin[0] == module else import_module(origin[0])
+        value = getattr(home, origin[1]) if hasattr(home, origin[1]) else import_module(".".join(origin))
         setattr(sys.modules[module], name, value)
         return value
 
@@ -43,13 +43,13 @@ def lazy_names(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str
     return load, names
 
 
-class _Rooms:
-    """Lets `import package.name` work for a module that the package lists under another name than its folder's.
+class _AliasFinder:
+    """Makes `import package.name` work for a module that the package lists but that is located elsewhere.
 
-    It is the same module: `import pretouch.robust` gives `pretouch.design.robust`.
+    For example, `import pretouch.robust` gives the module `pretouch.design.robust`.
 
     Args:
-        package: the package that lists names.
+        package: the package that lists the names.
     """
 
     def __init__(self, package: str) -> None:
@@ -60,16 +60,20 @@ class _Rooms:
         package, _, name = fullname.rpartition(".")
         if package != self._package or name not in listed(package):
             return None
-        room = getattr(sys.modules[package], name)
-        loader: Any = self  # without a base from importlib.abc, which loads slowly
-        return ModuleSpec(fullname, loader, loader_state=room.__spec__) if isinstance(room, ModuleType) else None
+        listed_value = getattr(sys.modules[package], name)
+        loader: Any = self  # no base class of importlib.abc, which is slow to import
+        return (
+            ModuleSpec(fullname, loader, loader_state=listed_value.__spec__)
+            if isinstance(listed_value, ModuleType)
+            else None
+        )
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Return the module, which is loaded."""
+        """Return the module, which is imported already."""
         return import_module(spec.loader_state.name)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Give the module back the spec that the import system has just replaced."""
+        """Restore the spec of the module, which the import system has just replaced."""
         replaced: Any = module.__spec__
         module.__spec__ = replaced.loader_state
 
@@ -79,10 +83,10 @@ def listed(module: str) -> dict[str, tuple[str, str]]:
     """Read the names of a module from its stub.
 
     Args:
-        module: its `__name__`.
+        module: `__name__` of the module.
 
     Returns:
-        By name the package or module that has it, and its name there.
+        For each name, the module that defines it and its name there.
     """
     stub = str(sys.modules[module].__file__) + "i"
     package = module if hasattr(sys.modules[module], "__path__") else module.rpartition(".")[0]

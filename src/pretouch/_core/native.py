@@ -1,8 +1,8 @@
-"""The compiled core: a plain shared library, loaded by ctypes when a kernel is first called.
+"""Load and call the compiled core, a shared library, by ctypes.
 
-A kernel takes numbers and addresses. `address` gives that of an array and refuses every array that a kernel would
-misread, so an error here is a Python exception and never a crash there. ctypes releases the interpreter's lock while a
-kernel runs.
+The library is loaded when a kernel is first called. A kernel takes numbers and addresses. `address` returns the address
+of an array and refuses arrays that a kernel would misread, so that a mistake is a Python exception and not a crash.
+ctypes releases the interpreter's lock while a kernel runs.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ INTEGER: Final = ctypes.c_int64
 DOUBLE: Final = ctypes.c_double
 
 VARIANTS: Final = ("base", "avx2", "avx512")
-"""For which kinds of processor there are kernels."""
+"""The kinds of processors for which kernels are compiled."""
 
 INTERFACE: Final = "1f941c90fcd3eb6c"
-"""Hash of the headers that the calls in Python are written for; native/build.py tells when they have changed."""
+"""Hash of the C headers that these calls match; native/build.py reports when they have changed."""
 
 _SWITCH: Final = "PRETOUCH_VARIANT"
-_OTHER: Final = "PRETOUCH_LIBRARY"  # a library in the place of the own one, such as one that checks itself
+_LIBRARY: Final = "PRETOUCH_LIBRARY"  # path of another build of the library, such as one with sanitizers
 _SUFFIXES: Final = {"win32": ".dll", "darwin": ".dylib"}
 _FLOAT: Final = np.dtype(np.float64)
 _word: Final = ctypes.c_size_t.from_address
 
 
 def _head() -> int | None:
-    """Return where an array's own object holds the address of its numbers, None where it can not be told so."""
+    """Return the offset of the data pointer in an array object; None if it cannot be determined."""
     if sys.implementation.name != "cpython":
         return None
-    probe, head = np.zeros(1), object.__basicsize__  # the first field, by NumPy's ABI
+    probe, head = np.zeros(1), object.__basicsize__  # the data pointer is the first field in NumPy's ABI
     return head if _word(id(probe) + head).value == probe.ctypes.data else None
 
 
@@ -54,9 +54,9 @@ _HEAD: Final = _head()
 
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL:
-    """Load the library and choose the kernels for this processor, or those that the environment asks for."""
-    own = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
-    path = Path(os.environ.get(_OTHER) or own)
+    """Load the library; choose the kernels of this processor, or those that PRETOUCH_VARIANT names."""
+    default = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
+    path = Path(os.environ.get(_LIBRARY) or default)
     _check_file(path)
     try:
         library = ctypes.CDLL(str(path))
@@ -72,69 +72,69 @@ def _library() -> ctypes.CDLL:
 
 
 def _check_file(path: Path) -> None:
-    """Refuse a library that is not as it was built: to load a truncated one would kill the process."""
+    """Refuse a library that differs from its build record: loading a truncated file would kill the process."""
     try:
         content = path.read_bytes()
         record = json.loads(path.with_name(f"{path.name}.json").read_bytes())
         size, digest, interface = int(record["size"]), str(record["sha256"]), str(record["interface"])
     except FileNotFoundError as error:
-        what = "is missing" if error.filename == str(path) else "has no record of its build beside it"
+        what = "is missing" if error.filename == str(path) else "has no build record (.json) in the same folder"
         raise _broken(path, what) from None
     except OSError as error:
         raise _broken(path, f"cannot be read ({error.strerror or error})") from None
     except (ValueError, KeyError, TypeError):
-        raise _broken(path, "has a damaged record of its build beside it") from None
+        raise _broken(path, "has a damaged build record (.json)") from None
     if len(content) != size:
         raise _broken(path, f"has {len(content):,} bytes, expected {size:,}")
     if interface != INTERFACE:
         raise _broken(path, "was built for another version of pretouch")
     if sha256(content).hexdigest() != digest:
-        raise _broken(path, "is not as it was built: its hash differs")
+        raise _broken(path, "has been changed since it was built: its hash differs")
 
 
 def _broken(path: Path, what: str) -> BrokenCoreError:
-    named = f"; {_OTHER} names it" if os.environ.get(_OTHER) else ""
+    origin = f" ({_LIBRARY} is set to this file)" if os.environ.get(_LIBRARY) else ""
     return BrokenCoreError(
-        f"pretouch's compiled core, {path.name} in {path.parent}, {what}{named}: reinstall pretouch by pip; in a "
+        f"pretouch's compiled core, {path.name} in {path.parent}, {what}{origin}: reinstall pretouch by pip; in a "
         "source tree, run python native/build.py"
     )
 
 
 def variant() -> str:
-    """Return for which kind of processor the kernels that run are compiled, one of VARIANTS."""
-    best = _library().pretouch_best_variant()  # having refused what the environment may not ask for
+    """Return the kind of processor for which the running kernels are compiled, one of VARIANTS."""
+    best = _library().pretouch_best_variant()  # this checks PRETOUCH_VARIANT as well
     return os.environ.get(_SWITCH) or VARIANTS[best]
 
 
 def kernel(name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]:
-    """Return a function of the library, which is loaded when it is first called.
+    """Return a function of the library; the library is loaded at its first call.
 
     Args:
-        name: what it is called there, without `pretouch_`.
+        name: name of the function without `pretouch_`.
         *arguments: the types of its arguments: POINTER, INTEGER or DOUBLE.
-        result: the type of what it returns; None for nothing.
+        result: the type of its result; None for none.
 
     Returns:
-        The function, of addresses and numbers.
+        A function of addresses and numbers.
     """
-    found: Any = None
+    loaded: Any = None
 
     def call(*values: Any) -> Any:
-        nonlocal found
-        if found is None:
+        nonlocal loaded
+        if loaded is None:
             function = _library()[f"pretouch_{name}"]
             function.argtypes, function.restype = arguments, result
-            found = function
-        return found(*values)
+            loaded = function
+        return loaded(*values)
 
     return call
 
 
 def entry(name: str) -> int:
-    """Return the address of a function of the library, for what calls it from there.
+    """Return the address of a function of the library, which other compiled code can call.
 
     Args:
-        name: what it is called there, without `pretouch_`.
+        name: name of the function without `pretouch_`.
 
     Returns:
         The address.
@@ -143,11 +143,11 @@ def entry(name: str) -> int:
 
 
 def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
-    """Return where the numbers of an array lie.
+    """Return the address of the data of an array.
 
     Args:
-        array: contiguous, in C's order; it must outlive the call that takes the address.
-        dtype: of its numbers.
+        array: a contiguous array in C order; it must outlive the call that takes the address.
+        dtype: the required data type.
 
     Returns:
         The address.
@@ -159,15 +159,15 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
         raise TypeError(f"a kernel takes contiguous arrays of {dtype}, not {array.dtype} with strides {array.strides}")
     if _HEAD is None:
         return int(array.__array_interface__["data"][0])
-    return _word(id(array) + _HEAD).value  # ten times as fast as to ask for it
+    return _word(id(array) + _HEAD).value  # ten times as fast as the array interface
 
 
 def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _FLOAT) -> int:
-    """Return where the numbers of an array of a certain shape lie.
+    """Return the address of the data of an array after a check of its shape.
 
     Args:
         array: see `address`.
-        shape: what a kernel reads or fills.
+        shape: the required shape.
         dtype: see `address`.
 
     Returns:
@@ -182,45 +182,45 @@ def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _
 
 
 def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return where the rows of a part of an array lie, that a kernel fills.
+    """Return address and strides of a part of an array that a kernel fills row by row.
 
     Args:
-        array: as for `address`, but only its last axis need be contiguous.
-        shape: what a kernel fills.
+        array: see `address`; only its last axis must be contiguous.
+        shape: the required shape.
 
     Returns:
-        The address, and for each axis but the last how many numbers lie from one index to the next.
+        The address, and the stride of each axis but the last, counted in numbers.
 
     Raises:
-        TypeError: the array is not of that shape or type, or has another last axis.
+        TypeError: the array has another shape or type, or its last axis is not contiguous.
     """
     *steps, last = array.strides
     if array.shape != shape or (last != _FLOAT.itemsize and array.size) or not array.flags.aligned:
         raise TypeError(f"a kernel takes rows of shape {shape} here, not {array.shape} with strides {array.strides}")
-    start = address(array[..., :0])  # a part without numbers is contiguous
+    start = address(array[..., :0])  # an empty slice is contiguous
     return (start, *[step // _FLOAT.itemsize for step in steps])
 
 
 def columns(arrays: Sequence[NDArray[np.float64]], count: int | None = None) -> bytes:
-    """Return addresses and strides of several arrays as the kernels' pretouch_column.
+    """Return addresses and strides of several arrays, in the layout of the kernels' `pretouch_column`.
 
     Args:
-        arrays: of one number for all encounters, or of one for each.
-        count: how many encounters there are, if that is to be checked.
+        arrays: arrays with one number for all encounters, or one number for each encounter.
+        count: number of encounters, for a check of sizes; None for no check.
 
     Returns:
-        What is handed to a kernel while the arrays live.
+        Bytes to pass to a kernel; the arrays must outlive the call.
 
     Raises:
         TypeError: an array has another size, type or order.
     """
-    found: list[int] = []
+    layout: list[int] = []
     for array in arrays:
         size = array.size
         if size != 1 and count is not None and size != count:
             raise TypeError(f"a kernel takes 1 or {count} numbers, not {size}")
-        found += (address(array), size != 1)
-    return pack(f"{len(found)}q", *found)
+        layout += (address(array), size != 1)
+    return pack(f"{len(layout)}q", *layout)
 
 
 T = TypeVar("T")
@@ -232,16 +232,16 @@ _CAPSULE_POINTER.argtypes, _CAPSULE_POINTER.restype = (ctypes.py_object, ctypes.
 
 
 class Structure(ctypes.Structure):
-    """A structure of C: fields by name, equal where all bits are, pickled and copied as it is.
+    """A C structure whose instances are equal if all their bytes are; they can be pickled and copied.
 
-    Its fields can be changed, but not while it is a key of a dictionary.
+    Fields can be changed, but not while the instance is a key of a dictionary.
     """
 
     _fields_: ClassVar[Any]
     __signature__: ClassVar[Signature]
 
-    def __init_subclass__(cls, **given: Any) -> None:
-        super().__init_subclass__(**given)
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
         cls.__signature__ = Signature([Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name, *_ in cls._fields_])
 
     def __eq__(self, other: object) -> bool:
@@ -253,19 +253,19 @@ class Structure(ctypes.Structure):
         return hash((type(self), bytes(self)))
 
     def __repr__(self) -> str:
-        said = (f"{name}={_shown(getattr(self, name))!r}" for name, *_ in self._fields_)
-        return f"{type(self).__name__}({', '.join(said)})"
+        parts = (f"{name}={_shown(getattr(self, name))!r}" for name, *_ in self._fields_)
+        return f"{type(self).__name__}({', '.join(parts)})"
 
 
 def numbers(*names: str, kind: Any = ctypes.c_double) -> tuple[tuple[str, Any], ...]:
-    """Return fields of one type.
+    """Return fields of one type, for `_fields_` of a structure.
 
     Args:
-        *names: of the fields.
-        kind: their type.
+        *names: names of the fields.
+        kind: type of the fields.
 
     Returns:
-        What `_fields_` of a structure takes.
+        Pairs of name and type.
     """
     return tuple((name, kind) for name in names)
 
@@ -275,32 +275,32 @@ def _shown(value: Any) -> Any:
 
 
 def copy_of(memory: T) -> T:
-    """Copy what a function of C reads and writes: a ctypes structure or a NumPy array."""
+    """Copy a ctypes structure or a NumPy array."""
     if isinstance(memory, ctypes.Structure):
         return type(memory).from_buffer_copy(memory)
     return np.array(memory)  # type: ignore[return-value]
 
 
 def location(memory: Any, name: str) -> tuple[int, int]:
-    """Return where something lies that a function of C reads, and its size in octets.
+    """Return the address and the size in bytes of memory that a C function reads.
 
     Args:
         memory: a ctypes structure or a contiguous NumPy array; it must outlive the call that takes the address.
-        name: what it is called in messages.
+        name: name of the argument in messages.
 
     Returns:
         The address and the size.
 
     Raises:
-        InvalidInputError: it is neither.
+        InvalidInputError: `memory` is neither a ctypes structure nor a contiguous array.
     """
     if isinstance(memory, ctypes.Structure):
         return ctypes.addressof(memory), ctypes.sizeof(memory)
     if isinstance(memory, np.ndarray) and memory.flags.c_contiguous and not memory.dtype.hasobject:
         return int(memory.__array_interface__["data"][0]), memory.nbytes
     raise InvalidInputError(
-        f"{name}: found {type(memory).__name__}, and a compiled step reads memory: expected a ctypes.Structure or a "
-        "contiguous NumPy array"
+        f"{name}: found {type(memory).__name__}, expected a ctypes.Structure or a contiguous NumPy array, because a "
+        "compiled step reads memory"
     )
 
 
@@ -308,31 +308,31 @@ def machine_code(function: Any) -> int | None:
     """Return the address of a compiled function.
 
     Args:
-        function: a scipy.LowLevelCallable, a capsule such as those of Cython, a function of ctypes, anything that has
-            its `address`, such as numba.cfunc gives, or the address itself.
+        function: a scipy.LowLevelCallable, a capsule (as in Cython), a ctypes function, an object with an `address`
+            (such as the result of numba.cfunc), or the address itself.
 
     Returns:
-        The address; None for a function of Python.
+        The address; None for a Python function.
 
     Raises:
-        InvalidInputError: it is none of these.
+        InvalidInputError: the argument is none of these.
     """
-    told = getattr(function, "address", function)
-    if isinstance(told, int) and not isinstance(told, bool):
-        found: int | None = told
+    stated = getattr(function, "address", function)
+    if isinstance(stated, int) and not isinstance(stated, bool):
+        pointer: int | None = stated
     elif isinstance(function, _FUNCTION):
-        found = ctypes.cast(function, ctypes.c_void_p).value
+        pointer = ctypes.cast(function, ctypes.c_void_p).value
     elif isinstance(function, tuple) and type(function).__name__ == "LowLevelCallable":
-        found = _of_capsule(tuple.__getitem__(function, 0))  # it hides its parts
+        pointer = _of_capsule(tuple.__getitem__(function, 0))  # its own __getitem__ hides the parts
     elif type(function).__name__ == "PyCapsule":
-        found = _of_capsule(function)
+        pointer = _of_capsule(function)
     elif callable(function):
         return None
     else:
-        raise InvalidInputError(f"step: found {function!r}, expected a function, compiled or of Python")
-    if not found:
-        raise InvalidInputError("step: found the address 0, expected that of a function")
-    return found
+        raise InvalidInputError(f"step: found {function!r}, expected a compiled function or a Python function")
+    if not pointer:
+        raise InvalidInputError("step: found the address 0, expected the address of a function")
+    return pointer
 
 
 def _of_capsule(capsule: Any) -> int | None:

@@ -1,4 +1,4 @@
-"""Numbers at the public border, and the polynomials that all numerics use."""
+"""Check and convert numbers from users, and Chebyshev polynomials."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import InvalidInputError
+from .units import written_unit
 
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
@@ -24,20 +25,20 @@ def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
 
     Args:
         value: a number or an array.
-        name: what it is called in the message.
-        unit: its SI unit, for the message.
+        name: name of the value in messages.
+        unit: its SI unit, for messages.
 
     Returns:
-        A float for a scalar, a read-only float array otherwise.
+        A float for a scalar, otherwise a read-only float array.
 
     Raises:
-        InvalidInputError: a number is missing, infinite or no number at all.
+        InvalidInputError: a value is NaN, infinite or not a number.
     """
-    given: Any = value
-    if type(given) is float and math.isfinite(given):  # by far the most common: without a detour over an array
-        return given
-    if type(given) is int and abs(given) < 2**53:
-        return float(given)
+    scalar: Any = value
+    if type(scalar) is float and math.isfinite(scalar):  # fast path of the most frequent case
+        return scalar
+    if type(scalar) is int and abs(scalar) < 2**53:
+        return float(scalar)
     array = _numbers(value)
     if array is None:
         raise InvalidInputError(f"{name}: found {value!r}, expected a number{_in(unit)}")
@@ -49,7 +50,7 @@ def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
 
 
 def positive(value: ArrayLike, name: str, unit: str = "") -> Any:
-    """Check that every number is finite and above zero; return it as `finite` does."""
+    """Check that every number is finite and positive; return it in the same form as `finite`."""
     checked = finite(value, name, unit)
     if type(checked) is float and checked > 0:
         return checked
@@ -58,7 +59,7 @@ def positive(value: ArrayLike, name: str, unit: str = "") -> Any:
 
 
 def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
-    """Check that every number is finite and not below zero; return it as `finite` does."""
+    """Check that every number is finite and not negative; return it in the same form as `finite`."""
     checked = finite(value, name, unit)
     if type(checked) is float and checked >= 0:
         return checked
@@ -67,12 +68,12 @@ def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
 
 
 def float_or_array(value: Any) -> Any:
-    """Return a float for what has no dimension, an array as it is."""
+    """Return a 0-dimensional value as a float, and any other array unchanged."""
     return float(value) if np.ndim(value) == 0 else value
 
 
 def finite_or_none(value: Any) -> float | None:
-    """Return a number for results, None where it is not finite: what has no value there, and null in JSON.
+    """Return a number as a float, or None if it is not finite.
 
     Args:
         value: a number.
@@ -85,14 +86,14 @@ def finite_or_none(value: Any) -> float | None:
 
 
 def is_number(value: Any) -> bool:
-    """Tell whether a value is one real number, of Python or NumPy; truth values are none."""
+    """Return whether a value is one real number, of Python or NumPy; booleans are not."""
     if isinstance(value, np.ndarray):
         return value.ndim == 0 and value.dtype.kind in "iuf" and not np.ma.is_masked(value)
     return isinstance(value, Real | Decimal) and not isinstance(value, bool)
 
 
 def as_float(value: Any) -> float:
-    """Return a number as a float: infinite where it is beyond all floats, NaN where it is no number."""
+    """Return a number as a float: infinite on overflow, NaN if it is not a number."""
     try:
         return float(value)
     except OverflowError:
@@ -102,27 +103,27 @@ def as_float(value: Any) -> float:
 
 
 def is_whole(value: Any) -> bool:
-    """Tell whether a value is a whole number, of Python or NumPy; truth values are none."""
+    """Return whether a value is an integer, of Python or NumPy; booleans are not."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def are_numbers(value: Any) -> bool:
-    """Tell whether a value is a number, or an array or nested sequence of them, NaN and infinite ones among them."""
+    """Return whether a value is a number, an array of numbers or a nested sequence of them; NaN and inf are numbers."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
         return True
     return _numbers(value) is not None
 
 
 def _numbers(value: ArrayLike) -> FloatArray | None:
-    """Copy numbers into a float array; None for text, truth values, complex and masked ones, which NumPy converts."""
+    """Copy numbers into a float array; None for text, booleans, complex and masked values, which NumPy converts."""
     try:
         if isinstance(value, list | tuple) and bool in map(type, value):
             return None
-        given = np.asarray(value)
-        if given.dtype.kind == "O" and any(isinstance(item, str | bytes | bool) for item in given.flat):
+        raw = np.asarray(value)
+        if raw.dtype.kind == "O" and any(isinstance(item, str | bytes | bool) for item in raw.flat):
             return None
-        if given.dtype.kind in "iufO" and not np.ma.is_masked(value):
-            return np.array(given, dtype=np.float64)
+        if raw.dtype.kind in "iufO" and not np.ma.is_masked(value):
+            return np.array(raw, dtype=np.float64)
     except (TypeError, ValueError):
         pass
     except OverflowError:  # an integer beyond the largest float
@@ -132,43 +133,43 @@ def _numbers(value: ArrayLike) -> FloatArray | None:
 
 def _require(holds: Any, array: FloatArray, name: str, unit: str, rule: str) -> None:
     if not np.all(holds):
-        culprit = array[~np.atleast_1d(holds)][0] if array.ndim else float(array)
-        raise InvalidInputError(f"{name}: found {float(culprit):g}{_unit(unit)}, which {rule}")
+        wrong = array[~np.atleast_1d(holds)][0] if array.ndim else float(array)
+        raise InvalidInputError(f"{name}: found {float(wrong):g}{_unit(unit)}, which {rule}")
 
 
 def _unit(unit: str) -> str:
-    return f" {unit}" if unit else ""
+    return f" {written_unit(unit)}" if unit else ""
 
 
 def _in(unit: str) -> str:
-    return f" in {unit}" if unit else ""
+    return f" in {written_unit(unit)}" if unit else ""
 
 
 def chebyshev_nodes(count: int) -> FloatArray:
-    """Return the roots of T_count, from 1 down: the nodes of an interpolation."""
+    """Return the roots of the Chebyshev polynomial T_count in descending order, the nodes of interpolation."""
     return np.asarray(np.cos((np.arange(count) + 0.5) * np.pi / count))
 
 
 def chebyshev_extremes(degree: int) -> FloatArray:
-    """Return where |T_degree| = 1, from 1 down to -1, shape (degree + 1,): between the nodes, and at the ends."""
+    """Return the extremes of the Chebyshev polynomial T_degree in descending order, shape (degree + 1,)."""
     return np.asarray(np.cos(np.arange(degree + 1) * np.pi / degree))
 
 
 def chebyshev_sum(terms: FloatArray, z: FloatArray | float) -> FloatArray:
-    """Evaluate series, their coefficients along the first axis and one column for each, at one point each."""
+    """Evaluate Chebyshev series at one point each; each column of `terms` holds the coefficients of a series."""
     return np.asarray(np.polynomial.chebyshev.chebval(z, terms, tensor=False))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChebyshevBasis:
-    """The polynomials up to a degree, as they are found from values at nodes.
+    """Chebyshev polynomials up to a degree, and the matrices that fit them to values at nodes.
 
     Args:
-        nodes: where values are known, shape (n,).
-        values: the polynomials there, shape (n, degree + 1).
-        to_terms: from values at the nodes to coefficients, shape (degree + 1, n): through the values, or nearest to
-            them in the mean square where there are more of them than coefficients.
-        to_slope: from values at the nodes to the coefficients of the derivative, shape (degree, n).
+        nodes: the nodes, shape (n,).
+        values: the polynomials at the nodes, shape (n, degree + 1).
+        to_terms: maps values at the nodes to coefficients, shape (degree + 1, n): by interpolation, or by least squares
+            if there are more nodes than coefficients.
+        to_slope: maps values at the nodes to the coefficients of the first derivative, shape (degree, n).
         to_bend: the same for the second derivative, shape (degree - 1, n).
     """
 
@@ -181,11 +182,11 @@ class ChebyshevBasis:
 
 @lru_cache
 def chebyshev_basis(at: tuple[float, ...] | int, degree: int | None = None) -> ChebyshevBasis:
-    """Make the basis for a number of nodes, or for given ones.
+    """Make the basis for a number of Chebyshev nodes, or for custom nodes.
 
     Args:
-        at: how many nodes; or nodes of one's own in [-1, 1].
-        degree: of the highest polynomial; through all values where none is given.
+        at: the number of nodes, or the nodes themselves, in [-1, 1].
+        degree: degree of the highest polynomial; None for interpolation of all values.
 
     Returns:
         The basis.

@@ -1,4 +1,4 @@
-"""Tell who waits how much has been computed: one listener, called from wherever encounters are solved."""
+"""Report progress: one listener is called regularly while encounters are solved."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from contextlib import contextmanager
 from typing import Final, TypeAlias
 
 Listener: TypeAlias = Callable[[int, float], object]
-"""Takes how many encounters have been solved so far, and the seconds that this took."""
+"""A function of the number of encounters solved so far and the elapsed time [s]."""
 
-_SECONDS: Final = 2.0  # between two calls
+_INTERVAL: Final = 2.0  # s between two calls
 
 
 class _Count:
-    """Encounters that have been solved for one listener."""
+    """Counts solved encounters, and calls the listener."""
 
     def __init__(self, listener: Listener) -> None:
-        self._listener, self._begun, self._solved = listener, time.monotonic(), 0
-        self._next, self._lock = self._begun + _SECONDS, threading.Lock()
+        self._listener, self._start, self._solved = listener, time.monotonic(), 0
+        self._next, self._lock = self._start + _INTERVAL, threading.Lock()
 
     def add(self, count: int) -> None:
         with self._lock:
@@ -27,8 +27,8 @@ class _Count:
             now = time.monotonic()
             if now < self._next:
                 return
-            self._next = now + _SECONDS
-            self._listener(self._solved, now - self._begun)
+            self._next = now + _INTERVAL
+            self._listener(self._solved, now - self._start)
 
 
 _current: _Count | None = None
@@ -36,15 +36,15 @@ _current: _Count | None = None
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Call a listener every two seconds while encounters are solved, from the thread that solves them.
+    """Call a listener every two seconds while encounters are solved, in the thread that solves them.
 
     Args:
-        listener: takes how many have been solved, and the seconds since the listening began.
+        listener: function of the number of solved encounters and the time [s] since this context was entered.
 
     Yields:
         Nothing.
     """
-    global _current  # noqa: PLW0603 - encounters are solved in many threads, for one person who waits
+    global _current  # noqa: PLW0603 - encounters are solved in many threads, for one listener
     before, _current = _current, _Count(listener)
     try:
         yield
@@ -53,6 +53,6 @@ def listening(listener: Listener) -> Iterator[None]:
 
 
 def note_solved(count: int) -> None:
-    """Count encounters that have been solved."""
+    """Add solved encounters to the count of the current listener."""
     if _current is not None:
         _current.add(count)

@@ -1,7 +1,7 @@
-"""Text with units to SI floats, and back to text that a person reads.
+"""Parse quantities with units into SI floats, and format SI floats with units.
 
-Inside pretouch every number is a bare SI float. At its borders (files, the command line) a quantity may be
-written as text with its unit, `"42.2 mm"`, and is checked against the dimension that is expected there.
+Inside pretouch every number is a float in SI. In files and on the command line a quantity may be written as text with
+its unit, such as `"42.2 mm"`; its dimension is checked.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 from .errors import UnitError
 
 MAGNITUDES: Final = (1e-60, 1e60)
-"""Smallest and largest magnitude in SI: products of five, and squares of products of two, are finite and not zero."""
+"""Smallest and largest magnitude in SI, so that a product of five such numbers neither overflows nor underflows."""
 
 WORKABLE: Final = "of a magnitude from {:g} to {:g}, or 0".format(*MAGNITUDES)
-"""What is expected of every quantity, for messages."""
+"""The allowed magnitudes, in words, for messages."""
 
 
 class Unit(NamedTuple):
@@ -68,8 +68,8 @@ _SUPERSCRIPT: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-01234567
 _TOKEN: Final = re.compile(r"(\s*)(\*\*|[*·/^()]|[^\W\d_]+|%|[-+]?\d+)")
 _DEEPEST: Final = 8  # parentheses
 _LARGEST_POWER: Final = 99
-_LARGEST_WHOLE: Final = 1e300  # factor, or inverse of one, that is looked at as an integer
-_LONGEST: Final = 1000  # characters of a number that are read exactly
+_LARGEST_WHOLE: Final = 1e300  # largest factor (or inverse factor) that is tested for being an integer
+_LONGEST: Final = 1000  # characters; longer numbers are not scaled exactly
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf"
 _QUANTITY: Final = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
 
@@ -78,14 +78,14 @@ def parse_unit(text: str) -> Unit:
     """Read a unit such as `N*s/m`, `m/s^2`, `mm` or `N/(m/s)`.
 
     Args:
-        text: the unit; `*`, `·` or a space multiplies, `/` divides by the next factor, `^` or `**` raises to a power.
-            After a division a space could mean either, and is refused.
+        text: the unit; `*`, `·` or a space multiplies, `/` divides by the next factor, `^`, `**` or a superscript
+            raises to a power. After a division a space is ambiguous, and is refused.
 
     Returns:
         The factor to SI and the exponents of the base units.
 
     Raises:
-        UnitError: the text is no unit that pretouch knows.
+        UnitError: the text is not a unit that pretouch knows.
 
     Examples:
         >>> parse_unit("mm/ms").factor
@@ -99,9 +99,9 @@ def parse_unit(text: str) -> Unit:
     except (OverflowError, ZeroDivisionError):
         unit, rest = Unit(math.inf, _NONE), []
     if rest:
-        raise UnitError(f"{text!r} is no unit: cannot read {rest[0]!r}")
+        raise UnitError(f"{text!r} is not a unit: cannot read {rest[0]!r}")
     if not 0 < unit.factor < math.inf:
-        raise UnitError(f"{text!r} is no unit: its factor to SI is beyond all numbers")
+        raise UnitError(f"{text!r} is not a unit: its factor to SI is zero or infinite")
     return unit
 
 
@@ -109,22 +109,22 @@ def _tokens(text: str) -> list[str]:
     """Cut a unit into symbols, integers and operators; a space between factors becomes `*`."""
     source = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: "^" + m.group(1).translate(_SUPERSCRIPT), text).rstrip()
     tokens: list[str] = []
-    divided = [False]  # whether a `/` stands before, in each open parenthesis
+    divided = [False]  # for each open parenthesis, whether it contains a `/` so far
     position = 0
     while position < len(source):
         match = _TOKEN.match(source, position)
         if match is None:
-            raise UnitError(f"{text!r} is no unit: cannot read {source[position:].strip()!r}")
+            raise UnitError(f"{text!r} is not a unit: cannot read {source[position:].strip()!r}")
         space, part = match.groups()
         if space and tokens and _ends_factor(tokens) and _starts_factor(part):
             if divided[-1]:
-                raise UnitError(f"{text!r} is no unit: what the space before {part!r} means is not clear; write * or /")
+                raise UnitError(f"{text!r} is not a unit: the space before {part!r} is ambiguous; write * or /")
             tokens.append("*")
         divided[-1] |= part == "/"
         if part == "(":
             divided.append(False)
             if len(divided) > _DEEPEST:
-                raise UnitError(f"{text!r} is no unit: more than {_DEEPEST - 1} parentheses inside each other")
+                raise UnitError(f"{text!r} is not a unit: it has more than {_DEEPEST - 1} nested parentheses")
         elif part == ")" and len(divided) > 1:
             divided.pop()
         tokens.append(part)
@@ -137,12 +137,12 @@ def _starts_factor(part: str) -> bool:
 
 
 def _ends_factor(tokens: list[str]) -> bool:
-    """Tell whether a factor is complete; a bare number is none, or "3 1 mm" would be 3 mm."""
+    """Return whether the tokens end with a factor. A bare number is not one: "3 1 mm" must not mean 3 mm."""
     return tokens[-1] in {")", "%"} or tokens[-1].isalpha() or (len(tokens) > 1 and tokens[-2] in {"^", "**"})
 
 
 def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Read factors joined by `*` and `/` from the left; return their unit and the tokens left."""
+    """Parse factors joined by `*` and `/` from the left; return their unit and the remaining tokens."""
     unit, tokens = _power(tokens, text)
     while tokens and tokens[0] in {"*", "·", "/"}:
         sign = -1 if tokens[0] == "/" else 1
@@ -152,59 +152,59 @@ def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 
 
 def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Read one factor with its exponent; return its unit and the tokens left."""
+    """Parse one factor with its exponent; return its unit and the remaining tokens."""
     if not tokens or tokens[0] in {"*", "**", "·", "/", "^", ")"}:
-        raise UnitError(f"{text!r} is no unit: a unit is missing")
+        raise UnitError(f"{text!r} is not a unit: a unit is missing")
     if tokens[0] == "(":
         unit, tokens = _product(tokens[1:], text)
         if not tokens or tokens[0] != ")":
-            raise UnitError(f"{text!r} is no unit: a parenthesis is not closed")
+            raise UnitError(f"{text!r} is not a unit: a parenthesis is not closed")
     else:
         unit = _symbol(tokens[0], text)
     tokens = tokens[1:]
     if tokens and tokens[0] in {"^", "**"}:
         if len(tokens) < 2 or not re.fullmatch(r"[-+]?\d{1,4}", tokens[1]) or abs(int(tokens[1])) > _LARGEST_POWER:
-            raise UnitError(f"{text!r} is no unit: an exponent must be an integer up to {_LARGEST_POWER}")
+            raise UnitError(f"{text!r} is not a unit: an exponent must be an integer up to {_LARGEST_POWER}")
         unit = _combine(Unit(1.0, _NONE), unit, int(tokens[1]))
         tokens = tokens[2:]
     return unit, tokens
 
 
 def _symbol(symbol: str, text: str) -> Unit:
-    """Look one symbol up, with or without a prefix."""
+    """Look up one symbol, with or without a prefix."""
     if symbol in _PLAIN:
         return _PLAIN[symbol]
     if symbol in _BASE:
         return _BASE[symbol]
     if symbol[0] in _PREFIX and symbol[1:] in _BASE and symbol[1:] != "1":
         base = _BASE[symbol[1:]]
-        # g carries its own 1e-3, so that "kg" is exactly one
+        # the gram has the factor 1e-3, so that "kg" is exactly 1
         factor = 1.0 if symbol == "kg" else _PREFIX[symbol[0]] * base.factor
         return Unit(factor, base.exponents)
-    known = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, in, counts, %"
-    raise UnitError(f"{text!r} is no unit: {symbol!r} is not known (known: {known})")
+    symbols = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, in, counts, %"
+    raise UnitError(f"{text!r} is not a unit: {symbol!r} is unknown (known are {symbols})")
 
 
 def _combine(left: Unit, right: Unit, power: int) -> Unit:
-    """Multiply a unit by a power of another one."""
+    """Multiply a unit by a power of another unit."""
     exponents = tuple(a + power * b for a, b in zip(left.exponents, right.exponents, strict=True))
     factor = left.factor / right.factor if power == -1 else left.factor * right.factor**power
     return Unit(factor, exponents)  # type: ignore[arg-type]
 
 
 def to_si(value: float | str, unit: str, *, name: str) -> float:
-    """Turn a bare SI number, or a text with a unit, into an SI float of the expected dimension.
+    """Convert a number in SI, or text with a unit, to an SI float of the expected dimension.
 
     Args:
-        value: a number, taken as SI, or a text such as `"42.2 mm"`; a text without a unit is taken as SI.
-        unit: the SI unit that is expected, such as `m/s`; the empty text for a pure number.
-        name: what the quantity is called in messages.
+        value: a number in SI, or text such as `"42.2 mm"`; text without a unit is in SI.
+        unit: the expected SI unit, such as `m/s`; empty for a pure number.
+        name: name of the quantity in messages.
 
     Returns:
         The value in SI.
 
     Raises:
-        UnitError: the text is no quantity, its dimension is another one, or the value is not a number.
+        UnitError: the text is not a quantity, has another dimension, or is not a number.
 
     Examples:
         >>> to_si("42.2 mm", "m", name="position")
@@ -212,7 +212,7 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
         >>> to_si(-0.3, "m/s", name="velocity")
         -0.3
     """
-    expected = unit or "a pure number"
+    expected = written_unit(unit) or "a pure number"
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise UnitError(f"{name}: found {value!r}, expected a number or text with a unit of {expected}")
     if isinstance(value, str):
@@ -220,33 +220,33 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
         if match is None:
             raise UnitError(f"{name}: found {value!r}, expected a number with a unit of {expected}")
         try:
-            found = parse_unit(match.group(2))
+            parsed = parse_unit(match.group(2))
         except UnitError as error:
             raise UnitError(f"{name}: {error}; expected a unit of {expected}") from None
         wanted = parse_unit(unit)
-        if match.group(2) and found.exponents != wanted.exponents:
+        if match.group(2) and parsed.exponents != wanted.exponents:
             raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
-        number = _scaled(match.group(1), found.factor)
+        number = _scaled(match.group(1), parsed.factor)
         if math.isinf(number) and "inf" not in match.group(1):
-            raise UnitError(f"{name}: found {value!r}, which is beyond the largest number")
+            raise UnitError(f"{name}: found {value!r}, which is larger than any float")
     else:
         try:
             number = float(value)
         except OverflowError:
-            raise UnitError(f"{name}: found an integer beyond the largest number, expected {expected}") from None
+            raise UnitError(f"{name}: found an integer larger than any float, expected {expected}") from None
     if math.isnan(number):
         raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
     return number
 
 
 def has_workable_magnitude(value: float) -> bool:
-    """Tell whether a number is zero, or neither so small nor so large that its products are no numbers.
+    """Return whether a number is zero or has a magnitude within MAGNITUDES.
 
     Args:
         value: a finite number.
 
     Returns:
-        Whether its magnitude is 0 or within MAGNITUDES.
+        False if products of such numbers could overflow or underflow.
 
     Examples:
         >>> has_workable_magnitude(-0.3), has_workable_magnitude(0.0), has_workable_magnitude(1e-308)
@@ -256,18 +256,18 @@ def has_workable_magnitude(value: float) -> bool:
 
 
 def read_quantity(value: float | str, unit: str, *, name: str) -> float:
-    """Read a quantity that somebody has written down, as `to_si` does, and refuse one that no arithmetic goes with.
+    """Parse a quantity of a user, like `to_si`, and refuse magnitudes outside MAGNITUDES.
 
     Args:
         value: a number, or text with a unit.
-        unit: the SI unit that is expected.
-        name: what the quantity is called in messages.
+        unit: the expected SI unit.
+        name: name of the quantity in messages.
 
     Returns:
         The value in SI; it may be infinite.
 
     Raises:
-        UnitError: it is no such quantity, or beyond MAGNITUDES.
+        UnitError: the value is not such a quantity, or its magnitude is outside MAGNITUDES.
 
     Examples:
         >>> read_quantity("-0.7 N*s", "N*s", name="gain")
@@ -275,12 +275,14 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
     """
     number = to_si(value, unit, name=name)
     if not (math.isinf(number) or has_workable_magnitude(number)):
-        raise UnitError(f"{name}: found {value!r}, expected a quantity in {unit or 'a pure number'} {WORKABLE}")
+        raise UnitError(
+            f"{name}: found {value!r}, expected a quantity in {written_unit(unit) or 'a pure number'} {WORKABLE}"
+        )
     return number
 
 
 def _scaled(literal: str, factor: float) -> float:
-    """Multiply a written number by a factor: "33.3 ms" is 0.0333 s, which neither 33.3 / 1e3 nor 33.3 * 1e-3 is."""
+    """Multiply a decimal literal by a factor, rounding once: "33.3 ms" is 0.0333 s, unlike 33.3 * 1e-3."""
     number, size = float(literal), factor if factor >= 1 else 1 / factor
     whole = size < _LARGEST_WHOLE and math.isclose(size, round(size), rel_tol=1e-12)
     if not (whole and 0 < abs(number) < math.inf and len(literal) < _LONGEST):
@@ -293,12 +295,12 @@ def _scaled(literal: str, factor: float) -> float:
 
 
 def format_quantity(value: float, unit: str, digits: int = 4) -> str:
-    """Write an SI value for a person: lengths below 1 m in mm, times below 1 s in ms.
+    """Format an SI value with its unit: lengths below 1 m in mm, times below 1 s in ms.
 
     Args:
         value: the value in SI.
         unit: its SI unit.
-        digits: significant digits.
+        digits: number of significant digits.
 
     Returns:
         Text such as `42.2 mm`.
@@ -308,20 +310,27 @@ def format_quantity(value: float, unit: str, digits: int = 4) -> str:
         '42.2 mm'
         >>> format_quantity(-0.74634, "N*s")
         '-0.7463 N s'
+        >>> format_quantity(2.5, "m/s^2")
+        '2.5 m/s²'
     """
     shown, symbol = (0.0 if abs(value) < _NEGLIGIBLE else value), unit
     for smaller, factor in _DISPLAY.get(unit, ()):
         if abs(value) < 1:
             shown, symbol = shown / factor, smaller
     text = f"{shown:.{digits}g}"
-    return f"{text} {symbol.replace('*', ' ')}".strip()
+    return f"{text} {pretty_unit(symbol)}".strip()
 
 
 def format_range(ends: tuple[float, float], unit: str) -> str:
-    """Write the ends of a range of SI values for a person, such as `38 mm to 46 mm`."""
+    """Format the ends of a range of SI values, such as `38 mm to 46 mm`."""
     return " to ".join(format_quantity(end, unit) for end in ends)
 
 
 def pretty_unit(unit: str) -> str:
-    """Write a unit as a person does: `N*s/m` as `N s/m`, `m/s^2` as `m/s²`."""
-    return unit.replace("*", " ").replace("^2", "²").replace("^3", "³").replace("^n", "ⁿ")
+    """Return a unit as it is printed next to a number: `N*s/m` as `N s/m`, `m/s^2` as `m/s²`."""
+    return written_unit(unit).replace("*", " ")
+
+
+def written_unit(unit: str) -> str:
+    """Return a unit as messages show it, in the form that a user can type: `N*s^2/m` as `N*s²/m`."""
+    return unit.replace("^2", "²").replace("^3", "³").replace("^n", "ⁿ")

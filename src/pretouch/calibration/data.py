@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import CalibrationDataError
+from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import MAGNITUDES, WORKABLE
-from pretouch._core.values import Value, check_types
+from pretouch._core.values import Value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Final, Protocol
 
 import numpy as np
 
-from pretouch._core.described import Described
+from pretouch._core.blocks import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import FloatArray, IntArray

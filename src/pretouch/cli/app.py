@@ -1,4 +1,4 @@
-"""The command line: verbs, version, and what happens around them."""
+"""The command `pretouch`: its verbs, its version option, and the start and end of the process."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _root(
 
 
 def _run() -> int:
-    """Run what the command line says, help and mistakes in it included; return the exit status."""
+    """Run the command line, including help and usage errors; return the exit status."""
     try:
         app(prog_name="pretouch")
     except SystemExit as ended:
@@ -53,10 +53,10 @@ def _run() -> int:
 
 
 def main() -> None:
-    """Run the command line with the arguments of this process, and end the process with the exit status."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads wait for small matrices at full speed, beside ours
-    gc.set_threshold(100_000)  # loading libraries makes objects that stay: looking for garbage takes a tenth of the run
+    """Run the command line with the arguments of this process, and exit with its status."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its idle threads would compete with ours for the cores
+    gc.set_threshold(100_000)  # imported libraries leave no garbage, but collecting takes a tenth of the run
     try:
         sys.exit(guard_output(_run))
     finally:
-        gc.freeze()  # looking through all that is loaded for garbage, once more, would take 0.13 s of the end
+        gc.freeze()  # a last garbage collection would take 0.13 s

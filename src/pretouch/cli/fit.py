@@ -1,4 +1,4 @@
-"""`pretouch fit`: the sensor curves that a calibration file supports."""
+"""The command `pretouch fit`: fit sensor curves to a calibration file."""
 
 from __future__ import annotations
 
@@ -27,34 +27,40 @@ def fit(
     shown: Presentation,
     *,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Calibration (CSV).")],
-    offset: Annotated[str, option("auto|fit|zero|VALUE", "Where the level without an object comes from.")] = "auto",
-    no_object: Annotated[str | None, option("FILE|VALUE", "Readings without an object, beside those in FILE.")] = None,
-    select: Annotated[list[str] | None, option("COLUMN=VALUE", "Only curves with this label; repeatable.")] = None,
+    offset: Annotated[
+        str, option("auto|fit|zero|VALUE", "Offset, the output without an object: how to find it, or its value.")
+    ] = "auto",
+    no_object: Annotated[
+        str | None, option("FILE|VALUE", "Readings without an object, in addition to those in FILE.")
+    ] = None,
+    select: Annotated[list[str] | None, option("COLUMN=VALUE", "Fit only curves with this label; repeatable.")] = None,
     columns: Annotated[
         str | None,
         option(
             "distance=COLUMN,output=COLUMN",
-            'Which columns are meant, by header, number (from 1) or unit, such as "distance=1,output=3 [V]".',
+            'Columns of distance and output, by header, number (from 1) or unit, such as "distance=1,output=3 [V]".',
         ),
     ] = None,
     labels: Annotated[
         str | None,
-        option("COLUMN,...|none", "The columns that tell curves apart; all that are left where not given."),
+        option(
+            "COLUMN,...|none", "The columns with labels of curves; by default all columns except distance and output."
+        ),
     ] = None,
-    saturation: Annotated[str, option("auto|none|VALUE", "Output from which the sensor is clipped.")] = "auto",
-    near_field_peak: Annotated[str, option("auto|none|DISTANCE", "Where the near-field peak lies.")] = "auto",
-    model: Annotated[list[str] | None, option("NAME", "Choose among these models only; repeatable.")] = None,
-    floor_sigmas: Annotated[float, option("NUMBER", "Sigmas above the offset from which a signal is usable.")] = 3.0,
+    saturation: Annotated[str, option("auto|none|VALUE", "Output at which the sensor clips.")] = "auto",
+    near_field_peak: Annotated[str, option("auto|none|DISTANCE", "Distance of the near-field peak.")] = "auto",
+    model: Annotated[list[str] | None, option("NAME", "Fit only this model; repeatable.")] = None,
+    floor_sigmas: Annotated[float, option("NUMBER", "Noise floor, in standard deviations above the offset.")] = 3.0,
 ) -> None:
     """Fit sensor models to a calibration (CSV).
 
-    Ranks the models and prints parameters with uncertainty, the usable window, the offset and a verdict; writes a
-    report with figures, STEM-fit.html in this folder. A file with several curves gives one row for each; choose one
-    with --select for its report. VALUE is a number in the unit of the output, or text such as "110 mV".
+    Ranks the models. Prints parameters with uncertainties, the usable window, the offset and a verdict. Writes a report
+    with figures, STEM-fit.html in this folder. A file with several curves gives one row for each; choose one with
+    --select for its report. VALUE is a number in the unit of the output, or text such as "110 mV".
 
     Exit status: 0 a usable fit, 1 no usable signal, 2 a mistake in the request.
     """
-    from pretouch.config.sensor import FitRequest, read_no_object, read_output  # noqa: PLC0415 - `pretouch --help` stays quick
+    from pretouch.config.sensor import FitRequest, read_no_object, read_output  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     request = FitRequest(
         path=file,
@@ -62,9 +68,11 @@ def fit(
         columns=_columns(columns),
         labels=None if labels is None else _names(labels),
         no_object=None if no_object is None else read_no_object(no_object, Path(), name="--no-object"),
-        offset=_or(offset, ("auto", "fit", "zero"), read_output, "--offset"),
-        saturation=_or(saturation, ("auto", "none"), read_output, "--saturation"),
-        near_field_peak=_or(near_field_peak, ("auto", "none"), partial(read_quantity, unit="m"), "--near-field-peak"),
+        offset=_word_or(offset, ("auto", "fit", "zero"), read_output, "--offset"),
+        saturation=_word_or(saturation, ("auto", "none"), read_output, "--saturation"),
+        near_field_peak=_word_or(
+            near_field_peak, ("auto", "none"), partial(read_quantity, unit="m"), "--near-field-peak"
+        ),
         models=tuple(model or ()),
         floor_sigmas=floor_sigmas,
     )
@@ -72,7 +80,7 @@ def fit(
 
 
 def _show(request: FitRequest, shown: Presentation) -> None:
-    """Fit the curves that are asked for, and show what was found."""
+    """Fit the selected curves, and show the results."""
     curves = request.read()
     if not shown.json:
         _print_notes(curves[0], ())
@@ -82,20 +90,20 @@ def _show(request: FitRequest, shown: Presentation) -> None:
         _one(request, curves[0], shown)
 
 
-def _print_notes(curve: Calibration, known: tuple[str, ...]) -> None:
-    """Print what was noted of a curve, but for what is known already."""
+def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
+    """Print the notes on a curve, except those that are printed already."""
     for note in () if curve.source is None else curve.source.notes:
-        if note not in known:
+        if note not in printed:
             print_text(f"note: {note}")
 
 
-def _or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:
-    """Keep one of the words; read everything else."""
+def _word_or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:
+    """Return one of the words unchanged; parse anything else."""
     return text if text in words else read(text, name=name)
 
 
 def _columns(text: str | None) -> dict[str, str]:
-    """Read `distance=1,output=3 [V]`; a header may hold commas."""
+    """Parse `distance=1,output=3 [V]`; a header may contain commas."""
     if text is None:
         return {}
     parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
@@ -108,13 +116,13 @@ def _columns(text: str | None) -> dict[str, str]:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Read `day,sensor`, or `none`."""
+    """Parse `day,sensor`, or `none`."""
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     return () if names == ("none",) else names
 
 
 def _selected(texts: list[str]) -> dict[str, str]:
-    """Read `day=30` as a label."""
+    """Parse labels such as `day=30`."""
     for text in texts:
         if not re.fullmatch(r"[^=]+=.+", text):
             raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")
@@ -122,19 +130,19 @@ def _selected(texts: list[str]) -> dict[str, str]:
 
 
 def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:
-    """Fit one curve: report on the terminal and as a file."""
-    found = request.rank(curve)
+    """Fit one curve; print the result and write its report."""
+    report = request.rank(curve)
     if not shown.json and curve.source is not None:
-        _print_notes(found.calibration, curve.source.notes)
+        _print_notes(report.calibration, curve.source.notes)
     label = re.sub(r"[^\w.-]+", "-", f"-{curve.label}") if request.select else ""
-    shown.show(found, f"{request.path.stem}{label}-fit.html", good=found.best is not None, inputs=request.files)
+    shown.show(report, f"{request.path.stem}{label}-fit.html", good=report.best is not None, inputs=request.files)
 
 
 def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presentation) -> None:
-    """Fit several curves: a row or an object for each."""
+    """Fit several curves; print a row or a JSON object for each."""
     if shown.output is not None:
         raise InvalidInputError(
-            f"--output: found {len(curves)} curves in {request.path.name}, expected one: choose it with --select, "
+            f"--output: found {len(curves)} curves in {request.path.name}, expected one; choose one with --select, "
             f"for example {' '.join(f'--select {shlex.quote(part)}' for part in curves[0].label.split(', '))}"
         )
     width = max(len(curve.label) for curve in curves)
@@ -142,13 +150,13 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
     if not shown.json:
         print_text(f"{'curve':<{width}}  {'best model':<14}  {'RMSE ln ξ':>10}  {'window [mm]':>13}  verdict")
     for number, curve in enumerate(curves, start=1):
-        found = request.rank(curve)
-        usable += found.best is not None
+        report = request.rank(curve)
+        usable += report.best is not None
         if shown.json:
             print_progress(f"{number} of {len(curves)} curves fitted")
-            objects.append({"label": curve.label, **found.to_dict()})
+            objects.append({"label": curve.label, **report.to_dict()})
         else:
-            print_text(_row(curve.label, width, found))
+            print_text(_row(curve.label, width, report))
     if shown.json:
         print_text(as_json({"file": request.path.name, "usable": usable, "curves": objects}))
     else:
@@ -156,11 +164,11 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
     end(good=usable > 0)
 
 
-def _row(label: str, width: int, found: CalibrationReport) -> str:
-    """Lay out one curve as a row."""
-    best = found.best
+def _row(label: str, width: int, report: CalibrationReport) -> str:
+    """Format the result of one curve as a row."""
+    best = report.best
     model, error, window = "-", "-", "-"
     if best is not None:
         model, error = best.model, f"{best.rmse_log_output:.4f}"
-        window = f"{1e3 * found.window.l_min:.4g} to {1e3 * found.window.l_max:.4g}"
-    return f"{label:<{width}}  {model:<14}  {error:>10}  {window:>13}  {found.verdict}"
+        window = f"{1e3 * report.window.l_min:.4g} to {1e3 * report.window.l_max:.4g}"
+    return f"{label:<{width}}  {model:<14}  {error:>10}  {window:>13}  {report.verdict}"

@@ -1,4 +1,4 @@
-"""`pretouch sweep`: contacts or optimal gains over a grid of inputs of a scenario file."""
+"""The command `pretouch sweep`: contacts or optimal gains over a grid of inputs of a scenario file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 _FIGURES = (".png", ".svg", ".pdf")
-_SECONDS = 1.0  # between two lines of progress
+_INTERVAL = 1.0  # s between two lines of progress
 
 
 def sweep(
@@ -46,18 +46,18 @@ def sweep(
         list[str],
         option(
             "NAME=START:STOP:COUNT",
-            "An input and its values, such as obstacle.velocity=-1:-0.01:100; with :log for equal ratios, or a "
+            "An input and its values, such as obstacle.velocity=-1:-0.01:100; with :log for logarithmic spacing, or a "
             "list NAME=VALUE,VALUE,...; values with units or bare in SI; repeatable.",
         ),
     ],
     result: Annotated[
         list[str] | None,
-        option("NAME", "A quantity to be computed, such as relative_velocity; repeatable."),
+        option("NAME", "A quantity to compute, such as relative_velocity; repeatable."),
     ] = None,
     gain: Annotated[str | None, option("GAIN", 'The gain of all encounters, such as "-0.7 N*s".')] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="PATH", help="Where the dataset goes: NAME.zarr or NAME.nc."),
+        typer.Option("--output", "-o", metavar="PATH", help="Path of the dataset: NAME.zarr or NAME.nc."),
     ] = None,
     figure: Annotated[
         Path | None,
@@ -72,23 +72,23 @@ def sweep(
     ] = None,
     json: Annotated[
         bool,
-        typer.Option("--json", help="Print one JSON object, all SI, and nothing else; with values, if not too many."),
+        typer.Option("--json", help="Print only a JSON object, in SI; it has the values of up to 10,000 encounters."),
     ] = False,
     force: Annotated[
-        bool, typer.Option("--force", help="Replace another sweep at the output, or a figure; unasked, nothing is.")
+        bool, typer.Option("--force", help="Replace an existing sweep or figure; without it, nothing is replaced.")
     ] = False,
 ) -> None:
     """Compute contacts or optimal gains over a grid of inputs.
 
-    Every combination of the values of all axes is an encounter; what no axis names is that of the scenario file. With
-    --gain, or an axis gain=..., contacts are found; else each encounter gets its optimal gain. With --output the same
-    command goes on where it was ended.
+    Every combination of the values of all axes is an encounter; all other inputs are those of the scenario file. With
+    --gain, or an axis gain=..., contacts are computed; otherwise the optimal gain of each encounter. With --output an
+    interrupted sweep is resumed by the same command.
 
     Exit status: 0 some encounter ends in contact, or has an optimal gain, 1 none does, 2 a mistake in the request.
     """
     shown = Presentation(json=json, output=output, report=False, force=force)
-    asked = partial(_sweep, shown, file, axis, results=result, gain=gain, figure=figure, dask=dask)
-    conclude(asked, json_wanted=json)
+    run = partial(_sweep, shown, file, axis, results=result, gain=gain, figure=figure, dask=dask)
+    conclude(run, json_wanted=json)
 
 
 def _sweep(
@@ -101,8 +101,8 @@ def _sweep(
     figure: Path | None,
     dask: str | None,
 ) -> None:
-    """Sweep, and show what came of it."""
-    from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
+    """Run the sweep, and show its results."""
+    from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch.sweep import sweep as run_sweep  # noqa: PLC0415
 
     task = load_scenario(file)
@@ -113,70 +113,76 @@ def _sweep(
     axes = _axes(task, axis)
     if figure is not None:
         _check_figure(figure, axes, force=shown.force)
-    ways: dict[str, Any] = {"results": results or None, "output": shown.output, "overwrite": shown.force, "dask": dask}
+    options: dict[str, Any] = {
+        "results": results or None,
+        "output": shown.output,
+        "overwrite": shown.force,
+        "dask": dask,
+    }
     try:
-        found = run_sweep(task, axes, progress=_telling(), **ways)
+        dataset = run_sweep(task, axes, progress=_progress_printer(), **options)
     except KeyboardInterrupt:
         if shown.output is not None:
-            print_message("interrupted; the same command goes on from here")
+            print_message("interrupted; run the same command again to resume")
         raise
-    _present(found, reservations_about(task, _nominal(task)), shown, figure)
+    _present(dataset, reservations_about(task, _nominal(task)), shown, figure)
 
 
 def _nominal(task: Task) -> Any:
-    """Return the answer to the nominal encounter: with the given gain, or the optimal one where one is designed."""
+    """Return the answer for the nominal encounter: the task if it has a gain, or its design."""
     if task.gain is not None or task.objective is None or task.bounds is None or task.scenario.obstacle.course:
         return task
-    from pretouch.design import design_gain  # noqa: PLC0415 - `pretouch --help` stays quick
+    from pretouch.design import design_gain  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     return design_gain(task.replace(evaluate=None))
 
 
 def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
-    """Read the axes; which inputs there are depends on whether gains are designed."""
+    """Parse the axes; the allowed inputs depend on whether gains are designed."""
     from pretouch.sweep.axes import inputs_of, read_axis  # noqa: PLC0415
 
     contacts = task.gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)
-    known = inputs_of(task.replace(objective=None) if contacts else task)
+    units = inputs_of(task.replace(objective=None) if contacts else task)
     axes: dict[str, Any] = {}
     for text in texts:
-        name, values = read_axis(text, known)
+        name, values = read_axis(text, units)
         if name in axes:
-            raise InvalidInputError(f"--axis: found {name} twice, expected every input once")
+            raise InvalidInputError(f"--axis: found {name} twice, expected each input only once")
         axes[name] = values
     return axes
 
 
 def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
-    """Refuse before anything is computed what could not be drawn or written after."""
+    """Refuse, before anything is computed, a figure that cannot be drawn or written."""
     if path.suffix.lower() not in _FIGURES:
         raise InvalidInputError(f"--figure: found {str(path)!r}, expected a name that ends in {', '.join(_FIGURES)}")
     long = [name for name, values in axes.items() if len(values) > 1]
     if len(long) not in {1, 2}:
         raise InvalidInputError(f"--figure: found {len(long)} axes of more than one value, expected one or two")
     if path.exists() and not force:
-        raise OutputExistsError(f"{path}: this file exists and is not overwritten unasked; replace it with --force")
+        raise OutputExistsError(f"{path}: this file exists and is not overwritten; replace it with --force")
 
 
-def _telling() -> Callable[[Progress], None]:
-    """Return what tells how far a sweep is, not too often."""
+def _progress_printer() -> Callable[[Progress], None]:
+    """Make a function that prints the progress of a sweep once per second."""
     last = time.monotonic()
 
-    def tell(progress: Progress) -> None:
+    def show(progress: Progress) -> None:
         nonlocal last
         now = time.monotonic()
-        if now - last >= _SECONDS and progress.finished < progress.total:
+        if now - last >= _INTERVAL and progress.finished < progress.total:
             last = now
-            known = f", about {progress.remaining:.0f} s left" if progress.computed else ""
+            remaining = f", about {progress.remaining:.0f} s left" if progress.computed else ""
             print_progress(
                 f"{progress.finished:,} of {progress.total:,} encounters "
-                f"({100 * progress.finished / progress.total:.0f} %){known}"
+                f"({100 * progress.finished / progress.total:.0f} %){remaining}"
             )
 
-    return tell
+    return show
 
 
-def _present(found: xr.Dataset, reservations: Reservations | None, shown: Presentation, figure: Path | None) -> None:
+def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Presentation, figure: Path | None) -> None:
+    """Draw the figure, print the results, and exit."""
     from pretouch.sweep.results import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
 
     if figure is not None:
@@ -184,22 +190,24 @@ def _present(found: xr.Dataset, reservations: Reservations | None, shown: Presen
         from pretouch.report import plots  # noqa: PLC0415 - Matplotlib, only when needed
 
         content = BytesIO()
-        plots.sweep(found).savefig(content, format=figure.suffix[1:].lower())
+        plots.sweep(dataset).savefig(content, format=figure.suffix[1:].lower())
         write_bytes(figure, content.getvalue(), overwrite=shown.force)
     places = {"output": shown.output, "figure": figure}
     try:
-        text = shown.told(reservations, lambda: {**sweep_as_dict(found), **places}, lambda: sweep_as_text(found))
-        ends_well = next(iter(counts(found).values())) > 0  # contact, or optimal
+        text = shown.formatted(
+            reservations, lambda: {**sweep_as_dict(dataset), **places}, lambda: sweep_as_text(dataset)
+        )
+        ends_well = next(iter(counts(dataset).values())) > 0  # the first status is contact, or optimal
     except Exception as error:
         if shown.output is None:
             raise
-        raise InvalidInputError(  # the numbers of a large sweep are read here for the first time
-            f"{shown.output}: cannot be read ({' '.join(str(error).split())[:200]}); it may be damaged: choose another "
+        raise InvalidInputError(  # a large sweep is read here for the first time
+            f"{shown.output}: cannot be read ({' '.join(str(error).split())[:200]}); it may be damaged; choose another "
             "name with --output, or remove it"
         ) from None
     print_text(text)
     for what, path in () if shown.json else (("Dataset", shown.output), ("Figure", figure)):
         if path is not None:
             print_text(f"{what}: {path}")
-    found.close()
+    dataset.close()
     end(good=ends_well and not (reservations is not None and reservations.is_refuted))

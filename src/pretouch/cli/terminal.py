@@ -1,4 +1,4 @@
-"""What the verbs share: one object on stdout, one sentence on stderr, one exit code, one file that is never lost."""
+"""Shared parts of the verbs: options, output on stdout and stderr, exit codes, and reports."""
 
 from __future__ import annotations
 
@@ -30,14 +30,12 @@ _OPTIONS: Final[dict[str, tuple[Any, Any]]] = {
     "json": (
         Annotated[
             bool,
-            typer.Option(
-                "--json", help="Print one JSON object, all SI, and nothing else; write a report only with --output."
-            ),
+            typer.Option("--json", help="Print only a JSON object, in SI; write a report only with --output."),
         ],
         False,
     ),
     "output": (
-        Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Where the HTML report goes.")],
+        Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Path of the HTML report.")],
         None,
     ),
     "report": (Annotated[bool, typer.Option("--report/--no-report", help="Write the HTML report.")], True),
@@ -46,37 +44,37 @@ _OPTIONS: Final[dict[str, tuple[Any, Any]]] = {
             bool,
             typer.Option(
                 "--force",
-                help="Overwrite whatever stands where the report goes; unasked, only an own, unchanged report is.",
+                help="Overwrite any file at the path of the report; without it, only an unchanged report of pretouch.",
             ),
         ],
         False,
     ),
 }
-"""How a result is shown: the options that all verbs share, each with its default."""
+"""The options of all verbs on how a result is shown, each with its default."""
 
-_NO_RESULT: Final = 1  # the answer is no: infeasible, no contact, no usable signal, not reproduced
-_MISTAKE: Final = 2  # in a file or on the command line, or an output that would be overwritten
+_NO_RESULT: Final = 1  # negative answer: infeasible, no contact, no usable signal, not reproduced
+_MISTAKE: Final = 2  # mistake in a file or on the command line, or an output that exists
 _INTERRUPTED: Final = 130
 _BROKEN_PIPE: Final = 141
 
 
-def option(metavar: str, told: str, **more: Any) -> Any:
-    """Return an option of a verb with what it takes and what it does; its name is that of the argument."""
-    return typer.Option(metavar=metavar, help=told, **more)
+def option(metavar: str, description: str, **more: Any) -> Any:
+    """Return an option of a verb, with its value and its help text; its name is that of the argument."""
+    return typer.Option(metavar=metavar, help=description, **more)
 
 
 def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
-    """Read the gain of an option, where it is given, in the unit of its law."""
+    """Parse the option --gain in the unit of the law; None if it is missing."""
     try:
         return None if text is None else read_quantity(text, law.number.unit, name="--gain")
     except UnitError as error:
-        raise UnitError(f"{error}, as law kind {law.kind} has it") from None
+        raise UnitError(f"{error}, the unit of law kind {law.kind}") from None
 
 
 def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
-    """Run a verb and end with its exit code; a mistake becomes one message, and with `json_wanted` an object on stdout.
+    """Run a verb and exit with its code; print an error as one message, with `json_wanted` also as an object on stdout.
 
-    Everything unexpected keeps its traceback.
+    Unexpected exceptions keep their traceback.
 
     Raises:
         Exit: always, with the exit code.
@@ -100,7 +98,7 @@ def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
 
 
 def guard_output(run: Callable[[], int]) -> int:
-    """Return the exit code of a command, or the one that says why its output did not arrive."""
+    """Run a command; return its exit code, or that of a failure of standard output."""
     try:
         code = run()
         _flush_output()
@@ -111,7 +109,7 @@ def guard_output(run: Callable[[], int]) -> int:
         if failure is None:
             raise
         _discard_output()
-        if isinstance(failure, BrokenPipeError):  # the reader has gone: nothing to explain
+        if isinstance(failure, BrokenPipeError):  # the reader has closed the pipe, so nobody reads a message
             return _BROKEN_PIPE
         print_message(f"standard output: cannot be written ({failure.strerror or failure})")
         return _MISTAKE
@@ -119,7 +117,7 @@ def guard_output(run: Callable[[], int]) -> int:
 
 
 class _OutputError(PretouchError, OSError):
-    """Standard output that does not take what is printed: its disk is full, its reader has gone, or it is closed."""
+    """Standard output cannot be written: the disk is full, the reader has closed the pipe, or it is closed."""
 
 
 def _flush_output() -> None:
@@ -128,7 +126,7 @@ def _flush_output() -> None:
 
 
 def _output_failure(error: OSError) -> OSError | None:
-    """Return why standard output fails; None where the error is another one."""
+    """Return the failure of standard output that caused an error; None if the cause is another one."""
     if isinstance(error, _OutputError):
         return error.__cause__ if isinstance(error.__cause__, OSError) else error
     frame = error.__traceback__
@@ -139,26 +137,26 @@ def _output_failure(error: OSError) -> OSError | None:
         return error  # help, version, or a mistake on the command line
     try:
         _flush_output()
-    except OSError as failure:  # what standard output did not take is still in its buffer
+    except OSError as failure:  # unwritten output is still in the buffer
         return failure
     return None
 
 
 def _discard_output() -> None:
-    """Let what is still in the buffer go nowhere, so that it does not fail again when the process ends."""
+    """Discard the buffer of standard output, so that flushing it at exit does not fail again."""
     if sys.stdout is not None:
         with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def end(*, good: bool) -> None:
-    """End a verb whose run did not come to what was asked for with the exit code of that."""
+    """Exit with status 1 if the answer is not good."""
     if not good:
         raise typer.Exit(_NO_RESULT)
 
 
 def print_text(text: str) -> None:
-    """Print to stdout, also where it cannot show every character, and at once."""
+    """Print to stdout and flush; characters that it cannot encode are replaced."""
     if sys.stdout is None:
         raise _OutputError("it is closed")
     try:
@@ -168,20 +166,20 @@ def print_text(text: str) -> None:
 
 
 def print_message(text: str) -> None:
-    """Print a message to stderr, each of its lines under our name; where it takes none, the exit code has to do."""
+    """Print a message to stderr, with a prefix on each line; failures are ignored, since there is the exit code."""
     with contextlib.suppress(OSError, AttributeError):  # full, or closed
         _write(sys.stderr, "\n".join(f"pretouch: {line}" for line in text.split("\n")))
 
 
 def print_progress(text: str) -> None:
-    """Tell a person who waits at a terminal what is under way, on stderr; where nobody watches, nothing is told."""
+    """Print progress to stderr, if that is a terminal."""
     if sys.stderr is not None and sys.stderr.isatty():
         print_message(text)
 
 
 def print_count(solved: int, seconds: float) -> None:
-    """Tell a person who waits that work goes on."""
-    print_progress(f"{solved:,} encounters solved in {seconds:.0f} s, going on")
+    """Print the number of solved encounters as progress."""
+    print_progress(f"{solved:,} encounters solved in {seconds:.0f} s, still running")
 
 
 def _write(stream: Any, text: str) -> None:
@@ -191,7 +189,7 @@ def _write(stream: Any, text: str) -> None:
 
 
 def reservations_about(task: Task, answer: Any) -> Reservations | None:
-    """Tell what the calibration of a sensor leaves open of an answer; None where the sensor is given by parameters."""
+    """Return the reservations about an answer from the sensor's calibration; None without a calibration."""
     if task.calibration is None:
         return None
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415 - the compiled kernels, only when needed
@@ -200,33 +198,33 @@ def reservations_about(task: Task, answer: Any) -> Reservations | None:
 
 
 def verb(run: Callable[..., None]) -> Callable[..., None]:
-    """Make a verb of a function that shows one result: with its own options, which follow, those of how it is shown.
+    """Make a command from a function that shows one result: add the options on how a result is shown.
 
     Args:
-        run: takes a `Presentation` and its own options, by name. Its docstring is the help.
+        run: function of a `Presentation` and of its own options, by name. Its docstring is the help text.
 
     Returns:
         The command.
     """
 
     @wraps(run)
-    def command(**given: Any) -> None:
-        shown = Presentation(**{name: given.pop(name) for name in _OPTIONS})
+    def command(**options: Any) -> None:
+        shown = Presentation(**{name: options.pop(name) for name in _OPTIONS})
 
         def checked() -> None:
-            if shown.output is not None and "file" in given:
-                refuse_input(shown.output, [given["file"]])  # before anything is computed
+            if shown.output is not None and "file" in options:
+                refuse_input(shown.output, [options["file"]])  # before anything is computed
             with listening(print_count):
-                run(shown, **given)
+                run(shown, **options)
 
         conclude(checked, json_wanted=shown.json)
 
-    own = list(inspect.signature(run, eval_str=True).parameters.values())[1:]
+    specific = list(inspect.signature(run, eval_str=True).parameters.values())[1:]
     keyword = inspect.Parameter.KEYWORD_ONLY
     shared = [
         inspect.Parameter(name, keyword, annotation=a, default=default) for name, (a, default) in _OPTIONS.items()
     ]
-    parameters = [*own, *shared]
+    parameters = [*specific, *shared]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in parameters}
     return command
@@ -234,13 +232,13 @@ def verb(run: Callable[..., None]) -> Callable[..., None]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Presentation:
-    """How a result is shown.
+    """The options on how a result is shown.
 
     Args:
-        json: as one object on stdout, and nothing else there.
-        output: where the report goes; None for the default place.
-        report: whether a report is written where no object is printed.
-        force: whether any file may be replaced; unasked, only an own report that nobody has changed is.
+        json: whether to print only a JSON object on stdout.
+        output: path of the report; None for the default path.
+        report: whether to write a report, unless `json` is set.
+        force: whether any file may be replaced; otherwise only an unchanged report of pretouch.
     """
 
     json: bool
@@ -251,29 +249,29 @@ class Presentation:
     def show(
         self, result: Any, default: str, task: Task | None = None, *, good: bool, inputs: Sequence[Path] = ()
     ) -> None:
-        """Print a result of a task, write its report, by default so named, and end with the exit code of its answer.
+        """Print a result, write its report, by default to the path `default`, and exit with the code of its answer.
 
-        No file that was read, which are those of the task and `inputs`, is written over.
+        The files that were read, those of the task and `inputs`, are never overwritten.
         """
         target = self.output or Path(default)
         inputs = (*inputs, *getattr(None if task is None else task.source, "inputs", ()))
         reservations = None if task is None else reservations_about(task, result)
-        text = self.told(reservations, result.to_dict, result.__str__)
+        text = self.formatted(reservations, result.to_dict, result.__str__)
         if self.json and self.output is not None:
             self._write(result, target, task, inputs)
         try:
             print_text(text)
-        finally:  # an output that takes nothing does not cost the report
+        finally:  # the report is written even if standard output fails
             if self.report and not self.json:
                 self._write(result, target, task, inputs)
         if self.report and not self.json:
             print_text(f"\nReport with figures: {target}")
         end(good=good and not (reservations is not None and reservations.is_refuted))
 
-    def told(
+    def formatted(
         self, reservations: Reservations | None, as_dict: Callable[[], dict[str, Any]], as_text: Callable[[], str]
     ) -> str:
-        """Return a result as it is asked for, an object or text, amid what its calibration leaves open."""
+        """Return a result as JSON or text, with the reservations from its calibration."""
         if self.json:
             return as_json(as_dict() if reservations is None else reservations.around_dict(as_dict()))
         return as_text() if reservations is None else reservations.around_text(as_text())
@@ -282,6 +280,6 @@ class Presentation:
         refuse_input(target, inputs)
         from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
-        known: dict[str, Any] = {} if task is None else {"calibration": task.calibration, "source": task.source}
+        origin: dict[str, Any] = {} if task is None else {"calibration": task.calibration, "source": task.source}
         print_progress(f"{target}: drawing the report")
-        write_report(result, target, overwrite=self.force or is_own_unchanged(target), **known)
+        write_report(result, target, overwrite=self.force or is_own_unchanged(target), **origin)

@@ -1,4 +1,4 @@
-"""The verbs that show one result: of a scenario file, or of the letter."""
+"""The commands `pretouch design`, `pareto`, `robust`, `simulate`, `verify` and `reproduce`."""
 
 from __future__ import annotations
 
@@ -22,65 +22,65 @@ LoopFile: TypeAlias = Annotated[
 ]
 LoopGain: TypeAlias = Annotated[
     str | None,
-    option("GAIN", 'The gain to run, such as "-0.7 N*s"; else that of the file, or the designed one.'),
+    option("GAIN", 'The gain to run, such as "-0.7 N*s"; by default that of the file, or the designed gain.'),
 ]
-LoopSeed: TypeAlias = Annotated[int | None, option("NUMBER", "Seed of the noise, in the place of the file's.", min=0)]
+LoopSeed: TypeAlias = Annotated[int | None, option("NUMBER", "Seed of the noise; by default that of the file.", min=0)]
 
 
-def _load(file: Path, doing: str) -> Task:
-    """Load a scenario file, and tell what a person waits for."""
-    from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
+def _load(file: Path, activity: str) -> Task:
+    """Load a scenario file, and print what is computed next as progress."""
+    from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     task = load_scenario(file)
-    print_progress(f"{file}: {doing}")
+    print_progress(f"{file}: {activity}")
     return task
 
 
-def _load_loop(file: Path, doing: str, gain: str | None, seed: int | None) -> Task:
-    """Load a scenario file with a loop; gain and seed replace those of the file where they are given."""
-    task = _load(file, doing)
-    asked = read_gain(gain, task.law)
+def _load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> Task:
+    """Load a scenario file with a loop; the options --gain and --seed replace the values of the file."""
+    task = _load(file, activity)
+    number = read_gain(gain, task.law)
     loop = task.loop if seed is None or task.loop is None else replace(task.loop, seed=seed)
-    return task.replace(loop=loop, gain=task.gain if asked is None else asked)
+    return task.replace(loop=loop, gain=task.gain if number is None else number)
 
 
 @verb
 def design(shown: Presentation, *, file: ScenarioFile) -> None:
-    """Choose the gain for a scenario file (TOML), and the admittance where the file leaves it open.
+    """Choose the optimal gain for a scenario file (TOML), and the admittance if the file has bounds for it.
 
-    Where its law is a virtual drag with an effect, chooses the drag by that effect.
+    If the law is a virtual drag with an effect, chooses the drag by that effect.
 
-    Prints the optimal gain, the contact it leads to, every constraint with its margin, what no mitigation would have
-    given, and what the gain is most sensitive to; writes a report with figures, STEM-design.html in this folder.
+    Prints the optimal gain, the contact with it and without mitigation, every constraint with its margin, and the most
+    influential inputs. Writes a report with figures, STEM-design.html in this folder.
 
-    Exit status: 0 optimal, or a drag that keeps every limit, 1 no gain meets the constraints or ends in contact, or the
-    drag does not, 2 a mistake in the request.
+    Exit status: 0 optimal, or a drag that meets all limits, 1 no gain meets the constraints or ends in contact, or the
+    drag misses a limit, 2 a mistake in the request.
     """
-    from pretouch.design import design_admittance, design_drag, design_gain  # noqa: PLC0415 - `--help` stays quick
+    from pretouch.design import design_admittance, design_drag, design_gain  # noqa: PLC0415 - keeps `--help` quick
 
     task = _load(file, "searching gains")
     if task.effect is not None:
         drag = design_drag(task)
         shown.show(drag, f"{file.stem}-design.html", task, good=drag.holds)
         return
-    found = design_admittance(task) if task.is_admittance_free else design_gain(task)
-    shown.show(found, f"{file.stem}-design.html", task, good=found.status == "optimal")
+    result = design_admittance(task) if task.is_admittance_free else design_gain(task)
+    shown.show(result, f"{file.stem}-design.html", task, good=result.status == "optimal")
 
 
 @verb
 def pareto(shown: Presentation, *, file: ScenarioFile) -> None:
-    """Find what a scenario file (TOML) can trade: the Pareto front of contact quantities.
+    """Compute the Pareto front of contact quantities for a scenario file (TOML).
 
-    Prints the knee of the front, its ends, where the designed gain or the choice of the file lies, and how far all of
-    them are from what any controller could reach; writes a report with figures, STEM-pareto.html in this folder.
+    Prints the knee of the front, its ends, the designed gain or the choice of the file, and their distances from the
+    physical limit of any controller. Writes a report with figures, STEM-pareto.html in this folder.
 
-    Exit status: 0 a front was found, 1 no choice meets the constraints or ends in contact, 2 a mistake in the request.
+    Exit status: 0 a front was found, 1 no gain meets the constraints or ends in contact, 2 a mistake in the request.
     """
     from pretouch.design import pareto_front  # noqa: PLC0415
 
-    task = _load(file, "tracing what can be traded")
-    found = pareto_front(task)
-    shown.show(found, f"{file.stem}-pareto.html", task, good=found.status == "found")
+    task = _load(file, "computing the Pareto front")
+    front = pareto_front(task)
+    shown.show(front, f"{file.stem}-pareto.html", task, good=front.status == "found")
 
 
 @verb
@@ -91,42 +91,44 @@ def robust(
     samples: Annotated[
         int | None,
         option(
-            "NUMBER", "Encounters that are sampled, and as many fresh ones; in the place of what the file says.", min=2
+            "NUMBER",
+            "Number of sampled encounters, and of fresh ones for validation; by default as in the file.",
+            min=2,
         ),
     ] = None,
-    seed: Annotated[int | None, option("NUMBER", "Seed of all samples, likewise.", min=0)] = None,
+    seed: Annotated[int | None, option("NUMBER", "Seed of all samples; by default that of the file.", min=0)] = None,
 ) -> None:
-    """Choose the gain where inputs are not known exactly (TOML).
+    """Choose the optimal gain for uncertain inputs (TOML).
 
-    Prints the gain, what fresh samples say of it beside the gain that is optimal where nothing is uncertain, and how
-    often every constraint holds; writes a report with figures, STEM-robust.html in this folder.
+    Prints the robust gain, compares it with the nominal gain on fresh samples, and prints how often each constraint is
+    met. Writes a report with figures, STEM-robust.html in this folder.
 
-    Exit status: 0 optimal, 1 no gain meets the constraints or ends in contact as often as it must, 2 a mistake in the
-    request.
+    Exit status: 0 optimal, 1 no gain meets the constraints or ends in contact with the required probability, 2 a
+    mistake in the request.
     """
     from pretouch.design.robust import design_robust_gain  # noqa: PLC0415
 
     task = _load(file, "sampling encounters")
-    named = {"samples": samples, "validation": samples, "seed": seed}
-    found = design_robust_gain(task.replace(**{name: value for name, value in named.items() if value is not None}))
-    shown.show(found, f"{file.stem}-robust.html", task, good=found.status == "optimal")
+    options = {"samples": samples, "validation": samples, "seed": seed}
+    result = design_robust_gain(task.replace(**{name: value for name, value in options.items() if value is not None}))
+    shown.show(result, f"{file.stem}-robust.html", task, good=result.status == "optimal")
 
 
 @verb
 def simulate(shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed: LoopSeed = None) -> None:
-    """Run one encounter on the loop as it will really run (TOML).
+    """Simulate one encounter on the sampled loop: sensor, controller, robot and contact (TOML).
 
-    Prints the contact on the loop beside the predicted one and beside no mitigation, when the object was first seen,
-    every contact with its force, and what the controller reported; writes a report with the course of the run,
+    Prints the simulated contact compared with the prediction and with no mitigation, the moment of detection, every
+    contact with its force, and the status of the controller. Writes a report with the time series of the run,
     STEM-simulate.html in this folder.
 
     Exit status: 0 the run ended in contact, 1 it did not, 2 a mistake in the request.
     """
     from pretouch.verification import simulate_encounter  # noqa: PLC0415
 
-    task = _load_loop(file, "running the loop", gain, seed)
-    found = simulate_encounter(task)
-    shown.show(found, f"{file.stem}-simulate.html", task, good=bool(found.run.touched.all()))
+    task = _load_loop(file, "simulating the loop", gain, seed)
+    encounter = simulate_encounter(task)
+    shown.show(encounter, f"{file.stem}-simulate.html", task, good=bool(encounter.run.touched.all()))
 
 
 @verb
@@ -135,26 +137,29 @@ def verify(
     *,
     file: LoopFile,
     gain: LoopGain = None,
-    runs: Annotated[int | None, option("NUMBER", "How many encounters; else as the file says.", min=1)] = None,
+    runs: Annotated[
+        int | None, option("NUMBER", "Number of simulated encounters; by default as in the file.", min=1)
+    ] = None,
     seed: LoopSeed = None,
     changes: Annotated[
-        bool, typer.Option("--changes/--no-changes", help="Look for the one change that would help most.")
+        bool, typer.Option("--changes/--no-changes", help="Search for the single change that would help most.")
     ] = True,
 ) -> None:
-    """Tell whether the gain holds on the loop as it will really run (TOML).
+    """Verify by simulation that the gain holds on the sampled loop (TOML).
 
-    Runs many encounters with the noise of the sensor and what [uncertainty] says of inputs; where the file names a
-    calibration, also the sensors that its readings allow. Prints a verdict, contact
-    predicted and simulated, with mitigation and without, the margin to every limit and to instability, and the one
-    change that would help most; writes a page with figures, STEM-verify.html in this folder.
+    Simulates many encounters with sensor noise and the uncertain inputs of [uncertainty]; if the file names a
+    calibration, also with all sensor curves that its readings allow. Prints a verdict, the predicted and the simulated
+    contact with and without mitigation, the margin to every limit and to instability, and the single change that would
+    help most. Writes a report with figures, STEM-verify.html in this folder.
 
-    Exit status: 0 the gain holds, or does so narrowly, 1 it does not, or there is none, 2 a mistake in the request.
+    Exit status: 0 the gain holds, or holds narrowly, 1 it does not hold, or there is no gain, 2 a mistake in the
+    request.
     """
     from pretouch.verification import verify_gain  # noqa: PLC0415
 
-    task = _load_loop(file, "running encounters on the loop", gain, seed)
-    found = verify_gain(task if runs is None else task.replace(runs=runs), changes=changes)
-    shown.show(found, f"{file.stem}-verify.html", task, good=found.status in {"holds", "holds-narrowly"})
+    task = _load_loop(file, "simulating encounters on the loop", gain, seed)
+    verdict = verify_gain(task if runs is None else task.replace(runs=runs), changes=changes)
+    shown.show(verdict, f"{file.stem}-verify.html", task, good=verdict.status in {"holds", "holds-narrowly"})
 
 
 @verb
@@ -162,23 +167,23 @@ def reproduce(
     shown: Presentation,
     *,
     ids: Annotated[
-        list[str] | None, typer.Argument(metavar="ID", help="What to reproduce; all of it where none is named.")
+        list[str] | None, typer.Argument(metavar="ID", help="What to reproduce; by default everything.")
     ] = None,
 ) -> None:
-    """Compute the letter's tables and figures again.
+    """Reproduce the tables and figures of the letter.
 
-    Sets every printed number beside ours. Prints how many agree, what disagrees and why, and where the letter's text
-    contradicts its own equations; writes letter-reproduction.html in this folder, a report with figures, the code of
-    each, and all numbers.
+    Compares every printed number with the computed one. Prints how many agree, the differences with their reasons, and
+    contradictions between the letter's text and its equations. Writes letter-reproduction.html in this folder, a report
+    with figures, the code of each, and all numbers.
 
     \b
     ID is one of:
       table-1  figure-3  figure-4  figure-5  table-2  figure-6  one-gain  table-3
       attraction  constraints  impact-force
 
-    Exit status: 0 every difference is explained, 1 not everything comes out, 2 a mistake in the request.
+    Exit status: 0 every difference is explained, 1 some differences are not explained, 2 a mistake in the request.
     """  # noqa: D301 - the escape keeps the lines of the list together
     from pretouch.letter import reproduce as compute  # noqa: PLC0415
 
-    found = compute(ids or (), progress=lambda name: print_progress(f"computing {name}"))
-    shown.show(found, "letter-reproduction.html", good=found.holds)
+    experiment = compute(ids or (), progress=lambda name: print_progress(f"computing {name}"))
+    shown.show(experiment, "letter-reproduction.html", good=experiment.holds)

@@ -1,4 +1,4 @@
-"""The scenario file: TOML with units, checked against a schema, to a task."""
+"""Load a scenario file: TOML with units, checked against a schema, becomes a Task."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pretouch.uncertainty.reservations import recess_in_words
 
 from .document import read_document
 from .quantities import KeyPath
-from .reading import Reading, ScenarioSource, place
+from .reading import Reading, ScenarioSource, split_message
 from .robust import robust_fields
 from .schema import FREE, LOOP_SECTIONS
 from .sensor import CALIBRATION, FROM_SURFACE, FitRequest, fit_sensor_of, read_no_object, read_output
@@ -40,9 +40,9 @@ _SHORT: Final[Mapping[str, str]] = {
     "velocity": "relative_velocity",
     "force": "impact_force",
 }
-_FASTEST: Final = 10_000.0  # rad/s, of an admittance
-_STEEPEST: Final = 1e-6  # m
-_ROUNDING: Final = 1e-9  # of a distance that is added and taken away again
+_FASTEST: Final = 10_000.0  # rad/s, largest natural frequency of an admittance
+_STEEPEST: Final = 1e-6  # m, least distance over which the output falls by a factor of e
+_ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtracting the recess
 _PHYSICAL: Final = ("impact_force", "drive_force")
 
 
@@ -50,18 +50,18 @@ _PHYSICAL: Final = ("impact_force", "drive_force")
 def load_scenario(path: str | os.PathLike[str]) -> Task:
     """Read a scenario file (TOML); docs/scenario-file.md lists its sections and keys.
 
-    A sensor that is given by its calibration is fitted here; the path of the calibration is relative to the file.
+    If [sensor] names a calibration file, the sensor curve is fitted here. Its path is relative to the scenario file.
 
     Args:
         path: the file.
 
     Returns:
-        The task that every verb takes: `design_gain(load_scenario(path))`. Where the file has [uncertainty], also
-        what `design_robust_gain` needs; with [chain] and [controller] the sampled loop of `verify_gain`.
+        The task that all verbs take, as in `design_gain(load_scenario(path))`. With [uncertainty] it also has the
+        distributions for `design_robust_gain`; with [chain] and [controller] the sampled loop for `verify_gain`.
 
     Raises:
-        ScenarioFileError: the file has mistakes. The message has one sentence for each: line, key, what was found,
-            what is expected.
+        ScenarioFileError: the file has mistakes. The message has a sentence for each: line, key, value, and what is
+            expected.
 
     Examples:
         >>> import pathlib, tempfile
@@ -100,97 +100,99 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
 
 
 def _task(builder: _Builder) -> Task | None:
-    """Build the task that a file asks for; None where the builder has found mistakes."""
+    """Build the task of a file; None if there are mistakes, which the builder notes."""
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
-    asked = {"impact": builder.made("impact"), **builder.pareto(), **builder.freedom(), **builder.settings("motion")}
+    options = {"impact": builder.make("impact"), **builder.pareto(), **builder.freedom(), **builder.settings("motion")}
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
-        return None  # not worth a fit
+        return None  # a fit would be wasted
     sensor, calibration = builder.sensor()
     builder.check_frequencies(scenario)
     if sensor is not None and scenario is not None:
         builder.check_slope(sensor)
         builder.check_range(sensor, scenario, calibration)
-    asked |= robust_fields(builder, scenario, sensor, calibration, constraints)
+    options |= robust_fields(builder, scenario, sensor, calibration, constraints)
     has_loop = any(name in builder.data for name in LOOP_SECTIONS)
     if has_loop:
         from .loop import loop_fields  # noqa: PLC0415 - the simulation, only for a file with a loop
 
-        asked |= loop_fields(builder, scenario, sensor, calibration)
+        options |= loop_fields(builder, scenario, sensor, calibration)
     if "law" in builder.data:
         from .law import law_fields  # noqa: PLC0415 - the sampled drag, only for a file that names a law
 
         builder.needs_impact_of_effect()
-        asked |= law_fields(builder, scenario, asked["uncertainty"], has_loop)
+        options |= law_fields(builder, scenario, options["uncertainty"], has_loop)
     if builder.unread or builder.mistakes or scenario is None or sensor is None:
         return None
     if "gain" in builder.sections:
         low, high = builder.sections["gain"][1]["bounds"]
-        asked["bounds"] = (low, high)
+        options["bounds"] = (low, high)
     source = replace(builder.source, supported=_supported(sensor, calibration))
-    return Task(scenario, sensor, objective, **asked, calibration=calibration, source=source)
+    return Task(scenario, sensor, objective, **options, calibration=calibration, source=source)
 
 
 def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
-    """Say where a calibration supports the curve."""
+    """Return the range of distances that the calibration supports, as a sentence; empty without a calibration."""
     if calibration is None:
         return ""
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
     near, far = (format_quantity(max(d - recess, 0.0), "m") for d in (window.l_min, window.l_max))
     return (
-        f"the calibration supports it from {near} ({window.start_reason}) to {far} ({window.end_reason}): calibrate "
-        "over more distances, or extend the curve with minimum_distance or maximum_distance"
+        f"the calibration supports the curve from {near} ({window.start_reason}) to {far} ({window.end_reason}): "
+        "calibrate over more distances, or extend the curve with minimum_distance or maximum_distance"
     )
 
 
 class _Builder(Reading):
-    """Builds the parts of a task from a file; a part with a mistake is None."""
+    """Builds the parts of a task from the sections of a file; a part with a mistake is None."""
 
     def sensor(self) -> tuple[SensorModel | None, CalibrationReport | None]:
-        """Build the sensor; fit it where the file names a calibration."""
-        given = self.values("sensor")
-        if given is None:
+        """Build the sensor; fit it if the file names a calibration."""
+        values = self.values("sensor")
+        if values is None:
             return None, None
-        if CALIBRATION in given:
-            return self._calibrated(given)
-        if "recess" not in given:
-            return self.made("sensor"), None
-        limits = {key: given[key] for key in FROM_SURFACE if key in given}
+        if CALIBRATION in values:
+            return self._calibrated(values)
+        if "recess" not in values:
+            return self.make("sensor"), None
+        limits = {key: values[key] for key in FROM_SURFACE if key in values}
         curve: Any = self.sections["sensor"][0].make
-        own = {key: value for key, value in given.items() if key not in {"recess", *FROM_SURFACE}}
-        return self.attempt("sensor", lambda: Recessed(sensor=curve(**own), recess=given["recess"], **limits)), None
+        parameters = {key: value for key, value in values.items() if key not in {"recess", *FROM_SURFACE}}
+        return (
+            self.attempt("sensor", lambda: Recessed(sensor=curve(**parameters), recess=values["recess"], **limits)),
+            None,
+        )
 
-    def _calibrated(self, given: Mapping[str, Any]) -> tuple[SensorModel | None, CalibrationReport | None]:
-        found, folder = self.data["sensor"], self.source.path.parent
+    def _calibrated(self, values: Mapping[str, Any]) -> tuple[SensorModel | None, CalibrationReport | None]:
+        """Fit the sensor curve to the calibration that [sensor] names."""
+        data, folder = self.data["sensor"], self.source.path.parent
         outputs: dict[str, Any] = {
-            key: given[key] if isinstance(given[key], str) else read_output(found[key], name=key)
+            key: values[key] if isinstance(values[key], str) else read_output(data[key], name=key)
             for key in ("offset", "saturation")
         }
-        path = folder / given[CALIBRATION]
+        path = folder / values[CALIBRATION]
         try:
-            plain = ("select", "columns", "labels", "near_field_peak", "floor_sigmas")
+            unchanged = ("select", "columns", "labels", "near_field_peak", "floor_sigmas")
             request = FitRequest(
                 path=path,
-                models=(given["model"],) if "model" in given else (),
-                no_object=read_no_object(found["no_object"], folder, name="no_object")
-                if "no_object" in found
-                else None,
-                **{key: given[key] for key in plain if key in given},
+                models=(values["model"],) if "model" in values else (),
+                no_object=read_no_object(data["no_object"], folder, name="no_object") if "no_object" in data else None,
+                **{key: values[key] for key in unchanged if key in values},
                 **outputs,
             )
             self.source = replace(self.source, calibration_files=request.files)
             sensor, report = fit_sensor_of(request)
         except PretouchError as error:
-            key, sentence = place(_without_content(error, path), "sensor")
-            known = key in self.source.lines and len(key) == 2
-            self.refuse(key if known else ("sensor", CALIBRATION), sentence)
+            key, sentence = split_message(_without_content(error, path), "sensor")
+            is_key = key in self.source.lines and len(key) == 2
+            self.refuse(key if is_key else ("sensor", CALIBRATION), sentence)
             return None, None
-        limits = {key: given[key] for key in FROM_SURFACE if key in given}
-        return self.attempt("sensor", lambda: _extended(sensor, given.get("recess"), limits)), report
+        limits = {key: values[key] for key in FROM_SURFACE if key in values}
+        return self.attempt("sensor", lambda: _extended(sensor, values.get("recess"), limits)), report
 
     def scenario(self) -> Scenario | None:
         """Build the encounter."""
         parts = {
-            name: self.made(name, tuple(FREE))
+            name: self.make(name, tuple(FREE))
             for name in ("admittance", "obstacle", "plant", "reference")
             if name in self.sections
         }
@@ -199,133 +201,138 @@ class _Builder(Reading):
         return self.attempt("obstacle", lambda: Scenario(**parts))
 
     def freedom(self) -> dict[str, tuple[float, float]]:
-        """Return the bounds of natural frequency and damping ratio, where they are free."""
-        given = self.values("admittance") or {}
-        return {key.removesuffix("_bounds"): (given[key][0], given[key][1]) for key in FREE if key in given}
+        """Return the bounds of natural frequency and damping ratio, if the file has them."""
+        values = self.values("admittance") or {}
+        return {key.removesuffix("_bounds"): (values[key][0], values[key][1]) for key in FREE if key in values}
 
     def pareto(self) -> dict[str, Any]:
-        """Return what is traded, and the choice that is marked."""
-        given = self.values("pareto") or {}
-        names = tuple(given.get("quantities", ("displacement", "relative_velocity")))  # L(20)'s two
+        """Return the quantities of the Pareto front, and the gain to mark on it."""
+        values = self.values("pareto") or {}
+        names = tuple(values.get("quantities", ("displacement", "relative_velocity")))  # as in the objective f_1, L(20)
         for i, name in enumerate(names if "pareto" in self.sections else ()):
             self._needs_impact(name, ("pareto", "quantities", i))
-        return {"quantities": names, "choice": given.get("choice")}
+        return {"quantities": names, "choice": values.get("choice")}
 
     def objective(self) -> Objective | None:
         """Build the objective."""
-        given = self.values("objective")
-        if given is None:
+        values = self.values("objective")
+        if values is None:
             return None
-        still = (self.values("obstacle") or {}).get("velocity") == 0
-        terms = list(_terms(given))
+        at_rest = (self.values("obstacle") or {}).get("velocity") == 0
+        terms = list(_terms(values))
         for quantity_path, scale_path, term in terms:
             self._needs_impact(term["quantity"], quantity_path)
-            if term["scale"] == OBSTACLE_SPEED and still:
+            if term["scale"] == OBSTACLE_SPEED and at_rest:
                 self.refuse(scale_path, 'found "obstacle speed" for an obstacle at rest, expected a quantity in m/s')
         kind = self.data["objective"]["kind"]
         return self.attempt("objective", lambda: Objective(terms=tuple(Term(**t) for _, _, t in terms), name=kind))
 
     def constraints(self) -> tuple[Constraint, ...]:
-        """Build the limits."""
+        """Build the constraints."""
         limits = self.values("constraints") or {}
         for name in limits:
             self._needs_impact(CONSTRAINT_NAMES[name], ("constraints", name))
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
 
     def needs_impact_of_effect(self) -> None:
-        """Refuse a drag that is chosen by a force without physical properties."""
+        """Refuse a drag that is chosen by its impact force, if [impact] is missing."""
         if "impact_force" in (self.values("law") or {}):
             self._needs_impact("impact_force", ("law", "impact_force"))
 
     def check_range(self, sensor: SensorModel, scenario: Scenario, calibration: CalibrationReport | None) -> None:
-        """Refuse an encounter that the sensor cannot follow from its start to contact; name the reason."""
+        """Refuse an encounter that is not inside the valid range of the sensor from start to contact."""
         low, high = sensor.valid_range
         recess = getattr(sensor, "recess", 0.0)
         window = None if calibration is None else calibration.window
-        told = "every answer then says first that no data support it there"
+        consequence = "every answer then begins with a warning that no data support it there"
         if low > 0:
-            cause, extending = "", 'extend the curve with minimum_distance = "0 mm" where the model allows it'
+            cause, extending = "", 'extend the curve with minimum_distance = "0 mm" if the model allows it'
             if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
-                cause = f", where the calibration supports it ({window.start_reason})"
+                cause = f", at the start of the calibrated range ({window.start_reason})"
                 nearer = "calibrate again with a lower amplification, so that the output does not flatten or clip there"
-                extending = f"{nearer}, or {extending} (a table does not): {told}"
+                extending = f"{nearer}, or {extending} (a table does not): {consequence}"
             self.refuse(
                 ("sensor",),
                 f"found a valid range that starts {1e3 * low:.4g} mm in front of the contact surface{cause}, expected "
-                f'it to reach contact: sink the sensor with recess = "{recess_in_words(recess + low)}", or {extending}',
+                f'a range that includes contact: set recess = "{recess_in_words(recess + low)}", or {extending}',
             )
         if scenario.distance > high:
-            cause, extending = ", where the valid range of the sensor ends", ""
+            cause, extending = ", the end of the sensor's valid range", ""
             if window is not None and window.l_max <= (recess + high) * (1 + _ROUNDING):
-                cause = f", where the calibration ceases to support the curve ({window.end_reason})"
+                cause = f", the end of the calibrated range ({window.end_reason})"
                 extending = (
-                    f", calibrate farther out, or extend the curve with maximum_distance = "
-                    f'"{1e3 * scenario.distance:.4g} mm" where the model allows it (a table does not): {told}'
+                    f", calibrate at larger distances, or extend the curve with maximum_distance = "
+                    f'"{1e3 * scenario.distance:.4g} mm" if the model allows it (a table does not): {consequence}'
                 )
             self.refuse(
                 ("obstacle", "position"),
                 f"found a distance of {1e3 * scenario.distance:.4g} mm at the start, expected at most "
-                f"{1e3 * high:.4g} mm{cause}: start where the object enters it{extending}",
+                f"{1e3 * high:.4g} mm{cause}: start the encounter where the object enters the range{extending}",
             )
 
     def check_frequencies(self, scenario: Scenario | None) -> None:
-        """Refuse an admittance that no control loop follows: it oscillates thousands of times before contact."""
-        given = self.values("admittance") or {}
-        found = {key: given[key][1] for key in FREE if key == "natural_frequency_bounds" and key in given}
+        """Refuse an admittance that is too fast for any control loop: it would oscillate thousands of times."""
+        values = self.values("admittance") or {}
+        frequencies = {key: values[key][1] for key in FREE if key == "natural_frequency_bounds" and key in values}
         if scenario is not None:
-            key = next((k for k in ("natural_frequency", "stiffness") if given.get(k) is not None), "stiffness")
-            found[key] = scenario.admittance.natural_frequency
-        for key, frequency in found.items():
+            key = next((k for k in ("natural_frequency", "stiffness") if values.get(k) is not None), "stiffness")
+            frequencies[key] = scenario.admittance.natural_frequency
+        for key, frequency in frequencies.items():
             if frequency > _FASTEST:
                 self.refuse(
                     ("admittance", key),
                     f"found a natural frequency of {frequency:.4g} rad/s, expected at most {_FASTEST:,.0f} rad/s, "
-                    "above which no control loop follows it; check mass and stiffness with their units",
+                    "because no control loop is faster; check mass and stiffness with their units",
                 )
 
     def check_slope(self, sensor: SensorModel) -> None:
-        """Refuse a curve that no sensor has: at contact it falls by a factor of e within less than a micrometer."""
+        """Refuse an implausible curve, which falls by a factor of e within less than a micrometer at contact."""
         nearest = max(sensor.valid_range[0], 0.0)
         slope = abs(float(sensor.log_slope(nearest)))
         if slope > 1 / _STEEPEST:
             self.refuse(
                 ("sensor",),
                 f"found an output that falls by a factor of e within {1 / slope:.3g} m at {nearest:g} m, expected at "
-                f"least {_STEEPEST:g} m; check the parameters of the curve with their units",
+                f"least {_STEEPEST:g} m; check the parameters of the curve and their units",
             )
 
     def _needs_impact(self, quantity: str, path: KeyPath) -> None:
         if quantity in _PHYSICAL and "impact" not in self.data:
-            self.refuse(
-                path, f'found {quantity} without physical properties, expected [impact] with robot_mass = "4 kg"'
-            )
+            self.refuse(path, f'found {quantity} without [impact], expected [impact] with robot_mass = "4 kg"')
 
 
 def _without_content(error: PretouchError, path: Path) -> str:
-    """Say what is wrong with a calibration, but nothing that stands in it: a scenario may name any file."""
+    """Return the message of an error without any content of the calibration file: a scenario may name any file.
+
+    The message names the key of [sensor] in which the mistake was made, if it was not the file.
+    """
     if not isinstance(error, CalibrationDataError):
         return str(error)
-    problem = error.problem or f"{path.name}: found no calibration that can be read"
+    key = str(error).partition(": ")[0]
+    if key in {"columns", "labels"}:
+        problem = error.problem or f"{key}: found {key} that do not fit {path.name}"
+    else:
+        problem = error.problem or f"{path.name}: found no calibration that can be read"
     return problem if problem == str(error) else f"{problem}; to see more, run: pretouch fit {shlex.quote(str(path))}"
 
 
 def _extended(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
-    """Sink a fitted curve, and extend or cut it to the distances that are asked for, from the contact surface."""
+    """Apply the recess to a fitted curve, and extend or cut it to the requested distances from the contact surface."""
     if recess is None:
         return dataclasses.replace(sensor, **limits)
     low, high = sensor.valid_range
-    low = min(low, limits.get("minimum_distance", low))  # whatever the recess, which may be uncertain
+    low = min(low, limits.get("minimum_distance", low))  # independent of the recess, which may be uncertain
     high = max(high, recess + limits.get("maximum_distance", -math.inf))
     curve = dataclasses.replace(sensor, minimum_distance=low, maximum_distance=high)
     return Recessed(sensor=curve, recess=recess, **limits)
 
 
-def _terms(given: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[str, Any]]]:
-    """Lay out the terms of an objective, each with the keys that its quantity and its scale come from."""
-    for i, term in enumerate(given.get("terms", ())):
+def _terms(values: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[str, Any]]]:
+    """Yield the terms of an objective, each with the keys of its quantity and its scale."""
+    for i, term in enumerate(values.get("terms", ())):
         path: KeyPath = ("objective", "terms", i)
         yield (*path, "quantity"), (*path, "scale"), term
     for kind, quantity in _SHORT.items():
-        if f"{kind}_scale" in given:
+        if f"{kind}_scale" in values:
             path = ("objective", f"{kind}_scale")
-            yield path, path, {"quantity": quantity, "scale": given[path[1]], "weight": given[f"{kind}_weight"]}
+            yield path, path, {"quantity": quantity, "scale": values[path[1]], "weight": values[f"{kind}_weight"]}

@@ -1,7 +1,4 @@
-"""The sections of a scenario file that describe the sampled loop: [chain], [controller], [robot], [contact], [loop].
-
-And [law], of which most is of the sampled law.
-"""
+"""Keys of the scenario file's sections [chain], [controller], [law], [robot], [contact] and [loop]."""
 
 from __future__ import annotations
 
@@ -25,31 +22,31 @@ _POWER_LAW: Final = re.compile(
 _SPAN: Final = Quantity("s", '"1 ms"', "positive")
 
 
-def _how_often(given: Mapping[str, Any]) -> None:
-    if not {"part", "rate"} & set(given):
+def _check_rate(values: Mapping[str, Any]) -> None:
+    if not {"part", "rate"} & set(values):
         raise UnfitValueError('missing rate, expected rate = "250 Hz", or part = "VCNL4010", which has one')
 
 
-def _one_clock(given: Mapping[str, Any]) -> None:
+def _check_period(values: Mapping[str, Any]) -> None:
     expected = 'expected one of rate = "1 kHz" and period = "1 ms"'
-    if not {"rate", "period"} & set(given):
+    if not {"rate", "period"} & set(values):
         raise UnfitValueError(f"missing rate, {expected}")
-    if {"rate", "period"} <= set(given):
+    if {"rate", "period"} <= set(values):
         raise UnfitValueError(f"found both rate and period, {expected}", "period")
 
 
-def _beyond_one(given: Mapping[str, Any]) -> None:
-    margin = given.get("stability_margin", 2.0)
+def _check_margin(values: Mapping[str, Any]) -> None:
+    margin = values.get("stability_margin", 2.0)
     if not margin > 1:
         raise UnfitValueError(
-            f"found {margin:g}, expected a number above 1, such as 2: how many times the gain could "
+            f"found {margin:g}, expected a gain margin above 1, such as 2: the factor by which the gain could "
             "grow until the loop is unstable",
             "stability_margin",
         )
 
 
-def _in_its_power(exponent: float | None) -> Callable[[Any], Any]:
-    """Return what reads a stiffness such as "1e6 N/m^1.5", where its power is that of the exponent, or a bare one."""
+def _stiffness_reader(exponent: float | None) -> Callable[[Any], Any]:
+    """Make the reader of a stiffness such as "1e6 N/m^1.5", whose power must equal the exponent; or a bare number."""
     power = 1.5 if exponent is None else exponent
 
     def read(value: Any) -> Any:
@@ -79,13 +76,13 @@ _CHAIN: Final = Section(
         "phase": Key(Quantity("s", '"random"', "nonnegative", words=("random",)), "random"),
         **declared_keys(SensorChain, optional=True, without=("phase", "random_phase")),
     },
-    _how_often,
+    _check_rate,
 )
-"""What lies between the distance and the readings; what is left out is as the part or the calibration has it."""
+"""The sensor chain between distance and readings; missing values are taken from the part or the calibration."""
 
 
 def _controller(law: ContinuousLaw) -> Section:
-    """Return the section of the sampled law; its virtual admittance is that of [admittance]."""
+    """Return the section of the controller; its virtual admittance is that of [admittance]."""
     keys = {
         "rate": Key(Quantity("Hz", '"1 kHz"', "positive")),
         "period": Key(_SPAN),
@@ -96,32 +93,32 @@ def _controller(law: ContinuousLaw) -> Section:
         **declared_keys(Conditioning, without=("floor", "offset", "sensor_period")),
         **_limits(),
     }
-    if law == DAMPER:  # what is sampled of the drag stands in [law]
+    if law == DAMPER:  # the keys of the sampled drag are in [law]
         keys |= {"gain": Key(gain_of(law)), **declared_keys(VirtualDamper, without=("gain",))}
-    return Section(keys, _one_clock)
+    return Section(keys, _check_period)
 
 
-def _one_way(given: Mapping[str, Any]) -> None:
-    """Hold that the drag is named, or chosen by one effect, or by the objective."""
-    ways = [name for name in ("drag", *EFFECTS) if name in given]
+def _check_drag(values: Mapping[str, Any]) -> None:
+    """Check that the drag is given, or chosen by one effect, or by the objective."""
+    ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
             f"found both {ways[0]} and {ways[1]}, expected one of {', '.join(EFFECTS)}, drag", ways[1]
         )
-    if "largest_speed" in given and ways[:1] not in [[name] for name in AT_A_SPEED]:
-        beside = f"beside {ways[0]}" if ways else "alone"
-        raise UnfitValueError(f"found it {beside}, expected it with one of {', '.join(AT_A_SPEED)}", "largest_speed")
+    if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:
+        context = f"together with {ways[0]}" if ways else "alone"
+        raise UnfitValueError(f"found it {context}, expected it with one of {', '.join(AT_A_SPEED)}", "largest_speed")
 
 
 _DRAG: Final = declared_keys(VirtualDrag)
 SAMPLED_DRAG: Final = tuple(_DRAG)
-"""The keys of [law] that are those of the sampled drag."""
+"""The keys of [law] that are parameters of the sampled drag."""
 
-OF_CHAIN: Final = ("noise", "relative_noise", "resolution")
-"""Those of them that the chain knows."""
+FROM_CHAIN: Final = ("noise", "relative_noise", "resolution")
+"""The keys of SAMPLED_DRAG whose default values are those of the chain."""
 
 AT_A_SPEED: Final = ("acceleration", "contact_speed", "impact_force")
-"""The effects that a drag has up to a largest speed."""
+"""The effects that hold up to a largest approach speed."""
 
 _LAW: Final[Mapping[str, Section]] = {
     DAMPER.kind: Section({"kind": TAG}),
@@ -135,13 +132,13 @@ _LAW: Final[Mapping[str, Section]] = {
             "contact_speed": Key(Quantity("m/s", '"50 mm/s"', "positive")),
             "impact_force": Key(Quantity("N", '"20 N"', "positive")),
             "largest_speed": Key(Quantity("m/s", '"0.5 m/s"', "positive")),
-            **{name: Key(_DRAG[name].read) for name in OF_CHAIN},
-            **{name: key for name, key in _DRAG.items() if name not in {"drag", *OF_CHAIN}},
+            **{name: Key(_DRAG[name].read) for name in FROM_CHAIN},
+            **{name: key for name, key in _DRAG.items() if name not in {"drag", *FROM_CHAIN}},
         },
-        _one_way,
+        _check_drag,
     ),
 }
-"""[law] by its kind; keys of the damper's sampled law are those of [controller]."""
+"""The variants of [law], by kind; the keys of a sampled damper are in [controller]."""
 
 _STIFFNESS: Final = declared_keys(HuntCrossley)["stiffness"].read
 
@@ -159,7 +156,7 @@ LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
                 "kind": TAG,
                 "exponent": Key(Quantity("", "1.5", "positive"), 1.5),  # read before the stiffness
                 **declared_keys(HuntCrossley, without=("exponent",)),
-                "stiffness": Key(_STIFFNESS, REQUIRED, after=("exponent", _in_its_power)),
+                "stiffness": Key(_STIFFNESS, REQUIRED, after=("exponent", _stiffness_reader)),
             },
             make=HuntCrossley,
         ),
@@ -175,8 +172,8 @@ LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
                 "stability_margin": Key(Quantity("", "2.0", "positive")),
                 "speed_tolerance": Key(Quantity("", "0.1", "nonnegative"), 0.1),
             },
-            _beyond_one,
+            _check_margin,
         )
     },
 }
-"""The sections of a loop in their variants."""
+"""The variants of the sections of a loop."""

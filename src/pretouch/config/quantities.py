@@ -1,4 +1,4 @@
-"""The values that a scenario file may hold, and what is said where one does not fit."""
+"""Read quantities with units from a scenario file, and describe values that are wrong."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 from pretouch._core.errors import UnitError
-from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit, to_si
-from pretouch._core.values import Sign
+from pretouch._core.fields import Sign
+from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit, to_si, written_unit
 
 KeyPath: TypeAlias = tuple[str | int, ...]
-"""Where something stands in a file: keys as text, elements of arrays by their index."""
+"""The path of a value in a file: keys as text, list elements as index."""
 
 _HOLDS: Final[Mapping[str, Callable[[float, float], bool]]] = {
     "nonzero": operator.ne,
@@ -29,11 +29,11 @@ _LONGEST: Final = 60
 
 
 class UnfitValueError(ValueError):
-    """A value that a key does not take.
+    """A value that is not allowed for its key.
 
     Args:
-        sentence: says what is expected; what was found is put before it, unless it starts otherwise.
-        path: the keys inside the value that it is about.
+        sentence: the message; if it starts with "expected", the value is put before it.
+        path: path of the wrong part inside the value.
     """
 
     def __init__(self, sentence: str, *path: str | int) -> None:
@@ -42,17 +42,17 @@ class UnfitValueError(ValueError):
 
     @classmethod
     def of(cls, mistakes: Iterable[tuple[KeyPath, str]]) -> UnfitValueError:
-        """Say several mistakes at once, each with its place inside the value."""
+        """Make one error of several mistakes, each with its path inside the value."""
         error = cls("")
         error.mistakes = list(mistakes)
         return error
 
 
 def shown(value: Any) -> str:
-    """Write what `tomllib` read much as it stands in the file, shortened where it is long.
+    """Return a TOML value as it is written in the file; long values are shortened.
 
     Returns:
-        The text for a message.
+        Text for a message.
 
     Examples:
         >>> shown("10 N/m"), shown(True), shown([1, 2])
@@ -75,7 +75,7 @@ def shown(value: Any) -> str:
 
 
 def printable(text: str) -> str:
-    r"""Escape what would break the line of a message or steer a terminal.
+    r"""Escape line breaks and control characters of a text for messages.
 
     Returns:
         The text on one line.
@@ -89,17 +89,17 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Reads one quantity: text with its unit, or a bare number in SI.
+    """The reader of one quantity: text with a unit, or a bare number in SI.
 
     Args:
-        unit: the SI unit that is expected; the empty text for a pure number; "output" for a sensor output, which
-            may be in V, in counts or bare; "output/s" for a change of one.
-        example: the value that messages show where the key is missing, as TOML.
-        sign: what must hold.
+        unit: the expected SI unit; empty for a pure number; "output" for a sensor output, which may be in V, in counts
+            or bare; "output/s" for its rate of change.
+        example: an example value, as TOML, for messages about a missing key.
+        sign: required sign.
         infinite: whether it may be infinite.
-        words: texts that may stand in its place and are kept as they are.
-        of: which law has this unit, for messages; the empty text where none decides it.
-        largest_bare: magnitude up to which a number may stand without its unit: a larger one is likely in another.
+        words: words that are allowed instead of a quantity, such as "auto".
+        of: kind of the law that determines the unit, for messages; empty if the unit does not depend on the law.
+        largest_bare: largest magnitude of a bare number; a larger number is probably in another unit.
 
     Examples:
         >>> Quantity("m", '"42.2 mm"')("42.2 mm")
@@ -116,7 +116,7 @@ class Quantity:
 
     @property
     def expected(self) -> str:
-        """What a message says is expected."""
+        """The description of allowed values, for messages."""
         return self._described("")
 
     def _described(self, adjective: str) -> str:
@@ -124,23 +124,23 @@ class Quantity:
             what, (volts, counts, _) = self.unit.replace("output", "sensor output"), _OUTPUT_UNITS[self.unit]
             text = f"a {adjective}{what.replace('/s', ' per second')}, a number or text in {volts} or {counts}"
         else:
-            text = f"a {adjective}quantity in {self.unit}" if self.unit else f"a {adjective}number"
-        text += f", as law kind {self.of} has it" if self.of else ""
+            text = f"a {adjective}quantity in {written_unit(self.unit)}" if self.unit else f"a {adjective}number"
+        text += f", the unit of law kind {self.of}" if self.of else ""
         return text + "".join(f' or "{word}"' for word in self.words)
 
     def __call__(self, value: Any) -> float | str:
-        """Turn what `tomllib` read into SI, or into one of the words; raise UnfitValueError where it is neither."""
+        """Convert a TOML value to SI, or return one of the words; raise UnfitValueError for anything else."""
         if isinstance(value, str) and value in self.words:
             return value
         if self.unit == "rad/s" and isinstance(value, str) and "Hz" in value:
             raise UnfitValueError(
-                'expected an angular frequency in rad/s: Hz is ambiguous here, 1 Hz is 2*pi = "6.2832 rad/s"'
+                'expected an angular frequency in rad/s, because Hz is ambiguous here; 1 Hz is 2*pi = "6.2832 rad/s"'
             )
         number = self._number(value)
         if not isinstance(value, str) and abs(number) > self.largest_bare:
             raise UnfitValueError(
-                f"expected a quantity with its unit, for a bare number is in {self.unit}: did you mean "
-                f'"{value:g} m{self.unit}"? Else write "{value:g} {self.unit}"'
+                f"expected a quantity with its unit, because a bare number is in {self.unit}: did you mean "
+                f'"{value:g} m{self.unit}"? Otherwise write "{value:g} {self.unit}"'
             )
         if self.sign != "any" and not _HOLDS[self.sign](number, 0.0):
             raise UnfitValueError(f"expected {self._described(f'{self.sign} ')}")
@@ -154,7 +154,7 @@ class Quantity:
         if isinstance(value, bool) or not isinstance(value, (int, float, str)):
             raise UnfitValueError(f"expected {self.expected}")
         if isinstance(value, str):
-            value = re.sub(rf"^\s*({_NUMBER})\s*/", r"\1 1/", value)  # "-61 /m" is what people write for "-61 1/m"
+            value = re.sub(rf"^\s*({_NUMBER})\s*/", r"\1 1/", value)  # "-61 /m" means "-61 1/m"
         for unit in _OUTPUT_UNITS.get(self.unit, (self.unit,)):
             number = _in_unit(value, unit)
             if number is not None:
@@ -170,19 +170,19 @@ def _in_unit(value: float | str, unit: str) -> float | None:
 
 
 def output_unit(value: Any) -> str:
-    """Return V or counts where the text of a sensor output, or of its change, names it; empty for anything else."""
+    """Return the unit of a sensor output or of its rate of change: V or counts; empty for anything else."""
     names = {"": ("", "1/s"), "V": ("V", "V/s"), "counts": ("counts", "counts/s")}
     if not isinstance(value, str):
         return ""
-    return next((unit for unit, both in names.items() if any(_in_unit(value, one) is not None for one in both)), "")
+    return next((unit for unit, both in names.items() if any(_in_unit(value, name) is not None for name in both)), "")
 
 
 def _reason(value: Any) -> str:
-    """Say what is wrong with a text, where that is more than another dimension."""
+    """Return why a text is not a quantity, in parentheses; empty if only its dimension is wrong."""
     if not isinstance(value, str):
         return ""
     if re.search(r"\d,\d", value):
-        return " (with a decimal point in the place of the comma)"
+        return " (with a decimal point instead of the comma)"
     match = re.fullmatch(rf"\s*{_NUMBER}\s*(\S.*?)\s*", value, re.DOTALL)
     if match is None:
         return ""

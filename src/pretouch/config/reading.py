@@ -1,4 +1,4 @@
-"""From the data of a file to its sections: every mistake found, placed in its line and said in a sentence."""
+"""Read the sections of a scenario file; collect all mistakes, each with its key, line and a sentence."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from typing import Any, Final, TypeAlias, TypeVar
 from pretouch._core.errors import InvalidInputError, OutOfRangeError, ScenarioFileError
 from pretouch.motion.laws import DAMPER, LAWS
 
-from .document import key_lines
+from .key_lines import key_lines
 from .quantities import KeyPath, UnfitValueError, shown
 from .schema import OF_A_LAW, SECTIONS, keys_of, needed, variants
 from .section import Section, nearest, one_of
 from .sensor import CALIBRATION, sensor_variants
 
 Mistake: TypeAlias = tuple[KeyPath, str]
-"""The key that a mistake is about, and a sentence with what was found and what is expected."""
+"""The key of a mistake, and a sentence with the value and what is expected."""
 
-_HOME: Final[dict[str, KeyPath]] = {
+_KEY_OF_NAME: Final[dict[str, KeyPath]] = {
     "bounds": ("gain", "bounds"),
     "method": ("motion", "method"),
     "horizon": ("motion", "horizon"),
@@ -52,11 +52,11 @@ class ScenarioSource:
     """The file that a task was read from.
 
     Args:
-        path: where it stood.
-        text: its text, so that a report can show it.
-        sha256: the hash of its bytes, in hexadecimal.
-        supported: where the calibration of its sensor supports the curve, as a sentence; empty without one.
-        calibration_files: what was read for the calibration of its sensor.
+        path: path of the file.
+        text: its text, which reports show.
+        sha256: hash of its bytes, in hexadecimal.
+        supported: sentence on the distances that the sensor's calibration supports; empty without a calibration.
+        calibration_files: the files that were read for the calibration of the sensor.
     """
 
     path: Path
@@ -67,7 +67,7 @@ class ScenarioSource:
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """Every file that was read, none of which may be written over."""
+        """Every file that was read; none of them may be overwritten."""
         return (self.path, *self.calibration_files)
 
     @property
@@ -76,26 +76,26 @@ class ScenarioSource:
         return _lines_of(self.text)
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Return what a verb refuses as a mistake of the file, with line and key as near as they are known."""
-        if isinstance(error, ScenarioFileError):  # placed by a verb that this one has called
+        """Convert an error of a verb to a mistake of the file, with line and key as far as they are known."""
+        if isinstance(error, ScenarioFileError):  # converted already by a nested verb
             return error
-        told = self.explained(error)
-        path, sentence = place(told, "")
-        known = path[:1] in self.lines
-        return ScenarioFileError(self.listed([(path, sentence)]) if known else f"{self.path}: {told}")
+        message = self.explained(error)
+        path, sentence = split_message(message, "")
+        has_line = path[:1] in self.lines
+        return ScenarioFileError(self.listed([(path, sentence)]) if has_line else f"{self.path}: {message}")
 
     def explained(self, error: InvalidInputError) -> str:
-        """Return the message of an error, with the calibration as the reason where a sensor says nothing."""
+        """Return the message of an error; for a distance out of range, add the range that the calibration supports."""
         return f"{error}; {self.supported}" if self.supported and isinstance(error, OutOfRangeError) else str(error)
 
     def listed(self, mistakes: Iterable[Mistake]) -> str:
-        """List mistakes, one sentence each, by line: that of the key, of what would hold it, or the last."""
+        """List mistakes by line, one per row; a missing key gets the line of its section, or else the last line."""
         last = self.text.rstrip().count("\n") + 1
-        told = []
+        rows = []
         for path, sentence in dict.fromkeys(mistakes):
             line = next((self.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in self.lines), last)
-            told.append((line, f"{_dotted(path)}: {sentence}" if path else sentence))
-        ordered = sorted(told, key=lambda each: each[0])
+            rows.append((line, f"{_dotted(path)}: {sentence}" if path else sentence))
+        ordered = sorted(rows, key=lambda each: each[0])
         return "\n".join(f"{self.path}, line {line}: {text}" for line, text in ordered)
 
 
@@ -108,23 +108,23 @@ def _dotted(path: KeyPath) -> str:
         if isinstance(part, int):
             text += f"[{part}]"
         else:
-            shown = part if re.fullmatch(r"[\w-]{1,60}", part) else repr(part[:60])
-            text += f".{shown}" if text else shown
+            name = part if re.fullmatch(r"[\w-]{1,60}", part) else repr(part[:60])
+            text += f".{name}" if text else name
     return text
 
 
-def place(message: str, section: str) -> Mistake:
-    """Split a message `name: found ..., which ...` into the key that it speaks of, and the sentence.
+def split_message(message: str, section: str) -> Mistake:
+    """Split a message `name: found ..., expected ...` into the key that the name means, and the sentence.
 
-    The name may be a key of the section that was being built, where one is given, or the words of a key.
+    The name may be a key of `section`, if that is not empty, or the words of a section and a key.
 
     Returns:
-        The path of the key, as near as it is known, and the sentence.
+        The path of the key, as far as it is known, and the sentence.
 
     Examples:
-        >>> place("obstacle position: found a distance of 0 m", "")
+        >>> split_message("obstacle position: found a distance of 0 m", "")
         (('obstacle', 'position'), 'found a distance of 0 m')
-        >>> place("mass: found -1 kg, which must be positive", "admittance")
+        >>> split_message("mass: found -1 kg, which must be positive", "admittance")
         (('admittance', 'mass'), 'found -1 kg, which must be positive')
     """
     name, colon, sentence = message.partition(": ")
@@ -139,7 +139,7 @@ def place(message: str, section: str) -> Mistake:
         return ("constraints", words[1]), sentence
     if section:
         return (section,), message
-    return (_HOME[name], sentence) if name in _HOME else ((), message)
+    return (_KEY_OF_NAME[name], sentence) if name in _KEY_OF_NAME else ((), message)
 
 
 T = TypeVar("T")
@@ -149,18 +149,18 @@ _BY_KEYS: Final = {
     "impact": ({"radius", "effective_modulus"}, "radius", "stiffness"),
 }
 _TAGS: Final = {"sensor": "model", "objective": "kind", "robot": "kind", "contact": "kind", "law": "kind"}
-"""The key that names the variant."""
+"""The key that selects the variant of a section."""
 
 
 class Reading:
-    """The sections of a file: their values, what is made of them, and every mistake on the way.
+    """The sections of a file with their values, and all mistakes in them.
 
     Args:
         source: the file.
-        data: what `tomllib` read in it.
+        data: its content, parsed by `tomllib`.
 
     Attributes:
-        kind: of the law; None where [law] does not tell it, and what follows the law is then not read.
+        kind: kind of the law; None if [law] is wrong, and sections that depend on the law are then not read.
     """
 
     def __init__(self, source: ScenarioSource, data: Mapping[str, Any]) -> None:
@@ -168,7 +168,9 @@ class Reading:
         self.unread: list[Mistake] = list(_unknown_sections(data))
         self.mistakes: list[Mistake] = []
         self.sections: dict[str, tuple[Section, dict[str, Any]]] = {}
-        self.meant = {nearest(name, SECTIONS) for name in data if name not in SECTIONS}  # by names that are none
+        self.meant = {
+            nearest(name, SECTIONS) for name in data if name not in SECTIONS
+        }  # sections whose names are probably misspelled
         law = data.get("law", {} if "law" in self.meant else {"kind": DAMPER.kind})
         kind = law.get("kind") if isinstance(law, dict) else None
         self.kind = kind if isinstance(kind, str) and kind in LAWS else None
@@ -179,20 +181,20 @@ class Reading:
             elif name in examples and name not in self.meant:
                 self.unread.append(((name,), f"found no such section, expected [{name}] with {examples[name]}"))
 
-    def _read(self, name: str, found: Any) -> None:
-        """Read a section; note its mistakes where it has some."""
-        if not isinstance(found, dict):
-            what = f"[[{name}]]" if isinstance(found, list) else shown(found)
+    def _read(self, name: str, content: Any) -> None:
+        """Read a section, and note its mistakes."""
+        if not isinstance(content, dict):
+            what = f"[[{name}]]" if isinstance(content, list) else shown(content)
             self.unread.append(((name,), f"found {what}, expected a section [{name}] with keys"))
             return
         if name in OF_A_LAW and self.kind is None:
             return
-        variant = _variant(name, found, self.kind or "")
+        variant = _variant(name, content, self.kind or "")
         if not isinstance(variant, Section):
             self.unread.append(variant)
             return
         try:
-            self.sections[name] = variant, variant(found, partial(_stranger, self.source, name, variant, found))
+            self.sections[name] = variant, variant(content, partial(_unknown_key, self.source, name, variant, content))
         except UnfitValueError as unfit:
             self.unread += [((name, *path), sentence) for path, sentence in unfit.mistakes]
 
@@ -201,23 +203,23 @@ class Reading:
         self.mistakes.append((path, sentence))
 
     def attempt(self, section: str, make: Callable[[], T], path: KeyPath = ()) -> T | None:
-        """Make an object; note the mistake where that is refused, at a key where that is known."""
+        """Make an object; note a mistake if that raises an error, at `path` or at the key that the message names."""
         try:
             return make()
         except InvalidInputError as error:
-            self.refuse(*((path, str(error)) if path else place(str(error), section)))
+            self.refuse(*((path, str(error)) if path else split_message(str(error), section)))
             return None
 
     def values(self, section: str) -> dict[str, Any] | None:
-        """Return the values of a section; None where the file has none, or mistakes in it."""
+        """Return the values of a section; None if the section is missing or has mistakes."""
         return self.sections[section][1] if section in self.sections else None
 
     def settings(self, section: str) -> dict[str, Any]:
-        """Return the values of a section that may be left out, by default those of an empty one."""
+        """Return the values of an optional section; if it is missing, its default values."""
         return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
 
-    def made(self, section: str, without: tuple[str, ...] = ()) -> Any:
-        """Make what a section describes, without what is said of it beside."""
+    def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
+        """Make the object that a section describes, without some of its keys."""
         if section not in self.sections:
             return None
         variant, values = self.sections[section]
@@ -226,7 +228,7 @@ class Reading:
 
 
 def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
-    """Refuse what is no section, and say which one is meant."""
+    """Yield a mistake for each unknown section, with the section that was probably meant."""
     for name in data:
         if name in SECTIONS:
             continue
@@ -239,43 +241,43 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
             yield (name,), f"found an unknown section, expected {expected}"
 
 
-def _variant(name: str, found: Mapping[str, Any], law: str) -> Section | Mistake:
-    """Choose the variant of a section by what it holds, or by the law; a mistake where it holds nothing of the kind."""
+def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mistake:
+    """Choose the variant of a section by its keys or by the law; return a mistake if that is not possible."""
     if name == "sensor":
-        taken = sensor_variants(foreign=True)
-        calibrated = taken.pop(CALIBRATION)
-        return calibrated if CALIBRATION in found else _named(name, found, taken)
-    known = variants(name)
+        curves = sensor_variants(foreign=True)
+        calibrated = curves.pop(CALIBRATION)
+        return calibrated if CALIBRATION in content else _named_variant(name, content, curves)
+    choices = variants(name)
     if name in _TAGS:
-        return _named(name, found, known)
+        return _named_variant(name, content, choices)
     if name in _BY_KEYS:
         keys, with_them, without = _BY_KEYS[name]
-        return known[with_them if keys & set(found) else without]
-    return known[law if name in OF_A_LAW else ""]
+        return choices[with_them if keys & set(content) else without]
+    return choices[law if name in OF_A_LAW else ""]
 
 
-def _named(section: str, found: Mapping[str, Any], taken: Mapping[str, Section]) -> Section | Mistake:
-    """Choose a variant by the name that a key gives."""
+def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[str, Section]) -> Section | Mistake:
+    """Choose the variant of a section by the key that names it, such as `kind`."""
     names = tuple(name for name in variants(section) if name != CALIBRATION)
     key = _TAGS[section]
-    if key in found:
-        value = found[key]
-        if isinstance(value, str) and value in taken:
-            return taken[value]
+    if key in content:
+        value = content[key]
+        if isinstance(value, str) and value in choices:
+            return choices[value]
         return (section, key), f"found {shown(value)}, {one_of(value, names)}"
     keys, alternative = ((key, CALIBRATION), ', or calibration = "sensor.csv"') if section == "sensor" else ((key,), "")
-    for stranger in found:
-        near = nearest(stranger, keys) if stranger not in keys_of(section) else None
+    for unknown in content:
+        near = nearest(unknown, keys) if unknown not in keys_of(section) else None
         if near:
-            return (section, stranger), f'found an unknown key, expected "{near}"'
+            return (section, unknown), f'found an unknown key, expected "{near}"'
     return (section, key), f'missing, {one_of(None, names)}{alternative}; add, for example: {key} = "{names[0]}"'
 
 
-def _stranger(source: ScenarioSource, name: str, variant: Section, found: Mapping[str, Any], key: str) -> str:
-    """Say what an unknown key may have been meant to be, or where it belongs."""
+def _unknown_key(source: ScenarioSource, name: str, variant: Section, content: Mapping[str, Any], key: str) -> str:
+    """Return a message for a key that its section does not have: the key that was meant, or where it belongs."""
     takes = ", ".join(variant.keys)
     if key in keys_of(name):
-        return _of_another_variant(source, name, takes, found, key)
+        return _key_of_another_variant(source, name, takes, content, key)
     near = nearest(key, tuple(variant.keys)) or nearest(key, keys_of(name))
     if near:
         return f'found an unknown key, expected "{near}"'
@@ -286,25 +288,25 @@ def _stranger(source: ScenarioSource, name: str, variant: Section, found: Mappin
 
 
 _INSTEAD: Final = {
-    ("controller", "gain"): 'drag = "0.0144 N*s^2" in [law]',
+    ("controller", "gain"): 'drag = "0.0144 N*s²" in [law]',
     ("constraints", "gain"): "bounds in [gain]",
 }
 
 
-def _of_another_variant(source: ScenarioSource, name: str, takes: str, found: Mapping[str, Any], key: str) -> str:
-    """Say that a key belongs to another variant of its section than the one that was chosen."""
+def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, content: Mapping[str, Any], key: str) -> str:
+    """Return a message for a key that belongs to another variant of its section."""
     owners = [tag for tag, other in variants(name).items() if key in other.keys]
-    if name == "sensor" and CALIBRATION in found:
+    if name == "sensor" and CALIBRATION in content:
         return (
-            f"found a parameter beside calibration (line {source.lines['sensor', CALIBRATION]}), expected either a "
-            "model by its parameters, or a calibration to be fitted"
+            f"found a parameter together with calibration (line {source.lines['sensor', CALIBRATION]}), expected "
+            "either a model with its parameters, or a calibration to fit"
         )
     if name == "sensor" and owners == [CALIBRATION]:
-        return "found a key that belongs to a calibration, expected it only beside calibration = ..."
+        return "found a key that belongs to a calibration, expected it only together with calibration = ..."
     if name in OF_A_LAW:
         instead = _INSTEAD.get((name, key), f"only {takes}")
-        return f'found a key of law kind "{owners[0]}", which the law of this file does not take; expected {instead}'
+        return f'found a key of law kind "{owners[0]}", which the law of this file does not have; expected {instead}'
     if name in _TAGS:
         quoted = " and ".join(f'"{owner}"' for owner in owners)
-        return f'found a key of {quoted}, which "{found[_TAGS[name]]}" does not take; expected only {takes}'
-    return f"found beside {', '.join(k for k in found if k != key)}, expected only {takes}"
+        return f'found a key of {quoted}, which "{content[_TAGS[name]]}" does not have; expected only {takes}'
+    return f"found together with {', '.join(k for k in content if k != key)}, expected only {takes}"

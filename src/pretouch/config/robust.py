@@ -1,4 +1,4 @@
-"""What a scenario file says of inputs that are not known exactly, as what `design_robust_gain` takes."""
+"""Build distributions, measure and probabilities for `design_robust_gain` from [uncertainty] and [robust]."""
 
 from __future__ import annotations
 
@@ -40,23 +40,23 @@ def robust_fields(
     calibration: CalibrationReport | None,
     constraints: tuple[Constraint, ...],
 ) -> dict[str, Any]:
-    """Return the fields of a task that speak of a robust gain, and the constraints with their probabilities.
+    """Return the fields of a task for a robust gain, and the constraints with their probabilities.
 
-    What contradicts itself becomes a mistake of the file; what has mistakes already is None.
+    Contradictions are noted as mistakes of the file. Arguments with mistakes are None.
     """
-    asked = file.settings("robust")
+    settings = file.settings("robust")
     if "robust" in file.data and "uncertainty" not in file.data:
         file.refuse(
             ("robust",),
-            "found no [uncertainty] beside it, expected what is known of inputs, such as "
+            "found this section without [uncertainty], expected [uncertainty] with an input such as "
             'obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }',
         )
-    known = _uncertainty(file, asked["measure"], sensor, calibration)
-    if scenario is not None and sensor is not None and known and not file.mistakes:
-        _check_middle(file, scenario, sensor, known)
-    measure = _measure(asked.pop("measure"), asked.pop("probability", 0.0))
-    limits = tuple(_required(file, asked.pop("required", {}), constraints))
-    return {"uncertainty": known, "measure": measure, "constraints": limits, **asked}
+    uncertainty = _uncertainty(file, settings["measure"], sensor, calibration)
+    if scenario is not None and sensor is not None and uncertainty and not file.mistakes:
+        _check_means(file, scenario, sensor, uncertainty)
+    measure = _measure(settings.pop("measure"), settings.pop("probability", 0.0))
+    limits = tuple(_required(file, settings.pop("required", {}), constraints))
+    return {"uncertainty": uncertainty, "measure": measure, "constraints": limits, **settings}
 
 
 def _measure(name: str, probability: float) -> Measure:
@@ -68,90 +68,96 @@ def _measure(name: str, probability: float) -> Measure:
 
 
 def _required(
-    file: Reading, asked: Mapping[str, float], constraints: tuple[Constraint, ...]
+    file: Reading, probabilities: Mapping[str, float], constraints: tuple[Constraint, ...]
 ) -> Iterator[Constraint | Required]:
+    """Yield the constraints, with their required probabilities."""
     limited = {c.name for c in constraints}
-    for name in asked:
+    for name in probabilities:
         if name not in limited:
             file.refuse(
                 ("robust", "required", name),
-                f"found a probability for a limit that is not given, expected {name} in [constraints]",
+                f"found a probability for a missing constraint, expected {name} in [constraints]",
             )
     for constraint in constraints:
-        probability = asked.get(constraint.name)
+        probability = probabilities.get(constraint.name)
         yield constraint if probability is None else Required(constraint=constraint, probability=probability)
 
 
 def _uncertainty(
     file: Reading, measure: str, sensor: SensorModel | None, calibration: CalibrationReport | None
 ) -> dict[str, JointDistribution]:
-    """Build what is known of each input."""
-    found: dict[str, JointDistribution] = {}
+    """Build the distribution of each uncertain input."""
+    distributions: dict[str, JointDistribution] = {}
     parts = file.values("uncertainty")
     if parts is None:
-        return found
+        return distributions
     lines = file.source.lines
-    asked = [(part, key) for part, inputs in parts.items() for key in inputs]
-    for part, key in sorted(asked, key=lambda each: lines["uncertainty", *each]):  # as a report has them, too
-        path, given = ("uncertainty", part, key), parts[part][key]
+    names = [(part, key) for part, inputs in parts.items() for key in inputs]
+    for part, key in sorted(names, key=lambda name: lines["uncertainty", *name]):  # in the order of the file
+        path, values = ("uncertainty", part, key), parts[part][key]
         if part == "sensor" and key == FROM_CALIBRATION:
             fitted = _fitted(file, path, calibration)
-            found |= {} if fitted is None else {"calibration": fitted}
+            distributions |= {} if fitted is None else {"calibration": fitted}
             continue
         if part == "sensor" and sensor is not None and f"sensor.{key}" not in sensor_inputs(sensor):
-            known = [name.removeprefix("sensor.") for name in sensor_inputs(sensor)]
-            has = ", ".join(name for name in known if name != "scale") or "none"
-            file.refuse(path, f"found a parameter that the {sensor.name} curve has not, expected one of: {has}")
+            inputs = [name.removeprefix("sensor.") for name in sensor_inputs(sensor)]
+            parameters = ", ".join(name for name in inputs if name != "scale") or "none"
+            file.refuse(
+                path, f"found a parameter that the {sensor.name} curve does not have, expected one of: {parameters}"
+            )
             continue
-        if "interval" in given and measure != "worst-case":
+        if "interval" in values and measure != "worst-case":
             file.refuse(
                 (*path, "interval"),
-                f'found an interval, which says nothing about what is likely, beside measure = "{measure}"; '
-                'expected uniform where all of it is equally likely, or measure = "worst-case"',
+                f'found an interval, which has no probabilities, together with measure = "{measure}"; '
+                'expected uniform if all values are equally likely, or measure = "worst-case"',
             )
-        made = file.attempt("", partial(_distribution, given), path)
-        found |= {} if made is None else {f"{part}.{key}": made}
-    if not found and not file.mistakes:
+        distribution = file.attempt("", partial(_distribution, values), path)
+        distributions |= {} if distribution is None else {f"{part}.{key}": distribution}
+    if not distributions and not file.mistakes:
         file.refuse(
             ("uncertainty",),
             'found no input, expected one or more, such as obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }',
         )
-    return found
+    return distributions
 
 
 def _fitted(file: Reading, path: tuple[str, ...], calibration: CalibrationReport | None) -> CorrelatedNormal | None:
-    """Take the covariance of the fitted curve."""
+    """Return the joint distribution of the fitted parameters, from their covariance."""
     if calibration is None or calibration.best is None:
         if "calibration" not in file.data.get("sensor", {}):
             file.refuse(
-                path, 'found "calibration" for a sensor that is given by its parameters, expected [sensor] calibration'
+                path, 'found "calibration" without a calibration in [sensor], expected calibration = "sensor.csv" there'
             )
         return None
     best = calibration.best
     return file.attempt("", lambda: parameter_distribution(best), path)
 
 
-def _distribution(given: Mapping[str, Any]) -> Distribution:
-    """Make the distribution that an input is given by."""
-    if "between" in given:
-        (mean, deviation), (low, high) = given["normal"], given["between"]
+def _distribution(values: Mapping[str, Any]) -> Distribution:
+    """Make the distribution of an input."""
+    if "between" in values:
+        (mean, deviation), (low, high) = values["normal"], values["between"]
         return TruncatedNormal(location=mean, deviation=deviation, low=low, high=high)
-    if "normal" in given:
-        mean, deviation = given["normal"]
+    if "normal" in values:
+        mean, deviation = values["normal"]
         return Normal(mean=mean, deviation=deviation)
-    if "samples" in given:
-        return Empirical(samples=tuple(given["samples"]))
-    kind = Uniform if "uniform" in given else Interval
-    low, high = given["uniform" if "uniform" in given else "interval"]
+    if "samples" in values:
+        return Empirical(samples=tuple(values["samples"]))
+    kind = Uniform if "uniform" in values else Interval
+    low, high = values["uniform" if "uniform" in values else "interval"]
     return kind(low=low, high=high)
 
 
-def _check_middle(file: Reading, scenario: Scenario, sensor: SensorModel, known: Uncertainty) -> None:
-    """Refuse inputs that exclude each other, or whose means already are no encounter."""
+def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncertainty: Uncertainty) -> None:
+    """Refuse inputs that contradict each other, or whose mean values are not a valid encounter."""
     means: dict[str, list[float]] = {}
-    for name, value in known.items():
+    for name, value in uncertainty.items():
         if name in means:
-            file.refuse(("uncertainty", *name.split(".")), f"found {name} beside sensor.{FROM_CALIBRATION}")
+            file.refuse(
+                ("uncertainty", *name.split(".")),
+                f"found {name} together with sensor.{FROM_CALIBRATION}, expected one of them",
+            )
         means |= {member: [mean] for member, mean in zip(value.inputs(name), value.means(), strict=True)}
     try:
         make_ensemble(scenario, sensor, means)

@@ -1,6 +1,6 @@
-"""The sections of a scenario file, their keys, and the unit that each key takes.
+"""The sections of a scenario file, their keys, and the unit of each key.
 
-This is the one place where they are named: messages and the test of docs/scenario-file.md read them from here.
+Messages and the test of docs/scenario-file.md use this list.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
+from pretouch._core.units import written_unit
 from pretouch.design.constraints import CONSTRAINT_NAMES, QUANTITY_UNITS, HertzImpact, SpringImpact
 from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
 from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
@@ -23,20 +24,20 @@ from .sensor import sensor_variants
 _OBSTACLE: Final = ("obstacle speed",)
 
 
-def _one_of_two(given: Mapping[str, Any]) -> None:
-    """Hold the second term that L(20) and L(22) share: what is left of the impact, as speed or as force."""
+def _check_second_term(values: Mapping[str, Any]) -> None:
+    """Check the second term of the objectives f_1, L(20), and f_2, L(22): either contact velocity or impact force."""
     expected = 'expected either velocity_scale = "0.3 m/s" or force_scale = "100 N"'
-    if {"velocity_scale", "force_scale"} <= set(given):
+    if {"velocity_scale", "force_scale"} <= set(values):
         raise UnfitValueError(f"found both velocity_scale and force_scale, {expected}", "force_scale")
-    if not {"velocity_scale", "force_scale"} & set(given):
+    if not {"velocity_scale", "force_scale"} & set(values):
         raise UnfitValueError(f"missing velocity_scale, {expected}")
     for kind in ("velocity", "force"):
-        if f"{kind}_weight" in given and f"{kind}_scale" not in given:
+        if f"{kind}_weight" in values and f"{kind}_scale" not in values:
             raise UnfitValueError(f"found {kind}_weight without {kind}_scale, expected both or none", f"{kind}_weight")
 
 
-def _compromise(first: str, unit: str, example: str) -> Section:
-    """Return the section of a compromise: a term of its own, with scale and weight, and the one that is shared."""
+def _two_term_objective(first: str, unit: str, example: str) -> Section:
+    """Return the section of an objective with two terms: `first`, and contact velocity or impact force."""
     return Section(
         {
             "velocity_scale": Key(Quantity("m/s", '"0.3 m/s"', "nonzero", words=_OBSTACLE)),
@@ -47,13 +48,13 @@ def _compromise(first: str, unit: str, example: str) -> Section:
             f"{first}_scale": Key(Quantity(unit, example, "nonzero"), REQUIRED),
             f"{first}_weight": WEIGHT,
         },
-        _one_of_two,
+        _check_second_term,
     )
 
 
 def _scale(quantity: str | None) -> Any:
-    """Return what reads the scale of a quantity, in its unit."""
-    if quantity is None:  # which is a mistake of its own
+    """Make the reader of the scale of a quantity, in its unit."""
+    if quantity is None:  # another check refuses this
         return lambda _: 1.0
     words = _OBSTACLE if "velocity" in quantity or "speed" in quantity else ()
     return Quantity(QUANTITY_UNITS[quantity], "", "nonzero", words=words)
@@ -67,54 +68,54 @@ _TERM: Final = Section(
     },
     example='{ quantity = "time", scale = "1 s" }',
 )
-"""One term weight * (quantity / scale)^2."""
+"""One term of an objective: weight * (quantity / scale)^2."""
 
 _TERMS: Final = 'a list of terms such as { quantity = "time", scale = "1 s", weight = 1.0 }'
 
 OBJECTIVE_VARIANTS: Final[dict[str, Section]] = {
-    "excursion": _compromise("position", "m", '"0.5 m"'),
-    "time": _compromise("time", "s", '"1 s"'),
+    "excursion": _two_term_objective("position", "m", '"0.5 m"'),
+    "time": _two_term_objective("time", "s", '"1 s"'),
     "custom": Section(
         {"kind": TAG, "terms": Key(list_of(_TERM, 1, None, _TERMS), REQUIRED, '[{ quantity = "time", scale = "1 s" }]')}
     ),
 }
-"""The variant that each `kind` takes: L(20), L(22), and any weighted combination of contact quantities."""
+"""The variants of [objective], by `kind`: f_1 of L(20), f_2 of L(22), or any weighted sum of contact quantities."""
 
 
 _MASS: Final = Quantity("kg", '"1 kg"', "positive")
 _FREQUENCY: Final = Quantity("rad/s", '"5 rad/s"', "nonnegative")
 _RATIO: Final = Quantity("", "1.0", "nonnegative")
-_TWO: Final = "a list of two {}, the lower bound first"
+_PAIR: Final = "a list of two {}, the lower bound first"
 FREE: Final = {
-    "natural_frequency_bounds": Key(list_of(_FREQUENCY, 2, 2, _TWO.format("quantities in rad/s"))),
-    "damping_ratio_bounds": Key(list_of(_RATIO, 2, 2, _TWO.format("numbers"))),
+    "natural_frequency_bounds": Key(list_of(_FREQUENCY, 2, 2, _PAIR.format("quantities in rad/s"))),
+    "damping_ratio_bounds": Key(list_of(_RATIO, 2, 2, _PAIR.format("numbers"))),
 }
-"""What may be chosen along with the gain, in every form of [admittance]."""
+"""The keys of [admittance] that make it free: bounds within which it is designed together with the gain."""
 
 
-def _in_order(*keys: str, unit: str = "", what: str = "the lower first") -> Callable[[Mapping[str, Any]], None]:
-    """Make the check that the lower bound stands first."""
+def _check_order(*keys: str, unit: str = "", what: str = "the lower first") -> Callable[[Mapping[str, Any]], None]:
+    """Make a check that the lower bound comes first."""
 
-    def check(given: Mapping[str, Any]) -> None:
+    def check(values: Mapping[str, Any]) -> None:
         for key in keys:
-            low, high = given.get(key, (0, 1))
+            low, high = values.get(key, (0, 1))
             if not low < high:
                 raise UnfitValueError(f"found bounds from {low:g}{unit} to {high:g}{unit}, expected {what}", key)
 
     return check
 
 
-def _each_once(given: Mapping[str, Any]) -> None:
-    names = given.get("quantities", ())
+def _check_unique(values: Mapping[str, Any]) -> None:
+    names = values.get("quantities", ())
     if len(set(names)) < len(names):
-        raise UnfitValueError("found a quantity twice, expected each once", "quantities")
+        raise UnfitValueError("found a quantity twice, expected each only once", "quantities")
 
 
 _MASSES: Final = {
     "robot_mass": Key(Quantity("kg", '"4 kg"', "positive"), REQUIRED),
     "obstacle_mass": Key(Quantity("kg", '"inf"', "positive", infinite=True), math.inf),
 }
-"""The masses that meet; the robot's is its physical reflected mass, not that of the admittance."""
+"""The colliding masses; that of the robot is its physical reflected mass, not the mass of the admittance."""
 
 _SPRING: Final = {**_MASSES, "stiffness": Key(Quantity("N/m", '"10 kN/m"', "positive"), REQUIRED)}
 _HERTZ: Final = {
@@ -130,16 +131,17 @@ _BY_FREQUENCY: Final = {
 }
 
 
-def _some_bounds(law: ContinuousLaw) -> str:
-    return '["-10 N*s", "-0.01 N*s"]' if law == DAMPER else f'["0.0001 {law.number.unit}", "1 {law.number.unit}"]'
+def _example_bounds(law: ContinuousLaw) -> str:
+    unit = written_unit(law.number.unit)
+    return '["-10 N*s", "-0.01 N*s"]' if law == DAMPER else f'["0.0001 {unit}", "1 {unit}"]'
 
 
 def _gain(law: ContinuousLaw) -> Section:
     unit = law.number.unit
-    bounds = list_of(gain_of(law), 2, 2, _TWO.format(f"quantities in {unit}"))
+    bounds = list_of(gain_of(law), 2, 2, _PAIR.format(f"quantities in {written_unit(unit)}"))
     return Section(
-        {"bounds": Key(bounds, REQUIRED, _some_bounds(law))},
-        _in_order("bounds", unit=f" {unit}", what="the lower bound first"),
+        {"bounds": Key(bounds, REQUIRED, _example_bounds(law))},
+        _check_order("bounds", unit=f" {written_unit(unit)}", what="the lower bound first"),
     )
 
 
@@ -151,8 +153,8 @@ _MOTION: Final = {
 _TRADED: Final = 'a list of two or three quantities such as "displacement", "relative_velocity"'
 _QUANTITIES: Final = Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED))
 
-_BARE: Final = 5.0  # m, beyond the reach of proximity sensors: a number without a unit is likely in mm
-_STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s^2"'
+_BARE: Final = 5.0  # m, beyond the range of proximity sensors: a larger bare number is probably in mm
+_STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s²"'
 _OBSTACLE_KEYS: Final = {
     "position": Key(Quantity("m", '"42.2 mm"', largest_bare=_BARE), REQUIRED),
     **declared_keys(Obstacle, without=("position",)),
@@ -160,24 +162,24 @@ _OBSTACLE_KEYS: Final = {
 }
 
 
-def _one_after_another(given: Mapping[str, Any]) -> None:
-    ends = [stretch["until"] for stretch in given.get("course", ())]
+def _check_course(values: Mapping[str, Any]) -> None:
+    ends = [stretch["until"] for stretch in values.get("course", ())]
     for i, (before, after) in enumerate(pairwise(ends), 1):
         if not after > before:
-            sentence = f"found {after:g} s behind a stretch until {before:g} s, expected a later time"
+            sentence = f"found {after:g} s after a stretch until {before:g} s, expected a later time"
             raise UnfitValueError(sentence, "course", i, "until")
 
 
-def _obstacle(course: Sequence[Mapping[str, float]] = (), **own: float) -> Obstacle:
-    return Obstacle(**own, course=tuple(Stretch(**stretch) for stretch in course))
+def _obstacle(course: Sequence[Mapping[str, float]] = (), **initial: float) -> Obstacle:
+    return Obstacle(**initial, course=tuple(Stretch(**stretch) for stretch in course))
 
 
 _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     "admittance": {
-        "damping": Section({**FREE, **declared_keys(Admittance)}, _in_order(*FREE), Admittance),
-        "natural_frequency": Section(_BY_FREQUENCY, _in_order(*FREE), Admittance.from_natural_frequency),
+        "damping": Section({**FREE, **declared_keys(Admittance)}, _check_order(*FREE), Admittance),
+        "natural_frequency": Section(_BY_FREQUENCY, _check_order(*FREE), Admittance.from_natural_frequency),
     },
-    "obstacle": {"": Section(_OBSTACLE_KEYS, _one_after_another, _obstacle)},
+    "obstacle": {"": Section(_OBSTACLE_KEYS, _check_course, _obstacle)},
     "plant": {"": Section(declared_keys(Plant), make=Plant)},
     "reference": {"": Section(declared_keys(Reference), make=Reference)},
     "objective": OBJECTIVE_VARIANTS,
@@ -187,20 +189,20 @@ _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     ),
     "impact": {"stiffness": Section(_SPRING, make=SpringImpact), "radius": Section(_HERTZ, make=HertzImpact)},
     "motion": {"": Section(_MOTION)},
-    "pareto": by_law(lambda law: Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, _each_once)),
+    "pareto": by_law(lambda law: Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, _check_unique)),
     "robust": {"": ROBUST},
 }
 LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop")
-"""The sections of which a file has the first two, or none."""
+"""The sections of a sampled loop; a file with any of them needs the first two."""
 
 OF_A_LAW: Final = ("gain", "constraints", "pareto", "controller")
-"""The sections whose keys or units follow the kind of the law."""
+"""The sections whose keys or units depend on the kind of the law."""
 
 SECTIONS: Final = (
     *("sensor", "admittance", "obstacle", "plant", "reference", "objective", "gain", "constraints", "impact", "motion"),
     *("pareto", "uncertainty", "robust", *LOOP_SECTIONS, "law"),
 )
-"""Every section by name."""
+"""The names of all sections."""
 
 _NEEDED: Final[Mapping[str, str]] = {
     "sensor": 'calibration = "sensor.csv"',
@@ -211,19 +213,19 @@ _NEEDED: Final[Mapping[str, str]] = {
 
 
 def needed(kind: str, chosen: Iterable[str]) -> dict[str, str]:
-    """Return the sections that a file must have, each with an example of its keys.
+    """Return the required sections of a file, each with an example of its keys.
 
     Args:
-        kind: of its law.
-        chosen: the keys of [law].
+        kind: kind of the law.
+        chosen: the keys of [law] in the file.
     """
     if set(EFFECTS) & set(chosen):
         return {name: text for name, text in _NEEDED.items() if name != "objective"}
-    return {**_NEEDED, "gain": f"bounds = {_some_bounds(LAWS[kind])}"}
+    return {**_NEEDED, "gain": f"bounds = {_example_bounds(LAWS[kind])}"}
 
 
 def variants(section: str) -> Mapping[str, Section]:
-    """Return the variants of a section, each by what distinguishes it."""
+    """Return the variants of a section, by the name or key that selects them."""
     if section == "sensor":
         return sensor_variants()
     if section == "uncertainty":
@@ -236,5 +238,5 @@ def variants(section: str) -> Mapping[str, Section]:
 
 
 def keys_of(section: str) -> tuple[str, ...]:
-    """Return every key that some variant of a section takes, in the order of the schema."""
+    """Return all keys of all variants of a section, in the order of the schema."""
     return tuple(dict.fromkeys(key for variant in variants(section).values() for key in variant.keys))

@@ -1,4 +1,4 @@
-"""What a section of a scenario file takes: its keys, what reads each of them, and what must hold of them together."""
+"""Describe a section of a scenario file: its keys, their readers, and checks of the whole section."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, Final, TypeAlias
 
+from pretouch._core.units import written_unit
 from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
 
 from .quantities import KeyPath, Quantity, UnfitValueError, shown
 
 Reader: TypeAlias = Callable[[Any], Any]
-"""Turns what `tomllib` read into a value, or raises UnfitValueError."""
+"""A function that converts a TOML value, or raises UnfitValueError."""
 
 REQUIRED: Final[Any] = object()
-"""The default of a key that must be given."""
+"""The default of a required key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,10 +23,10 @@ class Key:
     """One key of a section.
 
     Args:
-        read: turns what stands there into a value; a `Quantity` where that is one.
-        default: the value where the key is left out; None for no value at all.
-        example: what messages show where the key is missing, as TOML; that of the quantity where it is one.
-        after: a key that stands before it, and what makes the reader from the value of that; None where it has none.
+        read: the reader of its value; a `Quantity` for a quantity.
+        default: the value if the key is missing; None for no value.
+        example: an example value, as TOML, for messages about a missing key; a `Quantity` has its own example.
+        after: another key that is read first, and a function that makes the reader from its value; None for none.
     """
 
     read: Reader
@@ -34,24 +35,25 @@ class Key:
     after: tuple[str, Callable[[Any], Reader]] | None = None
 
     def missing(self, name: str) -> str:
-        """Say that the key is missing, what it takes, and show a line with it."""
+        """Return a message for a missing key, with what is expected and an example."""
         if isinstance(self.read, Quantity):
-            return f"missing, expected {self.read.expected}; add, for example: {name} = {self.read.example}"
+            example = written_unit(self.read.example)
+            return f"missing, expected {self.read.expected}; add, for example: {name} = {example}"
         return f"missing; add, for example: {name} = {self.example}"
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A section, or a table inside of one; keys that it does not name are refused.
+    """A section, or a table inside a section; unknown keys are refused.
 
     Args:
-        keys: what it takes, in the order of messages.
-        check: raises UnfitValueError where the values that are given do not go together.
-        make: makes what the section describes from its values, by name.
-        example: a table of this kind, for messages.
+        keys: its keys, in the order of messages.
+        check: raises UnfitValueError if the values do not fit together.
+        make: makes the object that the section describes, from its values by name.
+        example: an example of such a table, for messages.
 
-    Where a section is called, `stranger` says of an unknown key what it may have been meant to be; a key that was
-    meant is then not missing.
+    A section is called with a table. The optional `unknown` then makes the messages for unknown keys; a missing key
+    that an unknown key probably means is not reported as missing.
     """
 
     keys: Mapping[str, Key]
@@ -59,55 +61,55 @@ class Section:
     make: Callable[..., Any] | None = None
     example: str = "{ ... }"
 
-    def __call__(self, table: Any, stranger: Callable[[str], str] | None = None) -> dict[str, Any]:
-        """Return the values of a table by key; raise UnfitValueError with every mistake in it."""
+    def __call__(self, table: Any, unknown: Callable[[str], str] | None = None) -> dict[str, Any]:
+        """Return the values of a table by key; raise UnfitValueError with all mistakes in it."""
         if not isinstance(table, Mapping):
             raise UnfitValueError(f"expected a table such as {self.example}")
-        strangers = [name for name in table if name not in self.keys]
-        left = tuple(name for name in self.keys if name not in table)
-        meant = {nearest(name, left) for name in strangers} if stranger else set()
+        unknown_keys = [name for name in table if name not in self.keys]
+        missing = tuple(name for name in self.keys if name not in table)
+        meant = {nearest(name, missing) for name in unknown_keys} if unknown else set()
         mistakes: list[tuple[KeyPath, str]] = []
-        given: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for name, key in self.keys.items():
             if name in table:
-                read = key.read if key.after is None else key.after[1](given.get(key.after[0]))
-                given[name] = _attempt(read, table[name], name, mistakes)
+                read = key.read if key.after is None else key.after[1](values.get(key.after[0]))
+                values[name] = _attempt(read, table[name], name, mistakes)
             elif key.default is REQUIRED and name not in meant:
                 mistakes.append(((name,), key.missing(name)))
-        mistakes += [((name,), (stranger or self._stranger)(name)) for name in strangers]
+        mistakes += [((name,), (unknown or self._unknown)(name)) for name in unknown_keys]
         if mistakes:
             raise UnfitValueError.of(mistakes)
         if self.check is not None:
-            self.check(given)
-        values = {name: given.get(name, key.default) for name, key in self.keys.items()}
-        return {name: value for name, value in values.items() if value is not None}
+            self.check(values)
+        filled = {name: values.get(name, key.default) for name, key in self.keys.items()}
+        return {name: value for name, value in filled.items() if value is not None}
 
-    def _stranger(self, name: str) -> str:
+    def _unknown(self, name: str) -> str:
         near = nearest(name, tuple(self.keys))
-        meaning = f'; did you mean "{near}"?' if near else ""
-        return f"found an unknown key, expected one of {', '.join(self.keys)}{meaning}"
+        hint = f'; did you mean "{near}"?' if near else ""
+        return f"found an unknown key, expected one of {', '.join(self.keys)}{hint}"
 
 
 def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPath, str]]) -> Any:
-    """Read a value; note what does not fit, with what was found, at its place."""
+    """Read a value; note its mistakes, each with its path and the value."""
     try:
         return read(value)
     except UnfitValueError as unfit:
         for path, sentence in unfit.mistakes:
-            told = f"found {shown(value)}, {sentence}" if sentence.startswith("expected") else sentence
-            mistakes.append(((at, *path), told))
+            message = f"found {shown(value)}, {sentence}" if sentence.startswith("expected") else sentence
+            mistakes.append(((at, *path), message))
 
 
 LENGTH: Final = Quantity("m", '"0 m"')
 EFFECTS: Final = ("ratio", "excursion", "acceleration", "contact_speed", "impact_force")
-"""The keys of [law] by one of which a drag is chosen, without objective and bounds."""
+"""The keys of [law] that choose a drag by its effect, without objective and bounds."""
 WEIGHT: Final = Key(Quantity("", "1.0", "nonnegative"), 1.0)
 TAG: Final = Key(lambda _: None, REQUIRED)
-"""A key that has chosen the variant of its section, and says nothing more."""
+"""The key that selects the variant of its section; it has no further value."""
 
 
 def checked(holds: Callable[[Any], bool], what: str) -> Reader:
-    """Make the reader that keeps a value as it is, where it is what is expected."""
+    """Make a reader that returns a value unchanged if a condition holds."""
 
     def read(value: Any) -> Any:
         if not holds(value):
@@ -118,18 +120,18 @@ def checked(holds: Callable[[Any], bool], what: str) -> Reader:
 
 
 def text(example: str) -> Reader:
-    """Make the reader of text that is not empty."""
+    """Make a reader of text that is not empty."""
     return checked(lambda v: isinstance(v, str) and bool(v.strip()) and "\0" not in v, f"text, for example {example}")
 
 
 def whole(least: int, example: str) -> Reader:
-    """Make the reader of a whole number from some number on."""
+    """Make a reader of an integer with a smallest value."""
     what = f"a whole number of at least {least}, such as {example}"
     return checked(lambda v: type(v) is int and least <= v < 2**31, what)
 
 
 def name_of(*names: str) -> Reader:
-    """Make the reader of one of some names."""
+    """Make a reader of one of several names."""
 
     def read(value: Any) -> str:
         if not isinstance(value, str) or value not in names:
@@ -140,25 +142,25 @@ def name_of(*names: str) -> Reader:
 
 
 def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
-    """Make the reader of a list with so many elements."""
+    """Make a reader of a list with a least and a most number of elements."""
 
     def read_all(value: Any) -> list[Any]:
         if not isinstance(value, list) or len(value) < least or (most is not None and len(value) > most):
             raise UnfitValueError(f"expected {what}")
         mistakes: list[tuple[KeyPath, str]] = []
-        found = [_attempt(read, element, i, mistakes) for i, element in enumerate(value)]
+        elements = [_attempt(read, element, i, mistakes) for i, element in enumerate(value)]
         if mistakes:
             raise UnfitValueError.of(mistakes)
-        return found
+        return elements
 
     return read_all
 
 
 def one_of(value: Any, names: tuple[str, ...]) -> str:
-    """Say which names are expected, and which of them is nearest to what was found.
+    """Return a message that lists the expected names, and the one most similar to the value.
 
     Returns:
-        The part of a message that follows what was found.
+        The part of a message after the value.
 
     Examples:
         >>> one_of("Exponential 1", ("exponential-1", "table"))
@@ -169,11 +171,11 @@ def one_of(value: Any, names: tuple[str, ...]) -> str:
     return f"expected one of {listed}" + (f'; did you mean "{near}"?' if near else "")
 
 
-def nearest(found: str, valid: tuple[str, ...]) -> str | None:
-    """Find the valid name that a misspelt one is nearest to; None where none is near.
+def nearest(name: str, valid: tuple[str, ...]) -> str | None:
+    """Return the valid name that is most similar to a misspelled one; None if none is similar.
 
     Returns:
-        The name.
+        The valid name, or None.
 
     Examples:
         >>> nearest("dampng", ("mass", "damping", "stiffness"))
@@ -181,47 +183,47 @@ def nearest(found: str, valid: tuple[str, ...]) -> str | None:
     """
     from difflib import get_close_matches  # noqa: PLC0415 - only for mistakes
 
-    plain = {name.replace("_", "-").lower(): name for name in valid}
-    key = found[:80].strip().lower().replace("_", "-").replace(" ", "-")
+    plain = {choice.replace("_", "-").lower(): choice for choice in valid}
+    key = name[:80].strip().lower().replace("_", "-").replace(" ", "-")
     match = get_close_matches(key, list(plain), n=1, cutoff=0.6)
     return plain[match[0]] if match else None
 
 
 def by_law(make: Callable[[ContinuousLaw], Section]) -> dict[str, Section]:
-    """Make the variants of a section that holds gains, whose unit follows the law, by its kind."""
+    """Make the variants of a section that depends on the law, by the kind of the law."""
     return {kind: make(law) for kind, law in LAWS.items()}
 
 
 def gain_of(law: ContinuousLaw) -> Quantity:
-    """Return what reads a gain of a law."""
+    """Return the reader of the gain of a law."""
     unit = law.number.unit
     return Quantity(unit, '"-0.7 N*s"' if law == DAMPER else f'"0.0144 {unit}"', of=law.kind)
 
 
 def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] = ()) -> dict[str, Key]:
-    """Make keys of the declared fields of dataclasses, each in its unit.
+    """Make keys from the declared fields of dataclasses.
 
     Args:
-        classes: the classes; what they have beside quantities, flags and counts is left out.
-        optional: whether every key may be left out, for a default that is not known here.
-        without: fields that are no keys.
+        classes: the classes; only fields that are quantities, flags or counts become keys.
+        optional: whether all keys are optional, for defaults that are determined elsewhere.
+        without: names of fields that do not become keys.
 
     Returns:
         The keys by the names of their fields.
     """
-    found = {f.name: (f, _reader_of(f.metadata)) for cls in classes for f in fields(cls) if f.name not in without}
+    readers = {f.name: (f, _reader_of(f.metadata)) for cls in classes for f in fields(cls) if f.name not in without}
     return {
         name: Key(read, None if optional else REQUIRED if f.default is MISSING else f.default)
-        for name, (f, read) in found.items()
+        for name, (f, read) in readers.items()
         if read is not None
     }
 
 
-def _reader_of(told: Mapping[str, Any]) -> Reader | None:
-    """Return what reads a declared field; None for a field that is not declared."""
-    if "unit" in told:
-        unit = told["unit"] if told.get("of_output") is None else "output"
-        return Quantity(unit, told["example"], told["sign"], told["infinite"])
-    if "flag" in told:
+def _reader_of(metadata: Mapping[str, Any]) -> Reader | None:
+    """Return the reader of a field from its metadata; None for a field that is not declared."""
+    if "unit" in metadata:
+        unit = metadata["unit"] if metadata.get("of_output") is None else "output"
+        return Quantity(unit, metadata["example"], metadata["sign"], metadata["infinite"])
+    if "flag" in metadata:
         return checked(lambda value: isinstance(value, bool), "true or false")
-    return whole(told["least"], told["example"]) if "least" in told else None
+    return whole(metadata["least"], metadata["example"]) if "least" in metadata else None

@@ -1,4 +1,4 @@
-"""The section [sensor] of a scenario file, and the fit of a calibration that it may ask for."""
+"""The section [sensor] of a scenario file, and the fit of a calibration file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from pretouch._core.errors import CalibrationDataError, InvalidInputError, UnitError
+from pretouch._core.errors import CalibrationDataError, InvalidInputError, PretouchError, UnitError
 from pretouch._core.units import read_quantity
 from pretouch.sensors import SensorModel, known_curves
 
@@ -23,37 +23,37 @@ if TYPE_CHECKING:
 CALIBRATION: Final = "calibration"
 FROM_SURFACE: Final = ("minimum_distance", "maximum_distance")
 _OUTPUT: Final = Quantity("output", "0.12")
-_SEARCHED: Final = ("auto", "none")
-_PLACED: Final = {
+_AUTO_OR_NONE: Final = ("auto", "none")
+_GEOMETRY: Final = {
     "recess": Key(LENGTH),
     "minimum_distance": Key(LENGTH),
     "maximum_distance": Key(Quantity("m", '"0.1 m"', infinite=True)),
 }
-"""The keys that every sensor takes; all distances are measured from the contact surface, except `recess`."""
+"""The keys of every sensor; distances are measured from the contact surface, except `recess`."""
 
 
 def section_of_curve(curve: type[SensorModel]) -> Section:
-    """Make the section of a curve, `model = "..."` with its parameters and its points as keys."""
+    """Make the section of a curve: `model`, its parameters, and its lists of points."""
     points = {f.name: _points(f.metadata["points"]) for f in fields(curve) if "points" in f.metadata}
-    return Section({**_PLACED, **declared_keys(curve), "model": TAG, **points}, make=curve)
+    return Section({**_GEOMETRY, **declared_keys(curve), "model": TAG, **points}, make=curve)
 
 
 def sensor_variants(*, foreign: bool = False) -> dict[str, Section]:
-    """Return the variants of [sensor]: one for each curve, `foreign` ones of the program included, or a calibration."""
+    """Return the variants of [sensor]: each curve, with `foreign` also user-defined ones, and a calibration."""
     return {name: section_of_curve(curve) for name, curve in known_curves(foreign=foreign).items()} | {
         CALIBRATION: _CALIBRATED
     }
 
 
 def _points(unit: str) -> Key:
-    """Return what takes a list of distances or of outputs."""
+    """Make the key of a list of distances or of outputs."""
     if unit != "output":
-        one = list_of(Quantity(unit), 2, None, f"a list of two or more quantities in {unit}")
-        return Key(one, REQUIRED, '["0 mm", "10 mm", "20 mm"]')
+        distances = list_of(Quantity(unit), 2, None, f"a list of two or more quantities in {unit}")
+        return Key(distances, REQUIRED, '["0 mm", "10 mm", "20 mm"]')
     outputs = list_of(Quantity(unit, sign="positive"), 2, None, "a list of two or more sensor outputs")
 
     def read(value: Any) -> Any:
-        """Refuse a list of outputs that mixes units: volts and counts have no common scale."""
+        """Read outputs; refuse a mixture of volts and counts."""
         if isinstance(value, list) and len({output_unit(v) for v in value if isinstance(v, str)}) > 1:
             raise UnfitValueError("expected outputs of one unit, all in V or all in counts")
         return outputs(value)
@@ -61,7 +61,7 @@ def _points(unit: str) -> Key:
     return Key(read, REQUIRED, '["4 V", "2 V", "1 V"]')
 
 
-def _are(values: Iterable[Any], *types: type) -> bool:
+def _all_of_type(values: Iterable[Any], *types: type) -> bool:
     return all(type(value) in types for value in values)
 
 
@@ -72,7 +72,7 @@ def _model(value: Any) -> str:
 
 
 def _level_or_file(value: Any) -> float | str:
-    """Read a no-object level; text that ends like a file name is the path of a file."""
+    """Read a no-object level; text with a file extension is the path of a file."""
     if isinstance(value, str) and re.search(r"\.[A-Za-z]\w*$", value):
         return value
     try:
@@ -82,20 +82,20 @@ def _level_or_file(value: Any) -> float | str:
 
 
 _SELECT: Final = checked(
-    lambda v: isinstance(v, Mapping) and _are(v.values(), str, int, float),
+    lambda v: isinstance(v, Mapping) and _all_of_type(v.values(), str, int, float),
     "a table of label columns, for example { day = 30, sensor = 4 }",
 )
 _COLUMNS: Final = checked(
-    lambda v: isinstance(v, Mapping) and {*v} <= {"distance", "output"} and _are(v.values(), str, int),
+    lambda v: isinstance(v, Mapping) and {*v} <= {"distance", "output"} and _all_of_type(v.values(), str, int),
     'a table of distance and output, each a header, a number or a unit, for example { distance = 1, output = "3 [V]" }',
 )
 _LABELS: Final = checked(
-    lambda v: isinstance(v, list) and _are(v, str, int),
+    lambda v: isinstance(v, list) and _all_of_type(v, str, int),
     'a list of headers or numbers of columns, for example ["day", "sensor"]',
 )
 _CALIBRATED: Final = Section(
     {
-        **_PLACED,
+        **_GEOMETRY,
         CALIBRATION: Key(text('"sensor.csv"'), REQUIRED),
         "model": Key(_model),
         "select": Key(_SELECT),
@@ -103,26 +103,26 @@ _CALIBRATED: Final = Section(
         "labels": Key(_LABELS),
         "no_object": Key(_level_or_file),
         "offset": Key(Quantity("output", '"auto"', words=("auto", "fit", "zero")), "auto"),
-        "saturation": Key(Quantity("output", '"auto"', words=_SEARCHED), "auto"),
-        "near_field_peak": Key(Quantity("m", '"auto"', "nonnegative", words=_SEARCHED), "auto"),
+        "saturation": Key(Quantity("output", '"auto"', words=_AUTO_OR_NONE), "auto"),
+        "near_field_peak": Key(Quantity("m", '"auto"', "nonnegative", words=_AUTO_OR_NONE), "auto"),
         "floor_sigmas": Key(Quantity("", "3.0", "positive"), 3.0),
     }
 )
-"""`calibration = "sensor.csv"`, fitted when the file is read."""
+"""The variant with `calibration = "sensor.csv"`, which is fitted when the scenario file is read."""
 
 
 OutputValue: TypeAlias = tuple[float, str]
-"""A sensor output and its unit: V, counts, or the empty text where it is bare."""
+"""A sensor output and its unit: V, counts, or empty for a bare number."""
 
 
 def read_output(value: float | str, *, name: str) -> OutputValue:
-    """Read a sensor output that may be bare, in V or in counts; messages call it by its name.
+    """Read a sensor output in V, in counts or bare; `name` is used in messages.
 
     Returns:
-        The number, in V where it has that dimension, and its unit.
+        The number, in SI, and its unit.
 
     Raises:
-        UnitError: the value is no output.
+        UnitError: the value is not a sensor output.
 
     Examples:
         >>> read_output("110 mV", name="offset"), read_output(32, name="offset")
@@ -137,7 +137,7 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
 
 
 def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
-    """Read a no-object level; text that is no output is the file of such readings, beside what stands in a folder."""
+    """Read a no-object level; text that is not an output is the path of a file with such readings, in `folder`."""
     try:
         return read_output(value, name=name)
     except UnitError:
@@ -149,19 +149,19 @@ def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitRequest:
-    """What is asked of a calibration file.
+    """Options of the fit of a calibration file.
 
     Args:
         path: the file.
-        select: value of each label column that tells the wanted curves from the others.
-        columns: the columns of distance and output, as `read_calibration` takes them.
-        labels: the label columns; all others where None.
-        no_object: a reading without an object, or the file of such readings.
-        offset: `auto`, `fit`, `zero`, or the offset itself.
+        select: values of label columns; curves with other labels are ignored.
+        columns: the columns of distance and output, as for `read_calibration`.
+        labels: the label columns; None for all columns except distance and output.
+        no_object: a reading without an object, or a file with such readings.
+        offset: `auto`, `fit`, `zero`, or the value of the offset.
         saturation: `auto`, `none`, or the output at which the sensor clips.
         near_field_peak: `auto`, `none`, or the distance of the near-field peak [m].
-        models: the models to choose from; all where empty.
-        floor_sigmas: how many sigmas above the offset a usable signal lies.
+        models: the models to choose from; empty for all.
+        floor_sigmas: the noise floor, in standard deviations above the offset.
     """
 
     path: Path
@@ -181,37 +181,52 @@ class FitRequest:
         return (self.path, self.no_object) if isinstance(self.no_object, Path) else (self.path,)
 
     def read(self) -> tuple[Calibration, ...]:
-        """Read the curves of the file that the labels select, at least one; raise CalibrationDataError for none."""
+        """Read the curves of the file that `select` matches; raise CalibrationDataError if there is none."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
-        curves = read_calibrations(self.path, no_object=no_object, columns=self.columns, labels=self.labels)
+        try:
+            curves = read_calibrations(self.path, no_object=no_object, columns=self.columns, labels=self.labels)
+        except CalibrationDataError as error:
+            if error.problem or not self._is_calibration():
+                raise
+            raise CalibrationDataError(str(error), problem=str(error)) from None
         wanted = {f"{key}={value}" for key, value in self.select.items()}
-        chosen = tuple(curve for curve in curves if wanted <= set(curve.label.split(", ")))
-        if not chosen:
+        matches = tuple(curve for curve in curves if wanted <= set(curve.label.split(", ")))
+        if not matches:
             labels = "; ".join(curve.label for curve in curves[:8] if curve.label) or "none: the file holds one curve"
             more = f" and {len(curves) - 8} more" if len(curves) > 8 else ""
-            told = (
+            message = (
                 f"select: found {', '.join(sorted(wanted))}, expected labels of a curve in {self.path.name} "
                 f"({labels}{more})"
             )
-            raise CalibrationDataError(told, problem=told)  # what has been read as a calibration may be named
+            raise CalibrationDataError.without_content(message)  # labels of a valid calibration may be quoted
         if isinstance(self.no_object, tuple):
-            _in_unit_of(chosen[0], self.no_object, "no_object")
-        return chosen
+            _in_unit_of(matches[0], self.no_object, "no_object")
+        return matches
+
+    def _is_calibration(self) -> bool:
+        """Return whether the file is a calibration by its own header, so that messages may quote its content."""
+        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
+
+        try:
+            read_calibrations(self.path)
+        except PretouchError:
+            return False
+        return True
 
     def rank(self, calibration: Calibration) -> CalibrationReport:
-        """Fit every model to one of the curves."""
+        """Fit all models to one curve and rank them."""
         from pretouch.calibration import rank_models  # noqa: PLC0415
 
-        chosen = {"models": self.models} if self.models else {}
+        models = {"models": self.models} if self.models else {}
         offset, saturation = (
             value if isinstance(value, str) else _in_unit_of(calibration, value, name)
             for name, value in (("offset", self.offset), ("saturation", self.saturation))
         )
         return rank_models(
             calibration,
-            **chosen,
+            **models,
             offset=offset,
             saturation=None if saturation == "none" else saturation,
             near_field_peak=None if self.near_field_peak == "none" else self.near_field_peak,
@@ -220,7 +235,7 @@ class FitRequest:
 
 
 def _as_toml(label: str) -> str:
-    """Write the labels of a curve as the scenario file takes them."""
+    """Write the labels of a curve as a TOML table."""
     pairs = (part.partition("=")[::2] for part in label.split(", "))
     texts = (
         f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key, ensure_ascii=False)} = "
@@ -231,22 +246,22 @@ def _as_toml(label: str) -> str:
 
 
 def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> float:
-    """Return the number of an output, refusing volts for a calibration in counts."""
+    """Return the number of an output; refuse another unit than that of the calibration."""
     number, unit = value
     if unit and unit != calibration.unit:
         raise UnitError(
             f"{name}: found {number:g} {unit}, expected the unit of the calibration, "
-            f"{calibration.unit or 'which is bare'}"
+            f"{calibration.unit or 'which has none'}"
         )
     return number
 
 
 def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
-    """Fit the one curve that a request selects; raise InvalidInputError where there are several, or no usable fit."""
+    """Fit the curve that a request selects; raise InvalidInputError for several curves, or without a usable fit."""
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(
-            f"select: found {len(curves)} curves in {request.path.name}, expected one: choose it by its labels, "
+            f"select: found {len(curves)} curves in {request.path.name}, expected one; choose one by its labels, "
             f"for example {_as_toml(curves[0].label)}"
         )
     report = request.rank(curves[0])

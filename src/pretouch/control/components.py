@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import ONE_ROBOT, OUTPUT, check_declared, count, quantity, units_of_fields
 from pretouch._core.numbers import positive
-from pretouch._core.values import ONE_ROBOT, OUTPUT, check_declared, count, quantity, units_of_fields
 
 from .structures import AdmittanceNumbers, FilterSection, MotionLimits, SensingNumbers
 

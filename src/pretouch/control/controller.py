@@ -11,10 +11,10 @@ from typing import Any, Final
 
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import ONE_ROBOT, check_declared, quantity
 from pretouch._core.native import Structure, copy_of, location
 from pretouch._core.numbers import finite
 from pretouch._core.units import format_quantity
-from pretouch._core.values import ONE_ROBOT, check_declared, quantity
 
 from .components import (
     NO_LIMIT,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.values import ONE_ROBOT, OUTPUT, check_declared, quantity
+from pretouch._core.fields import ONE_ROBOT, OUTPUT, check_declared, quantity
 
 from .components import format_output
 from .laws import CompiledStep, Setting

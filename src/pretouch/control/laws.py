@@ -10,8 +10,8 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import ONE_ROBOT, check_declared, flag, quantity
 from pretouch._core.native import DOUBLE, POINTER, copy_of, entry, kernel, location, machine_code
-from pretouch._core.values import ONE_ROBOT, check_declared, flag, quantity
 
 from .components import Conditioning, VirtualAdmittance
 from .structures import (

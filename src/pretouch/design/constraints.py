@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_types
 from pretouch._core.numbers import finite, float_or_array, positive
-from pretouch._core.values import check_types
 from pretouch._core.vocabulary import unit_of
 from pretouch.motion.contact import ContactState
 

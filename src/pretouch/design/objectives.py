@@ -11,8 +11,8 @@ import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_types
 from pretouch._core.numbers import BoolArray, FloatArray, finite, nonnegative
-from pretouch._core.values import check_types
 from pretouch.motion.contact import ContactState
 
 from .constraints import QUANTITY_UNITS, ImpactModel, quantity_of

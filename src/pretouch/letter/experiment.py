@@ -10,8 +10,7 @@ from importlib import import_module
 from typing import Any, ClassVar, Final, TypeAlias
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Chapter, Rows
-from pretouch._core.described import Described
+from pretouch._core.blocks import Chapter, Described, Rows
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_declared, quantity
 from pretouch._core.numbers import float_or_array
-from pretouch._core.values import Value, check_declared, quantity
+from pretouch._core.values import Value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

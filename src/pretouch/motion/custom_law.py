@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, finite
-from pretouch._core.values import Value, check_types
+from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, ContactState, KnownColumns, Motion, motion_of

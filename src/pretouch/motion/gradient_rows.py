@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
-from pretouch._core.values import Travels
+from pretouch._core.values import Picklable
 from pretouch.sensors import SensorModel
 from pretouch.sensors.sensitivity import SlopeSensitivity
 
@@ -49,7 +49,7 @@ _ROUNDING: Final = 1e-3  # relative to the largest change; larger errors are not
 _COUNT: Final = 10  # coefficients of a piece
 
 
-class GradientRows(Travels):
+class GradientRows(Picklable):
     """Derivatives of time and l' at contact by the relative inputs, computed when they are first read."""
 
     __slots__ = ("_followed", "_rows", "_solution")

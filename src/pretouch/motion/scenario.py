@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_declared, check_types, quantity, units_of_fields
 from pretouch._core.numbers import FloatArray, float_or_array, nonnegative, positive
-from pretouch._core.values import Value, check_declared, check_types, quantity, units_of_fields
+from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .bodies import Obstacle, Plant, Reference

@@ -1,4 +1,4 @@
-"""HTML reports of every result, and panels of one's own; Matplotlib is loaded when something is drawn."""
+"""HTML reports and figures of results, and panels for custom figures; Matplotlib is imported when needed."""
 
 from .html import report_html, write_report
 from .panel_figure import panel_figure

@@ -1,4 +1,4 @@
-"""Name like the others."""
+"""Figures of a calibration: readings, fitted curves, slopes and residuals."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TWO_SIGMA: Final = 2.0
 
 
 class _Points(NamedTuple):
-    """The averaged readings that were fitted: distance [m], ln(y - o), and the standard deviation of the latter."""
+    """The averaged readings of the fit: distance [m], ln(y - o), and the standard deviation of ln(y - o)."""
 
     distance: FloatArray
     log_output: FloatArray
@@ -39,12 +39,12 @@ def calibration(report: CalibrationReport) -> Figure:
     """Draw a calibration with its fitted models.
 
     Args:
-        report: a report of any verdict.
+        report: a report with any verdict.
 
     Returns:
         Four panels over the distance: the readings with offset, clipping level, floor and usable window; the signal
-        above the offset on a logarithmic axis, which is what the controller feels; its slope g beside differences
-        of neighboring readings; and the residuals of ln xi. Where there is no usable signal, the readings alone.
+        above the offset on a logarithmic axis; its slope g compared with difference quotients of the readings; and the
+        residuals of ln xi. Without a usable signal, only the panel of readings.
     """
     with drawing():
         if not report.fits:
@@ -62,7 +62,7 @@ def calibration(report: CalibrationReport) -> Figure:
 
 
 def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
-    """Draw every reading, the levels that bound the signal, the window and the fitted curves."""
+    """Draw all readings, the limits of the signal, the window and the fitted curves."""
     scale = _begin(axes, report, "Readings and their use" if report.fits else "Readings: no usable signal")
     outputs = report.calibration.outputs
     axes.set_ylabel(f"output [{_unit(report)}]", parse_math=False)
@@ -95,7 +95,7 @@ def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_levels(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the levels that bound the signal; offset and floor share a label where they are too close for two."""
+    """Draw offset, floor and clipping level; offset and floor share a label if they are close together."""
     levels = list(_levels(report))
     left, right = axes.get_xlim()
     across = left + (right - left) * np.array([0.98, 0.8, 0.6, 0.4, 0.2])
@@ -106,15 +106,15 @@ def _draw_levels(axes: Axes, report: CalibrationReport) -> None:
         if spread:
             axes.axhspan(*spread, color="#cfcfcf", linewidth=0, zorder=1)
     if close:
-        text = f"{levels[0][1]}, and floor (dashed)"
+        text = f"{levels[0][1]}; floor of the signal (dashed)"
         levels[:2] = [(*levels[0][:1], text, *levels[0][2:])]
     for level, text, _, _, side in levels:
         label_near(axes, across, np.full(5, level), text, color=LIMIT, size=7.5, side=side, reach=34.0)
 
 
 def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the signal above the offset on a logarithmic axis: its slope there is what the controller feels."""
-    scale = _begin(axes, report, "What the controller feels: ln signal", zoom=True)
+    """Draw the signal above the offset on a logarithmic axis, on which its slope is g."""
+    scale = _begin(axes, report, "Signal, logarithmic", zoom=True)
     points = _points(report)
     axes.set_ylabel(f"output \u2212 offset [{_unit(report)}], log. axis", parse_math=False)
     value = np.exp(points.log_output)
@@ -134,8 +134,8 @@ def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the slope g of the models beside the differences of neighboring readings."""
-    scale = _begin(axes, report, "Slope: the damping felt is D\u209a g", zoom=True)
+    """Draw the slope g of the models and the difference quotients of neighboring readings."""
+    scale = _begin(axes, report, "Slope g: the damping force is D\u209a g l\u2032", zoom=True)
     points = _points(report)
     axes.set_ylabel("slope g = d ln \u03be / dl [1/m]")
     middle = (points.distance[1:] + points.distance[:-1]) / 2
@@ -154,8 +154,8 @@ def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
-    """Draw what the models leave over in ln xi, within the noise or not."""
-    scale = _begin(axes, report, "Left over by the models", zoom=True)
+    """Draw the residuals of ln xi of each model, with the range of the noise."""
+    scale = _begin(axes, report, "Residuals of the models", zoom=True)
     points = _points(report)
     axes.set_ylabel("residual of ln \u03be [1]")
     bounds = _TWO_SIGMA * points.deviation
@@ -192,7 +192,7 @@ def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _begin(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = False) -> Scale:
-    """Set title and distance axis, over all readings with the window shaded, or over the window alone."""
+    """Set title and distance axis: all readings with the window shaded, or, with `zoom`, only the window."""
     distances = report.calibration.distances
     scale = scale_for("m", float(distances.max()))
     axes.locator_params(nbins=6)
@@ -206,13 +206,13 @@ def _begin(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = Fa
 
 
 def _unit(report: CalibrationReport) -> str:
-    """Return the unit of the outputs in letters that the figure's font has."""
+    """Return the unit of the outputs; characters that the font does not have become question marks."""
     plain = "".join(c if ord(c) < 0x250 or c in "\u00b5\u03bc\u2126\u03a9" else "?" for c in report.calibration.unit)
     return plain.strip() or "1"
 
 
 def _curves(report: CalibrationReport) -> Iterator[tuple[SensorFit, FloatArray, str, Any, float]]:
-    """Yield each fit with the distances at which it is drawn and its line, the best one last and thickest."""
+    """Yield each fit with distances, color, line style and width; the best fit comes last, with the thickest line."""
     for i, fit in reversed(list(enumerate(report.fits))):
         low, high = fit.sensor.valid_range
         first, last = max(low, report.window.l_min), min(high, report.window.l_max)
@@ -221,7 +221,7 @@ def _curves(report: CalibrationReport) -> Iterator[tuple[SensorFit, FloatArray, 
 
 
 def _points(report: CalibrationReport) -> _Points:
-    """Return the averaged readings of the best fit, from its curve and its residuals."""
+    """Return the averaged readings of the best fit, computed from its curve and its residuals."""
     fit = report.fits[0]
     distance = np.asarray(fit.distances)
     log_output = np.asarray(fit.sensor.log_output(distance)) + fit.residuals
@@ -239,7 +239,7 @@ def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, spread: FloatArray) -
 
 
 def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[float, float] | None, int]]:
-    """Yield the levels that bound the signal: value, name, line, its interval, and the side of its label."""
+    """Yield the limits of the signal: value, name, line style, interval, and side of the label."""
     window, offset = report.window, report.offset
     if offset is not None:
         spread = (offset.low, offset.high) if np.isfinite([offset.low, offset.high]).all() else None
@@ -251,7 +251,7 @@ def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[
 
 
 def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, str, str]]:
-    """Yield the readings by what became of them: name, mask, marker, color and fill."""
+    """Yield groups of readings by their use: name, mask, marker, color and fill."""
     distances, outputs = report.calibration.distances, report.calibration.outputs
     window = report.window
     outlier = np.zeros(len(outputs), dtype=np.bool_)
@@ -263,7 +263,7 @@ def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, st
     rest = ~used & ~outlier & ~clipped & ~faint
     for name, mask, marker, color, fill in (
         ("", used, "o", INK, "white"),
-        ("left out: fits no curve", outlier & ~clipped, "X", BASELINE, BASELINE),
+        ("outlier, not used", outlier & ~clipped, "X", BASELINE, BASELINE),
         ("clipped", clipped, "s", BASELINE, "white"),
         ("no signal", faint, "v", QUIET, "white"),
         ("outside the window", rest, "D", QUIET, "white"),
@@ -273,7 +273,7 @@ def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, st
 
 
 def _draw_curves(axes: Axes, report: CalibrationReport, scale: Scale, value: Any, *, named: bool = False) -> None:
-    """Draw each fit, and name them, the best one first."""
+    """Draw all fitted curves, and with `named` write their names, the best first."""
     curves = [
         (distance / scale.factor, value(fit, distance), fit.model, *look) for fit, distance, *look in _curves(report)
     ]

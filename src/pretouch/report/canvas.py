@@ -1,4 +1,4 @@
-"""A figure that shows itself in a notebook without pyplot; imported only when a figure is drawn."""
+"""A Matplotlib figure that notebooks display without pyplot."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from .style import drawing
 
 
 class ReportFigure(Figure):
-    """A matplotlib figure that a notebook displays; a bare `Figure` is shown as text only."""
+    """A Matplotlib figure that notebooks display as an image; they show a plain `Figure` as text."""
 
     def savefig(self, fname: Any, **options: Any) -> None:
-        """Save as matplotlib does, with pretouch's settings and without the date, so that bytes repeat.
+        """Save the figure with pretouch's settings and without the date, so that the output is reproducible.
 
         Args:
             fname: a path or a binary file.
-            options: what `matplotlib.figure.Figure.savefig` takes.
+            options: options of `matplotlib.figure.Figure.savefig`.
         """
         path = str(getattr(fname, "name", fname))
         kind = str(options.get("format") or (path.rsplit(".", 1)[-1] if "." in path else "png")).lower()

@@ -1,4 +1,4 @@
-"""The pictures of a design: what is traded, what moves the optimum."""
+"""Figures of a design: objective and trade-off over the gain, and sensitivities of the optimum."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pretouch.motion import LawNumber
 from .new_figure import new_figure
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel, Span
-from .style import BASELINE, CHOSEN, INK, QUIET, Scale, drawing, gain_axis, minus, scale_for
+from .style import BASELINE, CHOSEN, INK, QUIET, WIDE, Scale, drawing, gain_axis, minus, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,23 +29,22 @@ if TYPE_CHECKING:
 
 
 _TERMS: Final = (2, 3, 4)  # places in the palette
-_WIDE: Final = 30.0  # ratio from which an objective is shown on a logarithmic axis
-_WIDE_COST: Final = 100.0  # and a price
+_WIDE_COST: Final = 100.0  # the same for a cost
 _ROUND: Final = (-0.1, -1.0, -10.0, -100.0, -0.01, 0.1, 1.0, 10.0)  # gains that are marked along the curve [N s]
-_CLOSE: Final = 0.06  # of the panel, between marks that would hide each other
+_CLOSE: Final = 0.06  # of the panel: least distance between two marks
 
 
 @check_arguments
 def trade_off(design: GainDesign) -> Figure:
-    """Draw the objective over all gains, and the trade-off between the speed at contact and its price.
+    """Draw the objective over all gains, and the trade-off between contact speed and cost.
 
     Args:
         design: a design of any status.
 
     Returns:
-        Two panels: the objective with its terms over the gain [N s], where gains without contact and gains that
-        break a constraint are hatched; and the relative speed at contact against what it costs. Where no gain ends in
-        contact, how near each comes.
+        Two panels: the objective with its terms over the gain, with hatched ranges of gains without contact and gains
+        that violate a constraint; and the relative speed at contact over the cost. If no gain ends in contact, the
+        smallest distance over the gain.
     """
     if not design.trade_off.reached.any():
         return panel_figure(_misses(design))
@@ -53,7 +52,7 @@ def trade_off(design: GainDesign) -> Figure:
 
 
 def _misses(design: GainDesign) -> Panel:
-    """Return how near each gain comes where none ends in contact."""
+    """Return a panel of the smallest distance over the gain, if no gain ends in contact."""
     scanned = design.scan_result
     gain = _shown_gain(design, np.asarray(scanned.gain, float))
     nearest = np.asarray(scanned.closest_distance, float)
@@ -68,19 +67,19 @@ def _misses(design: GainDesign) -> Panel:
 
 
 def _objective(design: GainDesign) -> Panel:
-    """Return f(D_p) and its terms, the optimum, and the gains that are out of the question."""
+    """Return a panel of the objective f(D_p) with its terms, the optimum, and the infeasible gains."""
     gain, total = np.asarray(_shown_gain(design, design.trade_off.gain)), design.trade_off.objective
-    known = total[np.isfinite(total)]
-    low, high = float(known.min()), float(known.max())
-    wide = low > 0 and high > _WIDE * low
+    finite = total[np.isfinite(total)]
+    low, high = float(finite.min()), float(finite.max())
+    wide = low > 0 and high > WIDE * low
     limits = (low / 8, 2.5 * high) if wide else (0.0, 1.12 * high or 1.0)
     terms = {f"{name.replace('_', ' ')} term": values for name, values in _terms(design).items()}
     curves = []
     styles = [*_TERMS, *_TERMS, *_TERMS][: len(terms)]
     for (name, values), style in zip([*terms.items(), ("f", total)], [*styles, 0], strict=True):
-        known = np.isfinite(values) & (values > 0 if wide else True)
-        if np.any(known & (values >= limits[0]) & (values <= limits[1])):
-            curves.append(Curve(x=gain, y=np.where(known, values, np.nan), label=name, style=style))
+        valid = np.isfinite(values) & (values > 0 if wide else True)
+        if np.any(valid & (values >= limits[0]) & (values <= limits[1])):
+            curves.append(Curve(x=gain, y=np.where(valid, values, np.nan), label=name, style=style))
     marks = []
     if design.gain is not None and design.objective is not None:
         n = design.number
@@ -99,7 +98,7 @@ def _objective(design: GainDesign) -> Panel:
 
 
 def _plane(design: GainDesign) -> Panel:
-    """Return the relative speed that is left at contact against what it costs, along the gains."""
+    """Return a panel of the relative speed at contact over its cost, along the gains."""
     name = traded_quantity(design)
     state, reached = design.trade_off.state, design.trade_off.reached
     cost = np.where(reached, np.abs(quantity_of(name, state, design.impact)), np.nan)
@@ -112,18 +111,18 @@ def _plane(design: GainDesign) -> Panel:
     marks += _round_gains(design, x, y, marks)
     kept = np.where(design.trade_off.feasible, y, np.nan)
     path = Curve(x=x, y=y, quiet=True)
-    known = np.array([*x[np.isfinite(x)], *(mark.x for mark in marks)])
-    wide = bool(known.min() > 1e-6 * known.max() and known.max() > _WIDE_COST * known.min())
-    equal = [] if wide else _equals(design, name, across, up, (float(known.max()), float(np.nanmax(y))))
+    costs = np.array([*x[np.isfinite(x)], *(mark.x for mark in marks)])
+    wide = bool(costs.min() > 1e-6 * costs.max() and costs.max() > _WIDE_COST * costs.min())
+    equal = [] if wide else _equals(design, name, across, up, (float(costs.max()), float(np.nanmax(y))))
     levels, positions = _limits(design, name, across, up)
     return Panel(
         x_label=f"{words_for(name)} [{across.unit}]",
         y_label=f"{words_for('relative_velocity')} |l\u2032| [{up.unit}]",
-        title="What the gain trades",
+        title="Trade-off along the gain",
         curves=[path, *([Curve(x=x, y=kept, style=0)] if np.isfinite(kept).any() else []), *equal],
         marks=marks,
         levels={text: at for text, at in levels.items() if at < 1.1 * np.nanmax(y)},
-        positions={text: at for text, at in positions.items() if at < 1.1 * known.max()},
+        positions={text: at for text, at in positions.items() if at < 1.1 * costs.max()},
         x_log=wide,
     )
 
@@ -145,13 +144,13 @@ def _terms(design: GainDesign) -> dict[str, FloatArray]:
 
 
 def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
-    """Yield each stretch of gains that is out of the question, with the reason."""
+    """Yield each range of infeasible gains, with the reason."""
     trade = design.trade_off
     reasons = np.full(len(gain), "", dtype=object)
     for outcome in design.constraints:
         for i in np.flatnonzero(trade.reached & _breaks(design, outcome)):
             name = outcome.name.replace("_", " ")
-            reasons[i] = f"{reasons[i]}, {name}" if reasons[i] else f"broken: {name}"
+            reasons[i] = f"{reasons[i]}, {name}" if reasons[i] else f"violated: {name}"
     reasons[~trade.reached] = "no contact"
     order = np.argsort(gain)
     edges = _edges(gain[order], logarithmic=gain_axis(design.bounds, design.number)[2])
@@ -169,13 +168,13 @@ def _breaks(design: GainDesign, outcome: ConstraintOutcome) -> BoolArray:
 
 
 def _edges(gain: FloatArray, *, logarithmic: bool) -> FloatArray:
-    """Return the ends of the gains and the middles between them."""
+    """Return the first and the last gain, and the midpoints between neighbors."""
     middles = np.sqrt(gain[1:] * gain[:-1]) if logarithmic else (gain[1:] + gain[:-1]) / 2
     return np.concatenate([gain[:1], middles, gain[-1:]])
 
 
 def _points(design: GainDesign, name: str) -> Iterator[tuple[float, float, dict[str, Any]]]:
-    """Yield the points that are marked in the plane: cost and speed in SI, and how they are shown."""
+    """Yield the marked points of the trade-off: cost and speed in SI, and their style."""
     nearest = design.nearest if design.result is None else None
     for run, how in (
         (design.no_mitigation, {"label": "no mitigation", "style": 1, "shape": "square"}),
@@ -192,7 +191,7 @@ def _scale(unit: str, values: FloatArray) -> Scale:
 
 
 def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the limits of the two quantities that the plane shows: upward, and across."""
+    """Return the limits of the two plotted quantities: horizontal and vertical reference lines."""
     levels, positions = {}, {}
     for outcome in design.constraints:
         text = f"{outcome.name.replace('_', ' ')} limit"
@@ -204,7 +203,7 @@ def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[di
 
 
 def _equals(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple[float, float]) -> list[Curve]:
-    """Return where the objective equals its optimum: the curve of what is possible touches it and stays outside."""
+    """Return the contour line of the optimal objective, which touches the curve of the possible contacts."""
     if not shows_equals(design):
         return []
     terms = {t.quantity: t for t in design.definition.terms if t.weight > 0}
@@ -215,46 +214,46 @@ def _equals(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple
     )
     turn = np.linspace(0.0, np.pi / 2, 90)
     x, y = a * np.cos(turn), b * np.sin(turn)
-    seen = (x <= most[0]) & (y <= most[1])
+    visible = (x <= most[0]) & (y <= most[1])
     text = f"f = {design.objective:#.4g}"
-    return [Curve(x=x, y=np.where(seen, y, np.nan), label=text, quiet=True)] if seen.any() else []
+    return [Curve(x=x, y=np.where(visible, y, np.nan), label=text, quiet=True)] if visible.any() else []
 
 
 def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[Mark]) -> list[Mark]:
-    """Return round gains along the curve, so that one can read which gain leads where."""
+    """Return marks at round gains along the curve."""
     order = np.argsort(design.trade_off.gain)
     size = np.array([np.nanmax(x), np.nanmax(y)])
-    found: list[Mark] = []
-    for wanted in _ROUND:
-        if not design.bounds[0] <= wanted <= design.bounds[1]:
+    new_marks: list[Mark] = []
+    for gain in _ROUND:
+        if not design.bounds[0] <= gain <= design.bounds[1]:
             continue
-        here = np.array([np.interp(wanted, design.trade_off.gain[order], values[order]) for values in (x, y)])
-        apart = [np.abs((here - [mark.x, mark.y]) / size).max() for mark in (*marks, *found)]
+        here = np.array([np.interp(gain, design.trade_off.gain[order], values[order]) for values in (x, y)])
+        apart = [np.abs((here - [mark.x, mark.y]) / size).max() for mark in (*marks, *new_marks)]
         if np.isfinite(here).all() and min(apart, default=1.0) > _CLOSE:
-            label = minus(design.number.drawn(wanted, "g"))
-            found.append(Mark(x=float(here[0]), y=float(here[1]), label=label, shape="ring"))
-    return found
+            label = minus(design.number.drawn(gain, "g"))
+            new_marks.append(Mark(x=float(here[0]), y=float(here[1]), label=label, shape="ring"))
+    return new_marks
 
 
 @check_arguments
 def sensitivity(design: GainDesign) -> Figure:
-    """Draw how far the optimal gain moves when each input grows by 1 %.
+    """Draw the change of the optimal gain if an input grows by 1 %, for each input.
 
     Args:
-        design: a design; one without sensitivities gives an empty panel that says so.
+        design: a design; without sensitivities the figure is an empty panel with a message.
 
     Returns:
-        One bar per input, the most influential one on top.
+        One bar per input, the most influential input on top.
     """
     largest = max((abs(s.gain_change_per_percent) for s in design.sensitivities), default=0.0)
-    felt = [s for s in design.sensitivities if abs(s.gain_change_per_percent) > 1e-6 * largest]
-    ranked = sorted(felt, key=lambda s: abs(s.gain_change_per_percent), reverse=True)
+    relevant = [s for s in design.sensitivities if abs(s.gain_change_per_percent) > 1e-6 * largest]
+    ranked = sorted(relevant, key=lambda s: abs(s.gain_change_per_percent), reverse=True)
     with drawing():
         height = 1.05 + 0.27 * max(len(ranked), 2)
         figure = new_figure(7.4, height)
         axes = figure.add_subplot()
         figure.subplots_adjust(left=0.42, right=0.97, bottom=0.5 / height, top=1 - 0.4 / height)
-        axes.set_title("When the input grows by 1 %", y=1.0)
+        axes.set_title("Effect of a 1 % increase of each input", y=1.0)
         axes.set_ylabel("input [its value]", rotation=0, ha="right", va="bottom")
         axes.yaxis.set_label_coords(-0.02, 1.0)
         axes.locator_params(axis="x", nbins=7)
@@ -264,7 +263,7 @@ def sensitivity(design: GainDesign) -> Figure:
             n = design.number
             axes.set_xlabel(f"change of the optimal {n.name} {n.glyph} [{pretty_unit(n.unit)}]")
             axes.set(xlim=(-1, 1), ylim=(-1, 1), xticks=[], yticks=[])
-            text = "no gain was chosen" if design.gain is None else "no input moves the optimal gain"
+            text = "no gain was chosen" if design.gain is None else "no input changes the optimal gain"
             axes.text(0, 0, text, ha="center", va="center", color=QUIET)
     return figure
 

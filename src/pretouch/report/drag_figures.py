@@ -1,4 +1,4 @@
-"""The picture of a drag: what it trades, and what it does at every speed, beside the letter's optimum."""
+"""Figure of a drag: its trade-off, and its effect at every speed compared with the letter's optimal gain."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .style import scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_SHARE: Final = "contact speed over approach speed [%]"
+_SHARE: Final = "contact speed / approach speed [%]"
 _SPEED: Final = "approach speed [m/s]"
 _POINTS: Final = 60
 _RATIOS: Final = np.exp(-np.linspace(1e-3, 6.0, 121))
@@ -27,36 +27,36 @@ _RATIOS: Final = np.exp(-np.linspace(1e-3, 6.0, 121))
 
 @check_arguments
 def drag(design: DragDesign) -> Figure:
-    """Draw what a drag trades, and what it does at every approach speed.
+    """Draw the trade-off of a drag, and its effect at every approach speed.
 
     Args:
-        design: the drag of a task; with an objective, the letter's optimum for it stands beside it.
+        design: the drag of a task; if the task has an objective, the letter's optimal gain is drawn as well.
 
     Returns:
-        Four panels: the share of the speed at contact against the excursion, with the gains of the letter's law at
-        the speed of the encounter; share, excursion and largest acceleration over the approach speed.
+        Four panels: the ratio of contact speed to approach speed over the excursion, compared with the letter's law at
+        the speed of the encounter; then ratio, excursion and largest acceleration over the approach speed.
     """
     letter = letters_optimum(design)
-    low, high, own = speeds_of(design)
+    low, high, nominal = speeds_of(design)
     speed = np.geomspace(low, high, _POINTS)
     laws: list[tuple[str, Any, Any, Any]] = [
         ("virtual drag", design.contact_speed(speed), np.full(_POINTS, design.excursion), design.acceleration(speed))
     ]
     if letter is not None:
         end = DAMPER.contact(at_speeds(design.scenario, speed), design.sensor, letter.gain).end
-        known = (np.abs(v) for v in (end.relative_velocity, end.displacement, end.largest_acceleration))
-        laws.append((f"letter's gain for {own:g} m/s", *known))
+        magnitudes = (np.abs(v) for v in (end.relative_velocity, end.displacement, end.largest_acceleration))
+        laws.append((f"letter's gain for {nominal:g} m/s", *magnitudes))
     length = scale_for("m", max(float(np.nanmax(law[2])) for law in laws))
     moved = all(float(np.min(law[3])) > 0 for law in laws)
-    told: list[tuple[str, list[Any], str, bool]] = [
-        ("Speed that is left", [100 * law[1] / speed for law in laws], _SHARE, False),
+    rows: list[tuple[str, list[Any], str, bool]] = [
+        ("Contact speed", [100 * law[1] / speed for law in laws], _SHARE, False),
         (
-            "Room that it takes",
+            "Excursion",
             [law[2] / length.factor for law in laws],
             f"excursion at contact [{length.unit}]",
             False,
         ),
-        ("Acceleration that it takes", [law[3] for law in laws], "largest acceleration [m/s\u00b2]", moved),
+        ("Acceleration", [law[3] for law in laws], "largest acceleration [m/s\u00b2]", moved),
     ]
     panels = [
         Panel(
@@ -70,22 +70,22 @@ def drag(design: DragDesign) -> Figure:
             y_log=log,
             y_limits=None if log else (0.0, 1.25 * max(float(np.nanmax(y)) for y in values)),
         )
-        for title, values, label, log in told
+        for title, values, label, log in rows
     ]
-    return panel_figure(_trade_off(design, letter, own), *panels)
+    return panel_figure(_trade_off(design, letter, nominal), *panels)
 
 
 def _trade_off(design: DragDesign, letter: GainDesign | None, speed: float) -> Panel:
-    """Return the share of the speed at contact against the excursion, over all drags and all gains."""
+    """Return a panel of the ratio of contact speed to approach speed over the excursion, for all drags and gains."""
     curve = drag_trade_off(design.sensor, design.detection_distance, design.mass, _RATIOS)
-    points = [(design.excursion, design.ratio, "chosen: every speed", 0)]
+    points = [(design.excursion, design.ratio, "chosen, at every speed", 0)]
     shown = [(curve.excursion, curve.ratio, "virtual drag", 0)]
     if letter is not None and letter.result is not None:
         trade, end = letter.trade_off, letter.result.end
         order = np.argsort(trade.gain)
-        gone = np.where(trade.reached, np.abs(trade.state.displacement), np.nan)[order]
-        left = np.where(trade.reached, np.abs(trade.state.relative_velocity) / speed, np.nan)[order]
-        shown.append((gone, left, f"letter's law at {speed:g} m/s", 1))
+        excursion = np.where(trade.reached, np.abs(trade.state.displacement), np.nan)[order]
+        ratio = np.where(trade.reached, np.abs(trade.state.relative_velocity) / speed, np.nan)[order]
+        shown.append((excursion, ratio, f"letter's law at {speed:g} m/s", 1))
         points.append((abs(float(end.displacement)), abs(float(end.relative_velocity)) / speed, "letter's optimum", 1))
     most = 1.8 * max(point[0] for point in points)
     scale = scale_for("m", most)
@@ -100,7 +100,7 @@ def _trade_off(design: DragDesign, letter: GainDesign | None, speed: float) -> P
     return Panel(
         x_label=f"excursion at contact [{scale.unit}]",
         y_label=_SHARE,
-        title="What can be traded",
+        title="Trade-off",
         curves=curves,
         marks=marks,
         x_limits=(0.0, most / scale.factor),

@@ -1,4 +1,4 @@
-"""HTML reports: one file each, with its pictures inside, nothing fetched, nothing run."""
+"""Write the report of a result as one self-contained HTML file without scripts."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from string import Template
 from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Chapter, Code, Page, Paragraph, Picture
-from pretouch._core.described import Described, blocks_as_html, page_of, page_top
+from pretouch._core.blocks import Chapter, Code, Described, Page, Paragraph, Picture, page_of
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import refuse_input, sign, write_text
 
 from . import plots
+from .blocks_html import blocks_as_html, page_top
 from .style import draw_svg
 
 if TYPE_CHECKING:
@@ -42,14 +42,14 @@ def write_report(
     source: object = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write the report of a result to a file: one HTML page that needs nothing else.
+    """Write the report of a result to a file, one self-contained HTML page.
 
     Args:
-        result: what one of the verbs returned, however it ended.
-        path: where the page goes.
-        calibration: the calibration that the sensor curve was fitted to, where there is one.
-        source: the scenario file: an object, or a mapping, with `name` or `path`, `text` and `sha256`.
-        overwrite: whether a file that stands there may be replaced; the scenario file and what it names never is.
+        result: the result of a verb, with any status.
+        path: path of the page.
+        calibration: the calibration to which the sensor curve was fitted, if there is one.
+        source: the scenario file: an object or a mapping with `name` or `path`, `text` and `sha256`.
+        overwrite: whether an existing file may be replaced; input files are never replaced.
 
     Returns:
         The path.
@@ -60,85 +60,86 @@ def write_report(
 
 @check_arguments
 def report_html(result: Any, *, calibration: CalibrationReport | None = None, source: object = None) -> str:
-    """Write the report of a result as one self-contained HTML page.
+    """Return the report of a result as one self-contained HTML page.
 
     Args:
-        result: what one of the verbs returned, however it ended.
-        calibration: the calibration that the sensor curve was fitted to, where there is one.
-        source: the scenario file, as for `write_report`.
+        result: the result of a verb, with any status.
+        calibration: the calibration to which the sensor curve was fitted, if there is one.
+        source: the scenario file, see `write_report`.
 
     Returns:
-        The page, signed as pretouch's own.
+        The page, with pretouch's signature.
 
     Raises:
-        InvalidInputError: it is nothing that a verb returns.
+        InvalidInputError: `result` is not the result of a verb.
     """
     if not isinstance(result, Described):
-        raise InvalidInputError(f"result: found {result!r}, expected what one of the verbs returned")
-    page, given = page_of(result), _source(source)
+        raise InvalidInputError(f"result: found {result!r}, expected the result of a verb, such as design_gain(task)")
+    page, file = page_of(result), _source(source)
     if calibration is not None:
         page = _with_calibration(page, calibration, result)
-    if given is not None or not page.source:  # a calibration says itself where it comes from
-        page = replace(page.with_blocks(_provenance(given)), source=page.source if given is None else given["name"])
+    if file is not None or not page.source:  # the page of a calibration has its own provenance
+        page = replace(page.with_blocks(_provenance(file)), source=page.source if file is None else file["name"])
     return page_html(page)
 
 
 def page_html(page: Page) -> str:
-    """Write a page as HTML that names the versions that made it, signed as pretouch's own."""
+    """Return a page as HTML, with the versions of the software and pretouch's signature."""
     shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
     title = f"{page.kind}: {page.source}" if page.source else page.kind
     body = "\n".join([page_top(page), *blocks_as_html(page.blocks, _draw)])
-    made = ", ".join(f"{name} {number}" for name, number in _versions())
-    return sign(shell.substitute(title=escape(title), body=body, made=escape(made)))
+    versions = ", ".join(f"{name} {number}" for name, number in _versions())
+    return sign(shell.substitute(title=escape(title), body=body, made=escape(versions)))
 
 
 def _draw(picture: Picture) -> str:
-    """Draw a picture as an SVG element, in which text is drawn as shapes."""
-    drawn = picture.of if hasattr(picture.of, "savefig") else getattr(plots, picture.figure)(picture.of)
-    return draw_svg(drawn, picture.figure.replace("_", "-"))
+    """Draw a figure as an SVG element, with text converted to paths."""
+    figure = picture.of if hasattr(picture.of, "savefig") else getattr(plots, picture.figure)(picture.of)
+    return draw_svg(figure, picture.figure.replace("_", "-"))
 
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
-    """Say on a page what the calibration of its sensor is, and what it leaves open, before anything else."""
+    """Add the calibration of the sensor to a page, and put its reservations above the answer."""
     from pretouch.calibration.page import fitted_blocks  # noqa: PLC0415 - only where there is one
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 
-    left = None if calibration.best is None else reservations_of(calibration, answer)
-    told = fitted_blocks(calibration, () if left is None else left.lines)
-    section = Chapter(title=f"The calibration of its sensor: {calibration.calibration.name}", blocks=told)
-    opening = (left.headline,) if left is not None and left.headline else ()
+    reservations = None if calibration.best is None else reservations_of(calibration, answer)
+    blocks = fitted_blocks(calibration, () if reservations is None else reservations.lines)
+    section = Chapter(title=f"Sensor calibration: {calibration.calibration.name}", blocks=blocks)
+    opening = (reservations.headline,) if reservations is not None and reservations.headline else ()
     page = replace(page.with_blocks(section), open=(*opening, *page.open))
-    if left is not None and left.is_refuted:
+    if reservations is not None and reservations.is_refuted:
         return replace(page, status=f"status: not supported by the readings ({page.status})", good=False)
     return page
 
 
-def _provenance(given: dict[str, str] | None) -> Chapter:
-    known: tuple[Any, ...] = ()
-    if given is not None:
-        file = Paragraph(text=f"Scenario file `{given['name']}`, SHA-256 `{given['sha256']}`")
-        known = (file, Code(text=given["text"]) if given["text"] else None)
-    return Chapter(title="Provenance", blocks=(Paragraph(text=_METHOD, quiet=True), *known))
+def _provenance(file: dict[str, str] | None) -> Chapter:
+    """Return the section with the method and the scenario file."""
+    blocks: tuple[Any, ...] = ()
+    if file is not None:
+        name = Paragraph(text=f"Scenario file `{file['name']}`, SHA-256 `{file['sha256']}`")
+        blocks = (name, Code(text=file["text"]) if file["text"] else None)
+    return Chapter(title="Provenance", blocks=(Paragraph(text=_METHOD, quiet=True), *blocks))
 
 
 @lru_cache(maxsize=1)
 def _versions() -> tuple[tuple[str, str], ...]:
-    found = [("Python", platform.python_version())]
+    versions = [("Python", platform.python_version())]
     for package in _PACKAGES:
         try:
-            found.append((package, version(package)))
+            versions.append((package, version(package)))
         except PackageNotFoundError:
-            found.append((package, "not installed"))
-    return tuple(found)
+            versions.append((package, "not installed"))
+    return tuple(versions)
 
 
 def _source(source: object) -> dict[str, str] | None:
-    """Read name, text and hash of a file from an object or a mapping that has them."""
+    """Return name, text and hash of a file from an object or a mapping."""
     if source is None:
         return None
     keys = ("name", "path", "text", "sha256")
-    given = {key: source.get(key) if isinstance(source, Mapping) else getattr(source, key, None) for key in keys}
-    name = given["name"] or given["path"] or "scenario"
-    text = str(given["text"] or "")
-    digest = given["sha256"] or hashlib.sha256(text.encode()).hexdigest()
+    parts = {key: source.get(key) if isinstance(source, Mapping) else getattr(source, key, None) for key in keys}
+    name = parts["name"] or parts["path"] or "scenario"
+    text = str(parts["text"] or "")
+    digest = parts["sha256"] or hashlib.sha256(text.encode()).hexdigest()
     return {"name": Path(str(name)).name, "text": text, "sha256": str(digest)}

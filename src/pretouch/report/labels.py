@@ -1,4 +1,4 @@
-"""Labels that stand beside what they name: each is put where it covers neither text nor curve."""
+"""Place labels next to points and curves, where they cover neither text nor curves."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _ALIGN_Y: Final[dict[int, Any]] = {1: "bottom", 0: "center", -1: "top"}
 _LEADERLESS: Final = 11.0
 _AIR: Final = 1.5
 _COVERING: Final = 4.0  # cost of covering one more point of a curve
-_BACKGROUND: Final = 0.01  # how much a point of a line counts that is drawn below zorder 1
-_REFERENCES_FROM: Final = 1.5  # zorder from which a line is one of reference
-_CURVES_FROM: Final = 2.5  # zorder from which a line is a leader or a curve
-_OWN: Final = 5.0  # pixels around an anchor that belong to the curve it stands on
-_NARROW: Final = 2.0  # pixels between neighboring points of a curve, at which a line passes through it
-_WORD_SPACE: Final = 6.0  # pixels between two texts in one row, so that they do not read as one
+_BACKGROUND: Final = 0.01  # relative cost of covering a point of a line with zorder below 1
+_REFERENCES_FROM: Final = 1.5  # least zorder of reference lines
+_CURVES_FROM: Final = 2.5  # least zorder of leader lines and curves
+_OWN: Final = 5.0  # pixels around an anchor in which its own curve is ignored
+_NARROW: Final = 2.0  # pixels to a point of a curve, below which a line crosses the curve
+_WORD_SPACE: Final = 6.0  # least pixels between two texts in a row
 
 
 def label_near(
@@ -42,26 +42,26 @@ def label_near(
     strict: bool = False,
     marks: list[FloatArray] | None = None,
 ) -> Annotation | None:
-    """Write a label beside a point or a curve, where it covers no other label and as little of the curves as can be.
+    """Write a label next to a point or a curve, so that it covers no other label and as few curves as possible.
 
     The limits of the axes must be final.
 
     Args:
-        axes: where to write.
-        x: horizontal data coordinates of the points that may be labeled, the preferred ones first.
+        axes: the axes.
+        x: horizontal data coordinates of possible anchor points, the preferred points first.
         y: their vertical data coordinates.
-        text: the label; a `$` in it is a dollar.
+        text: the label; a `$` is printed as it is.
         color: its color.
         size: its font size [pt].
         weight: its font weight.
-        reach: how far off it may stand [pt].
-        side: 1 where it stands above if it can, -1 below.
-        strict: True for no label rather than one that covers a curve, stands behind one or runs into another text;
-            lines that are drawn below zorder 1 do not count.
-        marks: what `marks_in` returned, where several labels are written; the leader line is added to it.
+        reach: largest distance from the anchor [pt].
+        side: 1 to prefer places above the anchor, -1 to prefer places below.
+        strict: whether to write no label if every place covers a curve, lies behind a curve or touches a text; lines
+            with zorder below 1 are ignored.
+        marks: result of `marks_in`, to reuse it for several labels; the leader line is added to it.
 
     Returns:
-        The label, with a thin leader line where it stands farther off; None where no place is free.
+        The label, with a thin leader line if it is far from its anchor; None if no place is free.
     """
     label = _new_label(axes, text, color=color, fontsize=size, fontweight=weight)
     anchors = _display(axes, x, y)
@@ -75,7 +75,7 @@ def label_near(
     if choice < 0:
         label.remove()
         return None
-    marks += _settle(axes, label, anchors[int(places[choice, 0])], places[choice, 1:4])
+    marks += _move_to(axes, label, anchors[int(places[choice, 0])], places[choice, 1:4])
     return label
 
 
@@ -89,7 +89,7 @@ def _best_place(
     free: Any,
     strict: bool,
 ) -> int:
-    """Return the place of least cost among the free ones, -1 where there is none."""
+    """Return the index of the free place of least cost; -1 if there is none."""
     best, choice = np.inf, -1
     for i in free[np.argsort(places[free, 4], kind="stable")]:
         if places[i, 4] >= best:
@@ -104,20 +104,20 @@ def _best_place(
 
 
 def label_inside(axes: Axes, x: Any, y: Any, text: str, *, color: str, size: float, fill: str) -> Annotation | None:
-    """Write a label centered on one of several points, upright where there is no room across.
+    """Write a label centered on one of several points; it is rotated by 90 degrees if it is too wide.
 
     Args:
-        axes: where to write; its limits must be final.
-        x: horizontal data coordinates of the points, the preferred ones first; the label stays between the smallest
-            and the largest of them.
+        axes: the axes; its limits must be final.
+        x: horizontal data coordinates of possible centers, the preferred points first; the label stays between the
+            smallest and the largest of them.
         y: their vertical data coordinates.
         text: the label.
         color: its color.
         size: its font size [pt].
-        fill: the color behind it.
+        fill: its background color.
 
     Returns:
-        The label; None where no place is free.
+        The label; None if no place is free.
     """
     box = {"facecolor": fill, "edgecolor": "none", "pad": 1.0}
     label = _new_label(axes, text, color=color, fontsize=size, ha="center", va="center", bbox=box, zorder=1)
@@ -155,7 +155,7 @@ def _new_label(axes: Axes, text: str, **style: Any) -> Annotation:
 
 
 def _crosses(anchor: FloatArray, box: FloatArray, gap: float, taken: FloatArray) -> bool:
-    """Tell whether the leader from an anchor to a box would cross a label."""
+    """Return whether the leader line from an anchor to a box would cross a label."""
     if gap <= _LEADERLESS or not len(taken):
         return False
     end = np.clip(anchor, box[:2], box[2:])
@@ -165,7 +165,7 @@ def _crosses(anchor: FloatArray, box: FloatArray, gap: float, taken: FloatArray)
 
 
 def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) -> bool:
-    """Tell whether a line runs between an anchor and a box; a leader may cross a reference line."""
+    """Return whether a line lies between an anchor and a box; leader lines may cross reference lines."""
     end = np.clip(anchor, box[:2], box[2:])
     length = float(np.hypot(*(end - anchor)))
     if length <= _OWN:
@@ -179,7 +179,7 @@ def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) 
 def _candidates(
     anchors: FloatArray, dots: float, width: float, height: float, side: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return every place around every anchor: (anchor, dx, dy, gap, cost) and its box in pixels."""
+    """Return all places around all anchors, as (anchor, dx, dy, gap, cost), and their boxes in pixels."""
     rank, turn, nth = np.indices((len(anchors), len(_DIRECTIONS), len(_GAPS))).reshape(3, -1)
     gap = np.array(_GAPS)[nth]
     way = np.array(_DIRECTIONS)[turn] * np.array([1, side])
@@ -192,7 +192,7 @@ def _candidates(
 
 
 def free_places(axes: Axes, boxes: FloatArray, taken: FloatArray) -> Any:
-    """Tell which boxes lie inside the axes and on no other label."""
+    """Return which boxes lie inside the axes and do not overlap labels."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     inside = (boxes[:, 0] >= x0 + 1) & (boxes[:, 2] <= x1 + 4) & (boxes[:, 1] >= y0 + 1) & (boxes[:, 3] <= y1 + 2)
     apart = (
@@ -204,8 +204,8 @@ def free_places(axes: Axes, boxes: FloatArray, taken: FloatArray) -> Any:
     return inside & apart.all(axis=1)
 
 
-def _settle(axes: Axes, label: Annotation, anchor: FloatArray, place: FloatArray) -> list[FloatArray]:
-    """Move a label to its place, and draw its leader line where it needs one; return the marks of that."""
+def _move_to(axes: Axes, label: Annotation, anchor: FloatArray, place: FloatArray) -> list[FloatArray]:
+    """Move a label to its place, and draw a leader line if it is far away; return the points of the line."""
     dx, dy, gap = int(place[0]), int(place[1]), float(place[2])
     reach = gap / (np.sqrt(2) if dx and dy else 1)
     label.xy = tuple(axes.transData.inverted().transform(anchor))
@@ -245,13 +245,13 @@ def _renderer(artist: Any) -> Any:
 
 
 def boxes_in(axes: Axes, new: Annotation | None = None) -> FloatArray:
-    """Return the boxes of the labels that stand already, in pixels."""
+    """Return the boxes of existing labels, in pixels."""
     texts = [t for t in axes.texts if t is not new and t.get_text()]
     return np.array([t.get_window_extent(_renderer(t)).extents for t in texts]).reshape(-1, 4)
 
 
 def marks_in(axes: Axes) -> list[FloatArray]:
-    """Return points along all lines and markers, close to each other: x and y in pixels, and the zorder."""
+    """Return dense points along all lines and markers: x and y in pixels, and the zorder."""
     parts = [np.empty((0, 3))]
     for line in axes.lines:
         parts += _marks_along(line)
@@ -274,7 +274,7 @@ def _with_zorder(points: FloatArray, artist: Any) -> FloatArray:
 
 
 def dense_points(points: FloatArray) -> FloatArray:
-    """Put points between those that lie far apart [pixel], so that a label is not put on a long straight line."""
+    """Interpolate points along a path in pixels, so that labels avoid long straight lines."""
     if len(points) < 2:
         return points
     steps = np.abs(np.diff(points, axis=0)).max(axis=1)
@@ -286,7 +286,7 @@ def dense_points(points: FloatArray) -> FloatArray:
 
 
 def _covered(box: FloatArray, marks: FloatArray, air: float = 1.0) -> float:
-    """Return how many points of curves a label would cover, as a cost."""
+    """Return the cost of a label: the number of covered points of curves."""
     x, y = marks[:, 0], marks[:, 1]
     inside = (x > box[0] - air) & (x < box[2] + air) & (y > box[1] - air) & (y < box[3] + air)
     behind = np.count_nonzero(inside & (marks[:, 2] < 1))

@@ -1,4 +1,4 @@
-"""The picture of a motion."""
+"""Figure of the motion until contact: distance, position, velocity and virtual force over time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopMotion:
-    """One run until contact, a sample per step of the law; each array has the shape (n,).
+    """A simulated run until contact, with one sample per control step; arrays have the shape (n,).
 
     Args:
         time: t [s].
@@ -32,7 +32,7 @@ class LoopMotion:
         position: x of the plant [m].
         relative_velocity: l' [m/s].
         virtual_force: F_p [N].
-        result: how it ended.
+        result: the contact.
     """
 
     time: FloatArray
@@ -46,29 +46,29 @@ class LoopMotion:
 def loop_motion(
     loop: ClosedLoop, scenario: Scenario, sensor: SensorModel, gain: float, *, horizon: float
 ) -> LoopMotion:
-    """Run an encounter on a loop, with the noise of its first run.
+    """Simulate an encounter on a loop, with the noise of its first run.
 
     Args:
         loop: the loop.
         scenario: the encounter.
         sensor: the sensor curve.
         gain: D_p [N s].
-        horizon: up to when the motion is kept [s], where it does not end in contact.
+        horizon: end of the motion [s] if there is no contact.
 
     Returns:
-        The motion, with the instant of contact as its last sample.
+        The motion, with the moment of contact as its last sample.
     """
     result = loop(scenario, sensor, gain)
     trace = replace(loop, contact=None).run(scenario, sensor, gain).trace()
     end = result.end
     last = float(end.time) if result.reached.all() else min(horizon, float(end.time))
     kept = trace.time < last
-    closing = scenario.obstacle.velocity_at(trace.time) - trace.velocity
+    relative_velocity = scenario.obstacle.velocity_at(trace.time) - trace.velocity
     columns = {
         "time": (trace.time, end.time),
         "distance": (trace.distance, end.distance),
         "position": (trace.position, end.position),
-        "relative_velocity": (closing, end.relative_velocity),
+        "relative_velocity": (relative_velocity, end.relative_velocity),
         "virtual_force": (trace.virtual_force, end.virtual_force),
     }
     whole = last == end.time
@@ -83,12 +83,12 @@ _PANELS: Final = (
     ("virtual_force", "virtual force F\u209a", "N"),
 )
 _SAMPLES: Final = 160
-_FAR: Final = 4.0  # limits farther off than this many times the largest magnitude are not drawn
-_DOT: Final = " "  # a dot at the end of a curve, without a text
+_FAR: Final = 4.0  # limits beyond this multiple of the range of the motion are not drawn
+_DOT: Final = " "  # marks the end of a curve with a dot and no text
 
 
 class DrawnMotion(NamedTuple):
-    """One motion to be drawn, with its name and its place in the palette."""
+    """A motion to draw, with its name and its palette index."""
 
     label: str
     motion: Motion | LoopMotion
@@ -97,10 +97,10 @@ class DrawnMotion(NamedTuple):
 
 @check_arguments
 def motion(design: GainDesign) -> Figure:
-    """Draw the motion until contact with the chosen gain and without mitigation.
+    """Draw the motion until contact, with the chosen gain and without mitigation.
 
     Args:
-        design: a design of any status; where no gain was chosen, the nearest gain or a bound is drawn.
+        design: a design of any status; without a gain, the nearest gain or a bound is drawn.
 
     Returns:
         Four panels over time: distance, plant position, relative velocity and virtual force, with the limits of
@@ -112,14 +112,14 @@ def motion(design: GainDesign) -> Figure:
 
 
 def runs_of(design: GainDesign) -> list[DrawnMotion]:
-    """Solve the motions that a design is about: with the gain, or the nearest one, and without mitigation.
+    """Compute the motions with the chosen or nearest gain and without mitigation.
 
     Args:
         design: the design.
 
     Returns:
-        The motions. Those of a design on the sampled loop are run on that loop; those of a design on a function of the
-        user's, which gives no motion, are L(1) in continuous time.
+        The motions. They are simulated on the sampled loop if the design used it, otherwise in continuous time by the
+        letter's admittance, L(1); a custom evaluation function of a user has no motion.
     """
     (low, high), number = design.bounds, design.number
     if design.gain is not None:
@@ -155,7 +155,7 @@ def _panel(design: GainDesign, runs: list[DrawnMotion], clock: Scale, what: tupl
 
 
 def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: float) -> Curve:
-    """Return a motion, named in the first panel, with the value at its end beside it in the others."""
+    """Return the curve of a motion; it has a name in the first panel, and its last value in the others."""
     time, values, ended = run.motion.time, np.asarray(getattr(run.motion, name)), _reached(run.motion.result)
     label, end = "", scale.text(float(values[-1]), largest=largest)
     if name == "distance":
@@ -165,18 +165,18 @@ def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: flo
 
 
 def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale, scale: Scale) -> list[Curve]:
-    """Return where the task wants the plant, as far as that is in sight."""
+    """Return the reference trajectory as a curve, if it is within the range of the plot."""
     reference, time = design.scenario.reference, np.linspace(0.0, last, 50)
     path = reference.position + (reference.velocity + reference.acceleration * time / 2) * time
     air = 0.1 * np.ptp(values)
-    seen = np.where((path >= values.min() - air) & (path <= values.max() + air), path, np.nan)
-    if np.isnan(seen).all():
+    visible = np.where((path >= values.min() - air) & (path <= values.max() + air), path, np.nan)
+    if np.isnan(visible).all():
         return []
-    return [Curve(x=time / clock.factor, y=seen / scale.factor, label="reference", quiet=True)]
+    return [Curve(x=time / clock.factor, y=visible / scale.factor, label="reference", quiet=True)]
 
 
 def _horizon(design: GainDesign) -> float:
-    """Return how long to follow a motion that may never end: a few time constants, or every contact time."""
+    """Return the duration of a motion that may have no contact: a few time constants, or the largest contact time."""
     ends = [r for r in (design.result, design.nearest, design.no_mitigation) if r is not None]
     times = [float(r.end.time) for r in ends if _reached(r)]
     mass, damping = float(design.scenario.admittance.mass), float(design.scenario.admittance.damping)
@@ -199,8 +199,8 @@ def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Moti
 
 
 def _limits(design: GainDesign, name: str) -> dict[str, float]:
-    """Return the limits [SI] that belong into a panel, by their names."""
-    found: dict[str, float] = {}
+    """Return the limits of the quantity of a panel, in SI, by name."""
+    limits: dict[str, float] = {}
     reference = design.scenario.reference
     centers = {"travel": float(design.scenario.plant.position)}
     if not (reference.velocity or reference.acceleration):
@@ -212,12 +212,12 @@ def _limits(design: GainDesign, name: str) -> dict[str, float]:
             text, center = "limit at contact" if name == "relative_velocity" else "virtual force limit", 0.0
         else:
             continue
-        found |= {text: center - outcome.limit, f"upper {text}": center + outcome.limit}
-    return found
+        limits |= {text: center - outcome.limit, f"upper {text}": center + outcome.limit}
+    return limits
 
 
 def _worth_drawing(limits: dict[str, float], values: FloatArray) -> dict[str, float]:
-    """Keep the limits on the side on which the motion takes place, where they do not dwarf it."""
+    """Return the limits on the side of the motion that are not far beyond its range."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     reach = _FAR * max(high - low, 1e-12)
     below = abs(low) >= abs(high)

@@ -1,4 +1,4 @@
-"""An empty figure; Matplotlib is loaded when it is made."""
+"""Make an empty figure; Matplotlib is imported at the first call."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Make an empty figure of a size in inches, without pyplot and without a display."""
-    from .canvas import ReportFigure  # noqa: PLC0415 - matplotlib is loaded when a figure is drawn
+    """Make an empty figure of a size in inches, without pyplot or a display."""
+    from .canvas import ReportFigure  # noqa: PLC0415 - Matplotlib is imported when a figure is drawn
 
     return ReportFigure(figsize=(width, height))

@@ -1,4 +1,4 @@
-"""What a chart is given must make sense: each check says what was got, what must hold and what to try."""
+"""Check the arguments of panels; each message gives the value, what is allowed, and what to do."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.messages import short_repr
 from pretouch._core.numbers import FloatArray, finite
-from pretouch._core.vocabulary import short_repr
 
 from .style import CURVES
 
 
 def called(kind: str, label: str) -> str:
-    """Name a value in a message by what it is and by its label, where it has one."""
+    """Return the name of an object in messages: its kind and its label, if it has one."""
     return f"{kind} {label!r}" if label else kind
 
 
 def as_column(values: ArrayLike, name: str) -> FloatArray:
-    """Copy a row of numbers, each finite or missing; masked ones are missing."""
+    """Copy a row of numbers, which may be NaN; masked values become NaN."""
     array = np.asarray(values)
     if array.ndim != 1 or array.dtype.kind not in "iuf":
-        found = f"{array.dtype.name} of shape {array.shape}"
-        raise InvalidInputError(f"{name}: found {found}, expected a row of numbers, such as [0.0, 1.5, 3.0]")
+        what = f"{array.dtype.name} of shape {array.shape}"
+        raise InvalidInputError(f"{name}: found {what}, expected a row of numbers, such as [0.0, 1.5, 3.0]")
     if not len(array):
         raise InvalidInputError(f"{name}: found no values, expected at least one")
     column = np.array(array, dtype=np.float64)
@@ -33,7 +33,7 @@ def as_column(values: ArrayLike, name: str) -> FloatArray:
     if np.isinf(column).any():
         at = int(np.flatnonzero(np.isinf(column))[0])
         raise InvalidInputError(
-            f"{name}: found {column[at]:g} at index {at}, expected finite numbers; NaN leaves a point out"
+            f"{name}: found {column[at]:g} at index {at}, expected finite numbers; use NaN for a missing point"
         )
     column.setflags(write=False)
     return column
@@ -47,18 +47,18 @@ def as_number(value: Any, name: str) -> float:
     return number
 
 
-def as_limits(given: Any, name: str) -> tuple[float, float] | None:
-    """Check that the ends of an axis are an interval."""
-    if given is None:
+def as_limits(limits: Any, name: str) -> tuple[float, float] | None:
+    """Check that the limits of an axis are two ascending numbers."""
+    if limits is None:
         return None
-    ends = finite(given, name)
+    ends = finite(limits, name)
     if np.shape(ends) != (2,) or not ends[0] < ends[1]:
-        raise InvalidInputError(f"{name}: found {given!r}, expected two numbers, the smaller one first")
+        raise InvalidInputError(f"{name}: found {limits!r}, expected two numbers, the smaller one first")
     return float(ends[0]), float(ends[1])
 
 
 def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
-    """Check that a sequence holds values of one class only."""
+    """Check that all elements of a sequence are instances of a class."""
     if isinstance(values, kind):
         raise InvalidInputError(f"{name}: found one {kind.__name__}, expected a list; try [{kind.__name__}(...)]")
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
@@ -70,52 +70,52 @@ def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
     return every
 
 
-def check_choice(value: Any, known: tuple[str, ...], name: str) -> None:
-    """Check that a word is one of those that are known."""
-    if value not in known:
-        raise InvalidInputError(f"{name}: found {value!r}, expected one of {', '.join(known)}")
+def check_choice(value: Any, choices: tuple[str, ...], name: str) -> None:
+    """Check that a word is one of the allowed words."""
+    if value not in choices:
+        raise InvalidInputError(f"{name}: found {value!r}, expected one of {', '.join(choices)}")
 
 
 def check_ends(low: Any, high: Any, who: str) -> None:
-    """Check that the ends of bands or bars come together, and in order."""
+    """Check that the lower and the upper ends of bands or bars are both given, and in order."""
     if (low is None) != (high is None):
-        given, missing = ("high", "low") if low is None else ("low", "high")
-        raise InvalidInputError(f"{who}: found {given} without {missing}, expected both or neither")
+        present, missing = ("high", "low") if low is None else ("low", "high")
+        raise InvalidInputError(f"{who}: found {present} without {missing}, expected both or neither")
     if low is not None and np.any(low > high):
         at = int(np.flatnonzero(low > high)[0])
-        found = f"low = {low[at]:g} above high = {high[at]:g} at index {at}"
-        raise InvalidInputError(f"{who}: found {found}, expected low <= high")
+        ends = f"low = {low[at]:g} above high = {high[at]:g} at index {at}"
+        raise InvalidInputError(f"{who}: found {ends}, expected low <= high")
 
 
 def check_style(style: Any, who: str) -> None:
-    """Check that a style is a place in the palette."""
+    """Check that a style is an index of the palette."""
     if style is not None and (isinstance(style, bool) or style not in range(len(CURVES))):
         raise InvalidInputError(
-            f"{who}: found style {style!r}, expected a place in the palette, 0 to {len(CURVES) - 1}, or None"
+            f"{who}: found style {style!r}, expected an index of the palette, 0 to {len(CURVES) - 1}, or None"
         )
 
 
 def check_axis(panel: Any, axis: str) -> None:
-    """Check that what has a name can be seen, and that a logarithmic axis gets positive numbers only."""
+    """Check that everything with a name is within the limits, and that a logarithmic axis has only positive numbers."""
     ends = getattr(panel, f"{axis}_limits")
     if getattr(panel, f"{axis}_log"):
         for name, values in [*_numbers(panel, axis), (f"{axis}_limits", np.array(ends or ()))]:
             if np.any(values <= 0):
                 raise InvalidInputError(
                     f"{name}: found {values[values <= 0][0]:g} on a logarithmic axis, expected positive numbers; "
-                    f"try NaN to leave a point out, or {axis}_log=False"
+                    f"use NaN for a missing point, or {axis}_log=False"
                 )
     for name, values in _numbers(panel, axis):
         nameless = name.startswith("curve:")
         if ends and not nameless and (np.nanmax(values) < ends[0] or np.nanmin(values) > ends[1]):
             raise InvalidInputError(
                 f"{name}: found {np.nanmin(values):g} to {np.nanmax(values):g}, which lies outside "
-                f"{axis}_limits = ({ends[0]:g}, {ends[1]:g}); widen them or leave it out"
+                f"{axis}_limits = ({ends[0]:g}, {ends[1]:g}); widen the limits or remove it"
             )
 
 
 def _numbers(panel: Any, axis: str) -> Iterator[tuple[str, FloatArray]]:
-    """Yield everything that is drawn along an axis, with what it is called in a message."""
+    """Yield all coordinates along an axis, each with its name for messages."""
     for curve in panel.curves:
         for name, column in curve.columns():
             if (name == "x") == (axis == "x") and np.isfinite(column).any():

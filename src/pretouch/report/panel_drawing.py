@@ -1,4 +1,4 @@
-"""What stands in a panel: its curves, bands, points and lines, and everything in it that has a name."""
+"""Draw the curves, bands, points and lines of a panel, and collect the names to write into it."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _HATCHED: Final = "#bdbdbd"
 _SHAPES: Final = {"dot": ("o", True), "ring": ("o", False), "square": ("s", True)}
 _MARKER_SIZES: Final = {"o": 4.4, "s": 4.0, "^": 5.0, "D": 3.8, "v": 5.0}
 _ANCHORS: Final = 25
-_CLOSE: Final = 20.0  # pixels between reference lines that leave no room for a name
-_APART: Final = 8.0  # pixels to other curves from which it is plain which curve a name belongs to
-_CLEAR: Final = 30.0  # pixels of distance to the nearest other curve beyond which more is no better
-_LETTER: Final = 6.6  # pixels, of a text in 8 pt
-_MOST_ROOM: Final = 0.25  # of the width, for texts at the ends of curves
-_DIGITS: Final = 1e-3, 1e5  # a largest number outside these is written with a power of ten
+_CLOSE: Final = 20.0  # pixels between reference lines, below which there is no room for a name
+_APART: Final = 8.0  # least pixels to other curves, so that a name is not ambiguous
+_CLEAR: Final = 30.0  # pixels to the nearest other curve, beyond which more distance has no advantage
+_LETTER: Final = 6.6  # pixels, width of a letter of 8 pt
+_MOST_ROOM: Final = 0.25  # of the width of a panel, for texts at the ends of curves
+_DIGITS: Final = 1e-3, 1e5  # an axis whose largest number is outside gets a power of ten
 
 
 _SPANS: Final[dict[str, dict[str, Any]]] = {
@@ -38,11 +38,11 @@ _SPANS: Final[dict[str, dict[str, Any]]] = {
     "missing": {"facecolor": BLOCKED, "edgecolor": _HATCHED, "hatch": "\\\\\\\\"},
     "used": {"facecolor": "#eef4f9"},
 }
-"""How a stretch of the horizontal axis is filled, by its kind."""
+"""The fill style of a range of the horizontal axis, by its kind."""
 
 
 class Name(NamedTuple):
-    """Something that needs its name in the picture: where it may stand, and what shows it in a line of names."""
+    """A name to write into a panel: possible anchor points, and the line style for a list of names."""
 
     text: str
     color: str
@@ -61,7 +61,7 @@ class _Look(NamedTuple):
 
 
 def draw_panel(axes: Axes, panel: Panel) -> None:
-    """Draw everything but the names, and set the limits."""
+    """Draw everything except the names, and set the limits."""
     zoomed = panel.x_limits is not None or panel.y_limits is not None
     for curve, look in _looks(panel):
         _draw_curve(axes, curve, look, clipped=zoomed)
@@ -71,7 +71,7 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
         axes.axhline(at, **_LINE)
     for at in panel.positions.values():
         axes.axvline(at, **_LINE)
-    for which in ("y", "x"):  # the room that x needs depends on y
+    for which in ("y", "x"):  # the space for texts along x depends on the limits of y
         _set_axis(axes, panel, which)
     for curve, look in _looks(panel):
         if curve.end:
@@ -81,7 +81,7 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
 
 
 def names_of(axes: Axes, panel: Panel) -> list[Name]:
-    """Return what has a name; limits and positions of the axes must be final."""
+    """Return all names of a panel; limits and position of its axes must be final."""
     names = [
         Name(mark.label, _color(mark.style), np.array([mark.x]), np.array([mark.y]), _mark_style(mark), "point")
         for mark in panel.marks
@@ -133,7 +133,7 @@ def _mark_style(mark: Any) -> dict[str, Any]:
 
 
 def _curve_sample(curve: Curve, look: _Look) -> dict[str, Any]:
-    """Return how a curve is drawn, apart from where."""
+    """Return the line style of a curve."""
     return {
         "color": look.color,
         "linestyle": "None" if curve.kind == "points" else look.dashes,
@@ -160,8 +160,8 @@ def _draw_curve(axes: Axes, curve: Curve, look: _Look, *, clipped: bool) -> None
         else:
             axes.fill_between(x, low, high, color=look.color, alpha=0.17, linewidth=0, zorder=0.8)
     if curve.kind == "line":
-        known = np.concatenate([[False], curve.known, [False]])
-        alone = known[1:-1] & ~known[:-2] & ~known[2:]  # a line through one point would not be seen
+        valid = np.concatenate([[False], curve.known, [False]])
+        alone = valid[1:-1] & ~valid[:-2] & ~valid[2:]  # a line through one point would not be visible
         if alone.any():
             axes.plot(x[alone], y[alone], **{**style, "linestyle": "None", "marker": "o", "markersize": 3.0})
 
@@ -175,7 +175,7 @@ def _draw_end(axes: Axes, curve: Curve, look: _Look) -> None:
 
 
 def _span_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the names of stretches, with places inside each of them."""
+    """Yield the names of ranges, with anchor points inside each."""
     (x0, bottom), (x1, top) = axes.bbox.get_points()
     for span in panel.spans:
         ends = axes.get_xaxis_transform().transform([(span.start, 0.5), (span.end, 0.5)])
@@ -188,7 +188,7 @@ def _span_names(axes: Axes, panel: Panel) -> Iterator[Name]:
 
 
 def _end_names(panel: Panel) -> list[Name]:
-    """Return the texts at the ends of curves, each once, with every end that it may stand at."""
+    """Return the texts at the ends of curves, each once, with all ends that have this text."""
     ends: dict[str, list[tuple[Curve, _Look]]] = {}
     for curve, look in _looks(panel):
         if curve.end:
@@ -205,7 +205,7 @@ def _end_names(panel: Panel) -> list[Name]:
 
 
 def _line_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the names of the reference lines; where one lies close below another, it is named below if it can be."""
+    """Yield the names of reference lines; a line closely below another is preferably named below."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     shares = np.concatenate([[0.99, 0.01], np.linspace(0.95, 0.05, 19)])
     pixels = np.column_stack([x0 + shares * (x1 - x0), y0 + shares * (y1 - y0)])
@@ -219,14 +219,14 @@ def _line_names(axes: Axes, panel: Panel) -> Iterator[Name]:
 
 
 def _with_value(text: str, at: float, label: str) -> str:
-    """Say where a reference line lies: in a list, all of them look the same."""
+    """Add the value of a reference line to its name, for lists, in which all such lines look the same."""
     unit = label.rpartition("[")[2].partition("]")[0]
     number = minus(f"{at:.4g}")
     return f"{text} (at {number if unit == '1' else f'{number} {unit}'})"
 
 
 def _path(axes: Axes, curve: Curve) -> FloatArray:
-    """Return points that lie close to each other on the part of a curve that is seen, in pixels."""
+    """Return dense points of the visible part of a curve, in pixels."""
     x, y = _xy(curve)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], curve.known, [False]]).astype(int)))
     runs = [slice(*run) for run in edges.reshape(-1, 2)]
@@ -241,7 +241,7 @@ def inside(axes: Axes, path: FloatArray) -> FloatArray:
 
 
 def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
-    """Choose points along a curve, those first that lie far from other curves and in its later half."""
+    """Return anchor points along a curve; the first are far from other curves and near two thirds of its length."""
     if not len(path):
         return path
     share = np.linspace(0.02, 0.98, _ANCHORS)
@@ -258,9 +258,9 @@ def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
 
 
 def _set_axis(axes: Axes, panel: Panel, which: str) -> None:
-    """Set limits, ticks and label of an axis; a power of ten of its numbers joins the unit."""
-    logarithmic, given = getattr(panel, f"{which}_log"), getattr(panel, f"{which}_limits")
-    low, high = given or _data_limits(axes, panel, which)
+    """Set limits, ticks and label of an axis; a power of ten is added to the unit."""
+    logarithmic, limits = getattr(panel, f"{which}_log"), getattr(panel, f"{which}_limits")
+    low, high = limits or _data_limits(axes, panel, which)
     label = getattr(panel, f"{which}_label")
     if logarithmic:
         log_axis(axes, which, low, high)
@@ -290,15 +290,15 @@ def _with_power(label: str, power: int) -> str:
     return f"{head}[{written}{unit[1:] if unit.startswith('1]') else ' ' + unit}"
 
 
-def _seen(curve: Curve, panel: Panel, which: str) -> Any:
-    """Tell which points of a curve lie within the limits that were asked for on an axis."""
+def _within_limits(curve: Curve, panel: Panel, which: str) -> Any:
+    """Return which points of a curve are within the limits that the panel sets for an axis; all if there are none."""
     limits, values = getattr(panel, f"{which}_limits"), np.asarray(getattr(curve, which), float)
     inside = (values >= limits[0]) & (values <= limits[1]) if limits else np.ones(len(values), dtype=bool)
     return inside if inside.any() else np.ones(len(values), dtype=bool)
 
 
 def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
-    """Return limits that hold all that is drawn, with air where a point or a label needs it."""
+    """Return limits that contain everything, with margins for points and labels."""
     if panel.map is not None:
         coordinates = np.asarray(getattr(panel.map, which))
         return coordinates[0], coordinates[-1]
@@ -306,8 +306,8 @@ def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
     ends = [end for span in panel.spans for end in (span.start, span.end)] if which == "x" else []
     parts = [np.array([*lines.values(), *ends, *(getattr(mark, which) for mark in panel.marks)], float)]
     for curve in panel.curves:
-        seen = _seen(curve, panel, "y" if which == "x" else "x")
-        parts += [column[seen] for name, column in curve.columns() if (name == "x") == (which == "x")]
+        visible = _within_limits(curve, panel, "y" if which == "x" else "x")
+        parts += [column[visible] for name, column in curve.columns() if (name == "x") == (which == "x")]
     values = np.concatenate(parts)
     values = values[np.isfinite(values)]
     low, high = float(values.min()), float(values.max())
@@ -327,7 +327,7 @@ def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
 
 
 def _room_for_ends(axes: Axes, panel: Panel) -> float:
-    """Return the share of the width for texts to the right of curves that end on the lower border of the panel."""
+    """Return the share of the width for texts to the right of curves that end at the lower border."""
     low, high = axes.get_ylim()
     down = [c.end for c in panel.curves if c.end and np.asarray(c.y, float)[c.known][-1] < low + 0.05 * (high - low)]
     room = _LETTER * max((len(line) for text in down for line in text.split("\n")), default=0)

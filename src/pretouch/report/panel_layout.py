@@ -1,4 +1,4 @@
-"""Where panels stand on their canvas, and where their names go when all else is final."""
+"""Arrange panels in a figure, and place the names of their curves."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ if TYPE_CHECKING:
 _WIDTH: Final = 7.4  # inch
 _WIDTH_OF_ONE: Final = 5.2
 _EDGE: Final = 0.06
-_GAP: Final = 0.2  # between panels, beside what hangs over
+_GAP: Final = 0.2  # inch between panels, in addition to labels
 _SMALLEST: Final = 0.4
-_LEAST: Final = 0.5  # of the height of a row, for the axes: a row grows where names and labels would take more
+_LEAST: Final = 0.5  # least share of the axes in the height of a row; otherwise the row grows
 _REACHES: Final = (11.0, 34.0)  # pt from a curve to its name, without and with a leader line
-_KINDS: Final = ("span", "point", "curve", "line")  # in the order in which they are named
+_KINDS: Final = ("span", "point", "curve", "line")  # in the order of placement
 _SIZES: Final = {"span": 7.5, "point": 8.0, "curve": 8.0, "line": 7.5}
-_BREAKABLE: Final = 9  # letters from which a name may take two lines
+_BREAKABLE: Final = 9  # least number of letters of a name that may be broken into two lines
 _TICK_AIR: Final = 5.0  # pixels between the labels of ticks
 _ROW_GAP: Final = 3.0  # pt, between lines of names
-_TORN: Final = 16.0  # pt between a title and its panel
+_TORN: Final = 16.0  # pt, largest distance between a title and its panel
 _SAMPLE: Final = 20.0  # pt
 _SAME: Final = 0.5  # pixels
 
 
 class _Grid(NamedTuple):
-    """Rows and columns of a figure, the least height of its axes [inch], and labels of ticks, measured once."""
+    """A figure with its rows and columns, the least height of its axes [inch], and the measured tick labels."""
 
     figure: Figure
     rows: int
@@ -57,16 +57,16 @@ class _Grid(NamedTuple):
 
 
 def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figure:
-    """Draw panels in a grid; a name that finds no place beside what it names moves into a line above its panel."""
+    """Draw panels in a grid; names without a free place in their panel are listed above it."""
     grid = _draw(panels, columns, height)
     listed: list[set[int]] = [set() for _ in panels]
     bare = [set(axes.get_children()) for axes in grid.figure.axes]
     while True:
         each = zip(grid.figure.axes, panels, listed, strict=True)
-        lost = [_place_names(axes, panel, above) for axes, panel, above in each]
-        if not any(lost):
+        unplaced = [_place_names(axes, panel, above) for axes, panel, above in each]
+        if not any(unplaced):
             return grid.figure
-        listed = [above | more for above, more in zip(listed, lost, strict=True)]
+        listed = [above | more for above, more in zip(listed, unplaced, strict=True)]
         for axes, drawn in zip(grid.figure.axes, bare, strict=True):
             for artist in set(axes.get_children()) - drawn:
                 artist.remove()
@@ -74,7 +74,7 @@ def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figur
         artists = _list_names(grid, panels, listed)
         _fit(grid)
         if any(abs(axes.bbox.width - w) > _SAME for axes, w in zip(grid.figure.axes, widths, strict=True)):
-            for artist in artists:  # a list takes height, which may change the width of its panel
+            for artist in artists:  # the height of a list may change the width of its panel
                 artist.remove()
             _list_names(grid, panels, listed)
             _fit(grid)
@@ -82,7 +82,7 @@ def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figur
 
 
 def _draw(panels: tuple[Panel, ...], columns: int, height: float) -> _Grid:
-    """Draw panels without the names beside curves, in their final places."""
+    """Draw panels at their final positions, without names of curves."""
     width = _WIDTH_OF_ONE if len(panels) == 1 < columns else _WIDTH
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
@@ -101,8 +101,8 @@ def _draw(panels: tuple[Panel, ...], columns: int, height: float) -> _Grid:
 
 
 def _fit(grid: _Grid) -> None:
-    """Give the panels their places, and make their ticks and labels fit."""
-    for _ in range(2):  # what hangs over depends on the ticks, which depend on the size
+    """Arrange the panels, and adapt ticks and labels to their sizes."""
+    for _ in range(2):  # the size of labels depends on the ticks, which depend on the size of the axes
         _arrange(grid)
         changed = [_thin_ticks(axes, grid) | _wrap_labels(axes, grid.renderer) for axes in grid.figure.axes]
         if not any(changed):
@@ -110,7 +110,7 @@ def _fit(grid: _Grid) -> None:
 
 
 def _list_names(grid: _Grid, panels: tuple[Panel, ...], listed: list[set[int]]) -> list[Artist]:
-    """Write the names that are listed between the panels and their titles."""
+    """Write lists of names between the panels and their titles."""
     artists: list[Artist] = []
     heights = np.zeros((grid.rows, grid.columns))  # pt
     for i, (axes, above) in enumerate(zip(grid.figure.axes, listed, strict=True)):
@@ -118,27 +118,28 @@ def _list_names(grid: _Grid, panels: tuple[Panel, ...], listed: list[set[int]]) 
         heights.flat[i], written = _write_list(axes, [names[k] for k in sorted(above)], grid.renderer)
         artists += written
     for i, axes in enumerate(grid.figure.axes):
-        own, most = heights.flat[i], heights[i // grid.columns].max()
-        shift = most if most - own < _TORN else own  # titles stand in one row unless that tears one from its panel
+        height, most = heights.flat[i], heights[i // grid.columns].max()
+        shift = most if most - height < _TORN else height  # align titles, unless a title would be far from its panel
         pad = shift + 2 * _ROW_GAP if shift else None
         axes.set_title(axes.get_title("left"), y=1.0, pad=pad, parse_math=False)
     return artists
 
 
 def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
-    """Write names beside what they name; return the places of those that have to be listed instead."""
+    """Write names into a panel; return the indices of names that must be listed above instead."""
     names = list(enumerate(names_of(axes, panel)))
     hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
     marks = marks_in(axes)
-    lost = {i for i, name in hardest_first if i not in listed and not _place(axes, name, marks)}
+    unplaced = {i for i, name in hardest_first if i not in listed and not _place(axes, name, marks)}
     if panel.map is not None:
         number_contours(axes)
     curves = {i for i, name in names if name.kind == "curve"}
-    return lost | curves - listed if lost and 2 * len(curves & (lost | listed)) > len(curves) else lost
+    list_all = unplaced and 2 * len(curves & (unplaced | listed)) > len(curves)
+    return unplaced | curves - listed if list_all else unplaced
 
 
 def _place(axes: Axes, name: Name, marks: list[FloatArray]) -> bool:
-    """Write a name beside what it names, in one line or in two; tell whether there was room."""
+    """Write a name in one line or two; return whether there was a free place."""
     if name.kind == "span":
         fill, size = name.sample["markerfacecolor"], _SIZES["span"]
         return label_inside(axes, name.x, name.y, name.text, color=name.color, size=size, fill=fill) is not None
@@ -171,7 +172,7 @@ def _in_two_lines(text: str) -> str:
 
 
 def _arrange(grid: _Grid, *, final: bool = False) -> None:
-    """Give all panels the same size, with as much room between them as what hangs over their axes takes."""
+    """Give all panels the same size, with space between them for ticks and labels."""
     figure, rows, columns, least, *_ = grid
     figure.align_ylabels(figure.axes)
     over = np.zeros((4, max(rows, columns)))  # left, right, bottom, top [inch], by column or by row
@@ -194,10 +195,10 @@ def _arrange(grid: _Grid, *, final: bool = False) -> None:
 
 
 def _overhang(axes: Axes, grid: _Grid, *, final: bool) -> tuple[float, float, float, float]:
-    """Return by how many pixels ticks and texts stand out to the left, right, bottom and top.
+    """Return the extent of ticks and texts beyond the axes [pixel]: left, right, bottom and top.
 
-    Texts that will still be broken to fit do not count along the side that they have to fit. Labels stand where the
-    ticks let them, by Matplotlib's own rule, which it would take five times as long to tell.
+    Texts that will be broken to fit do not count along the side that they must fit. The positions of labels follow
+    Matplotlib's rule; asking Matplotlib would take five times as long.
     """
     inner: Any = axes.bbox
     renderer = grid.renderer
@@ -216,7 +217,7 @@ def _overhang(axes: Axes, grid: _Grid, *, final: bool) -> tuple[float, float, fl
 
 
 def _tick_boxes(axis: Any, grid: _Grid) -> list[Any]:
-    """Return where the labels of ticks stand that are seen [pixel]; they move with the axes, but keep their size."""
+    """Return the boxes of the visible tick labels [pixel]; their sizes are measured once."""
     side, axes = "xy".index(axis.axis_name), axis.axes
     along: Any = (axes.get_xaxis_transform, axes.get_yaxis_transform)[side]()
     if axis not in grid.labels:
@@ -235,7 +236,7 @@ def _title(axes: Axes) -> Text:
 
 
 def _thin_ticks(axes: Axes, grid: _Grid) -> bool:
-    """Show fewer ticks where their labels would touch; tell whether any did."""
+    """Show fewer ticks if their labels would touch; return whether that was necessary."""
     thinned = False
     for axis, side in ((axes.xaxis, 0), (axes.yaxis, 1)):
         for most in (6, 5, 4, 3, 2):
@@ -254,7 +255,7 @@ def _touch(boxes: list[Any], side: int) -> bool:
 
 
 def _wrap_labels(axes: Axes, renderer: Any) -> bool:
-    """Break labels and titles that are longer than the axes; tell whether any changed."""
+    """Break labels and titles that are longer than the axes; return whether any changed."""
     texts = (axes.xaxis.label, _title(axes), axes.yaxis.label)
     before = [text.get_text() for text in texts]
     for text, side in zip(texts, (0, 0, 1), strict=True):
@@ -263,7 +264,7 @@ def _wrap_labels(axes: Axes, renderer: Any) -> bool:
 
 
 def _write_list(axes: Axes, names: list[Name], renderer: Any) -> tuple[float, list[Artist]]:
-    """Write names above the panel, each behind a sample of what it names; return their height [pt] and what is new."""
+    """Write a list of names above a panel, each after a line sample; return its height [pt] and the new artists."""
     dots = axes.figure.dpi / 72
     x, rows, placed = 0.0, [0.0], []
     for name in names:
@@ -301,7 +302,7 @@ def _write_list(axes: Axes, names: list[Name], renderer: Any) -> tuple[float, li
 
 
 def _break(text: Text, words: str, room: float, side: int, renderer: Any, *, hyphens: bool = False) -> None:
-    """Break a text into as few lines as fit into a room [pixel], across or upward; its unit stays in one piece."""
+    """Break a text into the fewest lines that fit into `room` [pixel], across or upward; its unit is not broken."""
     head, bracket, unit = words.partition("[")
     whole = head + bracket + unit.replace(" ", "\u00a0")
     for width in range(len(whole) + 1, 7, -1):

@@ -1,4 +1,4 @@
-"""Maps in panels: shades, contour lines, and hatching where there is no value."""
+"""Draw maps in panels: shades, contour lines with numbers, and hatching for missing values."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from .panels import Map
 
 
-_SHADES: Final = ("#7fb2d6", "#ffffff")  # from low to high: dark enough to be told apart, light enough for letters
-_SHORT: Final = 12  # points of a path, some 4 pixels apart, that leave no room for a number
+_SHADES: Final = ("#7fb2d6", "#ffffff")  # from low to high: dark enough to be distinct, light enough for text
+_SHORT: Final = 12  # points of a path, about 4 pixels apart, below which there is no room for a number
 _BOX: Final[dict[str, Any]] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
 _LEVELS: Final = 8
 _CROWDED: Final = 0.6  # of the plane
 
 
 def draw_map(axes: Axes, shown: Map) -> None:
-    """Draw shades and contour lines below all else."""
-    axes.patch.set(facecolor=BLOCKED, edgecolor=QUIET, hatch="////", linewidth=0)  # seen where there is no value
+    """Draw shades and contour lines in the background."""
+    axes.patch.set(facecolor=BLOCKED, edgecolor=QUIET, hatch="////", linewidth=0)  # visible where there is no value
     values = np.ma.masked_invalid(shown.values)
     low, high = float(values.min()), float(values.max())
     levels = _levels(values.compressed()) if low < high else np.array([low - 1.0, low + 1.0])
@@ -44,7 +44,7 @@ def draw_map(axes: Axes, shown: Map) -> None:
 
 
 def number_contours(axes: Axes) -> None:
-    """Write on contour lines what they stand for, far from other lines where there is room; all else must be final."""
+    """Write the values of contour lines on them, far from other lines if possible; everything else must be final."""
     contours = [c for c in axes.collections if isinstance(c, ContourSet) and not c.filled]
     lines = [(level, run) for c in contours for level, runs in zip(c.levels, c.allsegs, strict=True) for run in runs]
     paths = [inside(axes, dense_points(np.asarray(axes.transData.transform(run)))) for _, run in lines]
@@ -64,15 +64,15 @@ def number_contours(axes: Axes) -> None:
             label.remove()
 
 
-def _levels(known: FloatArray) -> FloatArray:
-    """Choose levels: equally spaced, or of equally large areas where nearly everything lies between two of those."""
-    low, high = float(known.min()), float(known.max())
+def _levels(values: FloatArray) -> FloatArray:
+    """Choose contour levels: equally spaced, or by quantiles if most values lie between two such levels."""
+    low, high = float(values.min()), float(values.max())
     even = np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
-    if np.histogram(known, even)[0].max() < _CROWDED * known.size:
+    if np.histogram(values, even)[0].max() < _CROWDED * values.size:
         return even
     digits = 1 - int(np.floor(np.log10(max(abs(low), abs(high)))))
     for finer in range(digits, digits + 6):
-        inner = np.unique(np.round(np.quantile(known, np.linspace(0, 1, _LEVELS)[1:-1]), finer))
+        inner = np.unique(np.round(np.quantile(values, np.linspace(0, 1, _LEVELS)[1:-1]), finer))
         if len(inner) >= _LEVELS // 2:
             break
     return np.unique(np.concatenate([even[:1], inner[(inner > even[0]) & (inner < even[-1])], even[-1:]]))

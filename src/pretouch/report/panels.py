@@ -1,4 +1,4 @@
-"""Line charts in the house style: curves with their names beside them, on axes that name their units."""
+"""Descriptions of panels: curves, marks, ranges and maps on axes with units."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray
-from pretouch._core.values import Value, check_types
+from pretouch._core.values import Value
 
 from .panel_checks import (
     as_column,
@@ -30,7 +31,7 @@ from .style import CURVES
 _UNIT: Final = re.compile(r"\[[^\]]+\]")
 _KINDS: Final = ("line", "points", "both")
 _SHAPES: Final = ("dot", "ring", "square")
-_STRETCHES: Final = ("blocked", "missing", "used")
+_SPAN_KINDS: Final = ("blocked", "missing", "used")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -40,19 +41,19 @@ class Curve(Value):
     Args:
         x: horizontal coordinates, shape (N,), in the unit of the panel's x label.
         y: vertical coordinates, shape (N,), in the unit of the panel's y label; NaN breaks the line.
-        label: its name, written beside it in its color; empty for none.
-        style: its place in the palette, 0 to 4: color, line style and marker; None takes its place among the curves
-            of the panel that are not quiet. A quiet curve uses none.
+        label: its name, written next to it in its color; empty for none.
+        style: index of the palette, 0 to 4, for color, line style and marker; None for the position among the curves
+            of the panel that are not quiet. A quiet curve ignores it.
         kind: `line`, `points` for measured or sampled values, or `both`.
         low: lower ends, shape (N,): with `high` a band around a line, or a bar through every point.
         high: upper ends, shape (N,).
-        quiet: True for a thin grey line, such as one of many neighboring motions.
-        end: marks the last finite point with a dot and writes this beside it; a text that several curves of a panel
-            share is written once. A dot outside limits that were asked for is not drawn.
+        quiet: True for a thin grey line, such as one of many similar motions.
+        end: text at the last finite point, which is marked with a dot; a text that several curves of a panel share is
+            written once. A dot outside the limits of the panel is not drawn.
 
     Raises:
-        InvalidInputError: the columns differ in length, hold no finite point or an infinite one, `low` lies above
-            `high` or comes without it, or the kind or the style is unknown.
+        InvalidInputError: the columns differ in length, have no finite point or an infinite value, `low` is above
+            `high` or only one of them is given, or the kind or the style is unknown.
 
     Examples:
         >>> Curve(x=[0.0, 10.0, 20.0], y=[0.1, float("nan"), 0.3], label="finger sensor")
@@ -76,11 +77,11 @@ class Curve(Value):
                 object.__setattr__(self, name, as_column(getattr(self, name), f"{who}: {name}"))
         sizes = {name: len(column) for name, column in self.columns()}
         if len(set(sizes.values())) > 1:
-            found = ", ".join(f"{size} values of {name}" for name, size in sizes.items())
-            raise InvalidInputError(f"{who}: found {found}, expected as many of each")
+            listed = ", ".join(f"{size} values of {name}" for name, size in sizes.items())
+            raise InvalidInputError(f"{who}: found {listed}, expected the same number of each")
         if not self.known.any():
             raise InvalidInputError(
-                f"{who}: found no point whose x and y are both finite, expected at least one; leave the curve out"
+                f"{who}: found no point whose x and y are both finite, expected at least one; remove the curve"
             )
         check_ends(self.low, self.high, who)
         check_choice(self.kind, _KINDS, f"{who}: kind")
@@ -88,7 +89,7 @@ class Curve(Value):
         check_style(self.style, who)
 
     def columns(self) -> Iterator[tuple[str, FloatArray]]:
-        """Yield the name and the numbers of every column that was given."""
+        """Yield the name and the numbers of each column that is not None."""
         for name in ("x", "y", "low", "high"):
             column = getattr(self, name)
             if column is not None:
@@ -96,7 +97,7 @@ class Curve(Value):
 
     @property
     def known(self) -> Any:
-        """Tell which points are finite in x and y, shape (N,)."""
+        """Return which points are finite in x and y, shape (N,)."""
         return np.isfinite(np.asarray(self.x, float)) & np.isfinite(np.asarray(self.y, float))
 
     def __repr__(self) -> str:
@@ -105,13 +106,13 @@ class Curve(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark(Value):
-    """One point of a panel that stands out, such as an optimum.
+    """One highlighted point of a panel, such as an optimum.
 
     Args:
         x: horizontal coordinate, in the unit of the panel's x label.
         y: vertical coordinate, in the unit of the panel's y label.
-        label: its name, written beside it; empty for none.
-        style: place in the palette whose color it takes, 0 to 4; None for ink.
+        label: its name, written next to it; empty for none.
+        style: index of the palette for its color, 0 to 4; None for black.
         shape: `dot`, `ring` or `square`.
 
     Raises:
@@ -135,14 +136,14 @@ class Mark(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span(Value):
-    """A stretch of the horizontal axis over the whole height of a panel, with its name inside.
+    """A range of the horizontal axis over the whole height of a panel, with its name inside.
 
     Args:
-        start: where it starts, in the unit of the panel's x label.
-        end: where it ends, larger than `start`.
+        start: lower end, in the unit of the panel's x label.
+        end: upper end, larger than `start`.
         label: its name; empty for none.
-        kind: `blocked` (hatched: out of the question), `missing` (hatched the other way: nothing is there) or `used`
-            (shaded).
+        kind: `blocked` (hatched, for infeasible values), `missing` (hatched in the other direction, for missing values)
+            or `used` (shaded).
 
     Raises:
         InvalidInputError: it ends before it starts, or the kind is unknown.
@@ -160,7 +161,7 @@ class Span(Value):
         start, end = as_limits((self.start, self.end), who) or (0.0, 0.0)
         object.__setattr__(self, "start", start)
         object.__setattr__(self, "end", end)
-        check_choice(self.kind, _STRETCHES, f"{who}: kind")
+        check_choice(self.kind, _SPAN_KINDS, f"{who}: kind")
         check_types(self)
 
 
@@ -169,9 +170,9 @@ class Map(Value):
     """A quantity over the plane of a panel: labeled contour lines, hatched where it has no value.
 
     Args:
-        x: of its columns, shape (N,), N >= 2, in the unit of the panel's x label.
-        y: of its rows, shape (M,), M >= 2, in the unit of the panel's y label.
-        values: shape (M, N), in the unit that the panel's title names; NaN where there is none.
+        x: coordinates of its columns, shape (N,), N >= 2, in the unit of the panel's x label.
+        y: coordinates of its rows, shape (M,), M >= 2, in the unit of the panel's y label.
+        values: shape (M, N), in the unit of the panel's title; NaN for missing values.
 
     Raises:
         InvalidInputError: a coordinate is infinite, a shape does not fit, or no value is finite.
@@ -186,9 +187,9 @@ class Map(Value):
         x, y = (as_column(getattr(self, name), f"map: {name}") for name in ("x", "y"))
         values = np.asarray(self.values, dtype=np.float64)
         if values.shape != (len(y), len(x)) or min(values.shape) < 2 or not np.isfinite(values).any():
-            found = f"{np.isfinite(values).sum()} finite ones of shape {values.shape}"
-            expected = f"shape ({len(y)}, {len(x)}) as of y and x, 2 or more of each, and one that is finite"
-            raise InvalidInputError(f"map: values: found {found}, expected {expected}")
+            actual = f"{np.isfinite(values).sum()} finite values of shape {values.shape}"
+            expected = f"shape ({len(y)}, {len(x)}) of y and x, at least 2 of each, and at least one finite value"
+            raise InvalidInputError(f"map: values: found {actual}, expected {expected}")
         across, up = np.argsort(x), np.argsort(y)
         for name, column in (("x", x[across]), ("y", y[up]), ("values", values[up][:, across])):
             object.__setattr__(self, name, column)
@@ -199,24 +200,24 @@ class Panel(Value):
     """One pair of axes with its curves, or its map.
 
     Args:
-        x_label: what is shown across, with its unit in brackets: `distance l [mm]`, or `[1]` for pure numbers.
-        y_label: what is shown upward, with its unit in brackets.
-        curves: of those that are not quiet, only five look different.
-        map: what is shown over the plane of the panel, whose title names its unit in brackets.
-        title: written above the panel; empty for none.
-        marks: points that stand out.
-        spans: stretches across, behind the curves.
+        x_label: label of the horizontal axis, with its unit in brackets: `distance l [mm]`, or `[1]` for pure numbers.
+        y_label: label of the vertical axis, with its unit in brackets.
+        curves: the curves; at most five different styles are available for curves that are not quiet.
+        map: a map; the title then has its unit in brackets.
+        title: title above the panel; empty for none.
+        marks: highlighted points.
+        spans: ranges of the horizontal axis, drawn behind the curves.
         levels: horizontal reference lines: name to y.
         positions: vertical reference lines: name to x.
-        x_log: True for a logarithmic axis, on which every number must be positive; NaN leaves a point out.
-        y_log: the same upward.
-        x_limits: ends of the axis; None takes them from the data.
-        y_limits: the same upward; a quantity that is positive and comes near zero starts at zero.
+        x_log: True for a logarithmic horizontal axis, on which all numbers must be positive or NaN.
+        y_log: the same for the vertical axis.
+        x_limits: limits of the horizontal axis; None takes them from the data.
+        y_limits: the same for the vertical axis; with None, positive data near zero start at zero.
 
     Raises:
-        InvalidInputError: a unit is missing, there is neither curve nor map, a number is not positive on a logarithmic
-            axis, the limits are no interval or leave something with a name outside, or a sixth curve asks for a look
-            of its own.
+        InvalidInputError: a unit is missing, there is neither a curve nor a map, a number on a logarithmic axis is not
+            positive, the limits are not ascending or exclude something with a name, or there are more than five curves
+            without a style.
     """
 
     x_label: str
@@ -255,8 +256,8 @@ class Panel(Value):
         loud = [curve for curve in self.curves if not curve.quiet]
         if any(curve.style is None for curve in loud[len(CURVES) :]):
             raise InvalidInputError(
-                f"curves: found {len(loud)}, of which only {len(CURVES)} look different; try quiet=True for those in "
-                "the background, more panels, or style=0...4 to let two look the same on purpose"
+                f"curves: found {len(loud)} curves, but only {len(CURVES)} styles exist; use quiet=True for background "
+                "curves, more panels, or style=0...4 to give curves the same style"
             )
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""The pictures of a trade-off: the front, what is chosen along it, and its distance from what is possible."""
+"""Figures of a Pareto front, its parameters and its physical bound, and of the admittance design."""
 
 from __future__ import annotations
 
@@ -19,15 +19,14 @@ from pretouch.design.front.result import FrontPoint, ParetoFront
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .style import Scale, scale_for
+from .style import WIDE, Scale, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_WIDE: Final = 30.0  # ratio from which an axis is logarithmic
-_WORSE: Final = 2e-3  # of the extent of the front, in every quantity at once
-_BEHIND: Final = 400  # points that are shown of those that were tried
+_WORSE: Final = 2e-3  # of the extent of the front: a point that is worse by this in all quantities is dominated
+_MOST_DOMINATED: Final = 400  # dominated points that are drawn
 _CHOSEN: Final = {
     "natural_frequency": ("natural frequency", "rad/s"),
     "damping_ratio": ("damping ratio", ""),
@@ -36,21 +35,21 @@ _CHOSEN: Final = {
 
 @check_arguments
 def pareto(front: ParetoFront) -> Figure:
-    """Draw a Pareto front, what is chosen along it, and how far it is from the physical bound.
+    """Draw a Pareto front, the parameters along it, and its distance from the physical bound.
 
     Args:
-        front: a front that was found.
+        front: a front with points.
 
     Returns:
-        The plane of each pair of quantities, with knee and choice; the gain, and the admittance where it is free,
-        along the front; and the excursion over the contact speed beside the least that any robot would need with the
-        same largest acceleration.
+        A panel for each pair of quantities, with knee and choice; the gain and the free parameters of the admittance
+        along the front; and the excursion over the contact speed, compared with the least excursion of any robot with
+        the same largest acceleration.
 
     Raises:
         InvalidInputError: the front is empty.
     """
     if not len(front.gain):
-        raise InvalidInputError(f"front: found one that is {front.status.value}, expected one with points to draw")
+        raise InvalidInputError(f"front: found a front with status {front.status.value}, expected one with points")
     pairs = list(combinations(range(len(front.quantities)), 2))
     panels = [_plane(front, *pair) for pair in pairs]
     if front.comparison is not None and np.isfinite(front.comparison.least_excursion).any():
@@ -61,20 +60,20 @@ def pareto(front: ParetoFront) -> Figure:
 
 @check_arguments
 def admittance(design: AdmittanceDesign) -> Figure:
-    """Draw the best objective over the admittance, as `design_admittance` found it on its grid.
+    """Draw the best objective over the admittance, on the grid of `design_admittance`.
 
     Args:
-        design: a design of gain and admittance, for which some admittance will do.
+        design: a design of gain and admittance, with at least one feasible admittance.
 
     Returns:
-        One panel: over the natural frequency for some damping ratios, or over what is free.
+        One panel: over the natural frequency for several damping ratios, or over the only free parameter.
 
     Raises:
-        InvalidInputError: no admittance of the grid will do.
+        InvalidInputError: no admittance of the grid is feasible.
     """
     m = design.map
     if not np.isfinite(m.objective).any():
-        raise InvalidInputError("design: found no admittance that will do, expected some to draw")
+        raise InvalidInputError("design: found no feasible admittance, expected at least one")
     value = np.where(np.isfinite(m.objective), m.objective, np.nan)
     only_ratio = design.natural_frequency_bounds is None
     across = m.damping_ratio if only_ratio else m.natural_frequency
@@ -93,17 +92,17 @@ def admittance(design: AdmittanceDesign) -> Figure:
         at = best.local_minima[0]
         x = at.damping_ratio if only_ratio else at.natural_frequency
         marks.append(Mark(x=x, y=at.objective, label="chosen"))
-    own = before.scenario.admittance
+    given = before.scenario.admittance
     low, high = float(across.min()), float(across.max())
-    x = float(own.natural_frequency)
+    x = float(given.natural_frequency)
     if only_ratio:
-        x = float(own.damping_ratio) if own.stiffness > 0 else float("nan")
+        x = float(given.damping_ratio) if given.stiffness > 0 else float("nan")
     if before.objective is not None and low <= x <= high:
-        marks.append(Mark(x=x, y=float(before.objective), label="as it is", shape="square"))
+        marks.append(Mark(x=x, y=float(before.objective), label="without change", shape="square"))
     name, unit = _CHOSEN["damping_ratio" if only_ratio else "natural_frequency"]
     panel = Panel(
         x_label=f"{name} [{unit or '1'}]",
-        y_label="best objective over the gains f [1]",
+        y_label="objective f of the best gain [1]",
         curves=curves,
         marks=marks,
         x_log=_is_wide(across),
@@ -113,14 +112,14 @@ def admittance(design: AdmittanceDesign) -> Figure:
 
 
 def _plane(front: ParetoFront, i: int, k: int) -> Panel:
-    """Draw the front over two of its quantities, before what was tried and is worse."""
+    """Make the panel of the front over two quantities, with dominated points in the background."""
     names = front.quantities[i], front.quantities[k]
-    across, up = (_scale(name, _seen(front, name)) for name in names)
+    across, up = (_scale(name, _all_values(front, name)) for name in names)
     x, y = front.of(names[0]) / across.factor, front.of(names[1]) / up.factor
     curves = []
-    behind = _behind(front, i, k) / [across.factor, up.factor]
-    if len(behind):
-        curves.append(Curve(x=behind[:, 0], y=behind[:, 1], label="tried and worse", kind="points", quiet=True))
+    dominated = _dominated(front, i, k) / [across.factor, up.factor]
+    if len(dominated):
+        curves.append(Curve(x=dominated[:, 0], y=dominated[:, 1], label="dominated", kind="points", quiet=True))
     if _is_curve(front):
         curves.append(Curve(x=_broken(front, x), y=_broken(front, y), label="Pareto front", style=0))
     else:
@@ -128,7 +127,7 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
     return Panel(
         x_label=f"{words_for(names[0])} [{across.unit}]",
         y_label=f"{words_for(names[1])} [{up.unit}]",
-        title="What can be traded",
+        title="Trade-off",
         curves=curves,
         marks=[
             _mark(point, point.values[names[0]] / across.factor, point.values[names[1]] / up.factor)
@@ -140,7 +139,7 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
 
 
 def _bound(front: ParetoFront) -> Panel:
-    """Draw the excursion over the contact speed beside what the best motions need."""
+    """Make the panel of the excursion over the contact speed, compared with the physical bound."""
     c = front.comparison
     if c is None or front.result is None:
         raise InvalidInputError("front: found one without a physical bound")
@@ -149,9 +148,9 @@ def _bound(front: ParetoFront) -> Panel:
     order = np.argsort(speed, kind="stable")
     x = speed[order] / across.factor
     kind: Any = "line" if _is_curve(front) else "points"
-    own, least = (_positive(values[order] / up.factor) for values in (c.excursion, c.least_excursion))
+    excursion, least = (_positive(values[order] / up.factor) for values in (c.excursion, c.least_excursion))
     curves = [
-        Curve(x=x, y=own, label="this controller", style=0, kind=kind),
+        Curve(x=x, y=excursion, label="this controller", style=0, kind=kind),
         Curve(x=x, y=least, label="any robot, same acceleration", style=1, kind=kind),
     ]
     if front.bound is not None:
@@ -167,7 +166,7 @@ def _bound(front: ParetoFront) -> Panel:
     return Panel(
         x_label=f"{words_for('relative_velocity')} [{across.unit}]",
         y_label=f"excursion at contact [{up.unit}]",
-        title="What no controller can beat",
+        title="Physical bound of any controller",
         curves=curves,
         marks=marks,
         y_log=True,
@@ -175,7 +174,7 @@ def _bound(front: ParetoFront) -> Panel:
 
 
 def _parameters(front: ParetoFront) -> Iterator[Panel]:
-    """Draw what is chosen along the front."""
+    """Make a panel for each parameter along the front."""
     name = front.quantities[0]
     scale = _scale(name, front.of(name))
     x = front.of(name) / scale.factor
@@ -194,7 +193,7 @@ def _parameters(front: ParetoFront) -> Iterator[Panel]:
         yield Panel(
             x_label=f"{words_for(name)} [{scale.unit}]",
             y_label=f"{label} [{unit or '1'}]",
-            title="What is chosen along the front",
+            title="Parameters along the front",
             curves=[curve],
             marks=[_mark(p, p.values[name] / scale.factor, at) for p, at in points if np.isfinite(at)],
             y_log=_is_wide(values),
@@ -206,9 +205,9 @@ def _mark(point: FrontPoint, x: float, y: float) -> Mark:
     return Mark(x=x, y=y, label=point.name, shape="dot" if point.name == "knee" else "square")
 
 
-def _seen(front: ParetoFront, name: str) -> FloatArray:
-    every = [front.of(name), np.array([p.values[name] for p in front.marked])]
-    return np.concatenate(every)
+def _all_values(front: ParetoFront, name: str) -> FloatArray:
+    parts = [front.of(name), np.array([p.values[name] for p in front.marked])]
+    return np.concatenate(parts)
 
 
 def _scale(name: str, values: FloatArray) -> Scale:
@@ -216,30 +215,30 @@ def _scale(name: str, values: FloatArray) -> Scale:
 
 
 def _is_curve(front: ParetoFront) -> bool:
-    """Tell whether the front is a curve, whose points follow each other."""
+    """Return whether the front is a curve of ordered points."""
     return len(front.quantities) == 2 or front.free == ("gain",)
 
 
-def _behind(front: ParetoFront, i: int, k: int) -> FloatArray:
-    """Return some of the encounters that were tried and are plainly worse, within the extent of what is drawn."""
+def _dominated(front: ParetoFront, i: int, k: int) -> FloatArray:
+    """Return some of the dominated points that were computed, within the limits of the plot."""
     extent = np.ptp(front.values, axis=0)
     extent = np.where(extent > 0, extent, 1.0)
-    limits = [float(_seen(front, front.quantities[j]).max()) for j in (i, k)]
+    limits = [float(_all_values(front, front.quantities[j]).max()) for j in (i, k)]
     points = front.scanned[(front.scanned[:, [i, k]] <= limits).all(axis=1)]
     points = points[shortfall(points / extent, front.values / extent) < -_WORSE]
-    return np.asarray(points[:: max(1, len(points) // _BEHIND)][:, [i, k]])
+    return np.asarray(points[:: max(1, len(points) // _MOST_DOMINATED)][:, [i, k]])
 
 
 def _broken(front: ParetoFront, values: FloatArray) -> FloatArray:
-    """Put NaN between the pieces of the front, so that no line joins them."""
+    """Insert NaN between the pieces of the front, so that no line connects them."""
     return np.insert(values, np.flatnonzero(np.diff(front.piece)) + 1, np.nan)
 
 
 def _positive(values: Any) -> FloatArray:
-    found = np.asarray(values, dtype=np.float64)
-    return np.where(found > 0, found, np.nan)
+    numbers = np.asarray(values, dtype=np.float64)
+    return np.where(numbers > 0, numbers, np.nan)
 
 
 def _is_wide(values: FloatArray) -> bool:
-    known = values[np.isfinite(values)]
-    return bool(len(known) and known.min() > 0 and known.max() > _WIDE * known.min())
+    numbers = values[np.isfinite(values)]
+    return bool(len(numbers) and numbers.min() > 0 and numbers.max() > WIDE * numbers.min())

@@ -1,6 +1,6 @@
-"""All figures by short names, such as `plots.motion(design)`; each is loaded when it is first drawn.
+"""All figures, by short names such as `plots.motion(design)`; each is imported when it is first used.
 
-The stub beside this file lists them. A picture of a page names its figure by the same name.
+The stub plots.pyi lists them. A `Picture` of a page refers to its figure by the same name.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The pictures of a robust design: the measure over the gain, what encounters come to, and what knowing would gain."""
+"""Figures of a robust design: measure over the gain, distributions of results, and value of information."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from pretouch._core.numbers import FloatArray
 from pretouch.design.robust.beside import Price, RobustOutcomes
 from pretouch.design.robust.result import RobustDesign
 
-from .panel_figure import outcome_panel, panel_figure, share_panel
+from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .style import Scale, gain_axis, scale_for
+from .share_panels import outcome_panel, share_panel
+from .style import HEADROOM, Scale, gain_axis, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_HEADROOM: Final = 6.0  # times the smallest measure, up to where the measure is shown
 _MOST_PRICES: Final = 4
-_ROBUST, _NOMINAL, _NONE = 0, 1, 2  # places in the palette: the same gain looks the same in every picture
+_ROBUST, _NOMINAL, _NONE = 0, 1, 2  # palette indices: a gain has the same style in all figures
 
 
 @check_arguments
 def robust(design: RobustDesign) -> Figure:
-    """Draw the measure over the gain, and how the objective is distributed at the gains that matter.
+    """Draw the measure over the gain, and the distribution of the objective at the robust and the nominal gain.
 
     Args:
         design: a design of any status.
 
     Returns:
-        Two panels: the measure of the objective over the gain [N s] on the samples of the design, beside the
-        objective of the nominal encounter, with the robust and the nominal gain; and the share of fresh encounters in
-        which the objective stays below a value, with either gain.
+        Two panels: the measure of the objective over the gain on the samples of the design, compared with the objective
+        of the nominal encounter, with the robust and the nominal gain; and the share of fresh encounters in which the
+        objective is below a value, for both gains.
     """
     if not any(run.reached.any() for _, _, run in _runs(design)):
         return panel_figure(_measure_panel(design))
@@ -45,15 +45,16 @@ def robust(design: RobustDesign) -> Figure:
 
 @check_arguments
 def outcome(design: RobustDesign) -> Figure:
-    """Draw how the quantities of the contact are distributed over fresh encounters.
+    """Draw the distributions of contact quantities over fresh encounters.
 
     Args:
         design: a design of any status.
 
     Returns:
-        A panel for each quantity that a constraint limits, the relative speed at contact, the largest excursion and
-        the time of contact, four at most: the share of encounters in which it stays below a value, with the robust
-        gain (the nearest one where no gain is feasible), with the nominal gain and without mitigation, and the limit.
+        At most four panels: for each quantity with a constraint, the relative speed at contact, the largest excursion
+        and the time of contact. A panel shows the share of encounters in which the quantity is below a value: with the
+        robust gain (or the nearest gain, if none is feasible), with the nominal gain and without mitigation. The limit
+        is shown as well.
 
     Raises:
         ResultUnavailableError: no encounter ends in contact.
@@ -66,38 +67,38 @@ def outcome(design: RobustDesign) -> Figure:
 
 @check_arguments
 def price(design: RobustDesign) -> Figure:
-    """Draw what knowing one input exactly would have gained.
+    """Draw the value of knowing one input exactly.
 
     Args:
         design: a design with a gain.
 
     Returns:
-        Two panels for each input: the gain that is best for each of its values beside the one robust gain, and the
-        loss of the robust and of the nominal gain in percent of the best objective.
+        Two panels for each input: the best gain for each of its values compared with the robust gain, and the loss of
+        the robust and of the nominal gain in percent of the best objective.
 
     Raises:
-        ResultUnavailableError: no price is known.
+        ResultUnavailableError: the design has no value of information.
     """
     shown = design.prices[:_MOST_PRICES]
     if not shown:
-        raise ResultUnavailableError("price: none is known of this design, so there is nothing to draw; see the status")
+        raise ResultUnavailableError("price: this design has no value of information to draw; see its status")
     return panel_figure(*(panel for price in shown for panel in _price_panels(design, price)), height=2.6)
 
 
 def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
-    """Return the gains that matter, with their names and looks, and what they lead to."""
-    looks = {design.nominal_name: _NOMINAL, "no mitigation": _NONE}
-    return [(name, looks.get(name, _ROBUST), run) for name, run in design.compared.items()]
+    """Return the compared gains: name, palette index and outcomes of each."""
+    styles = {design.nominal_name: _NOMINAL, "no mitigation": _NONE}
+    return [(name, styles.get(name, _ROBUST), run) for name, run in design.compared.items()]
 
 
 def _measure_panel(design: RobustDesign) -> Panel:
-    """Draw the measure over the gain; where it is far above its minimum it is left out."""
+    """Make the panel of the measure over the gain; values far above the minimum are not drawn."""
     sign, label, logarithmic = gain_axis(design.bounds, design.number)
     curve = design.trade_off
     nominal = _nominal_objective(design, curve.gain)
-    seen = np.concatenate([curve.value, nominal])
-    known = seen[np.isfinite(seen)]
-    top = min(float(known.max()), _HEADROOM * float(known.min())) if len(known) else 1.0
+    values = np.concatenate([curve.value, nominal])
+    finite = values[np.isfinite(values)]
+    top = min(float(finite.max()), HEADROOM * float(finite.min())) if len(finite) else 1.0
     parts = [
         ("", curve.value, True, _ROBUST),
         (f"{design.measure.label}, sampled", np.where(curve.feasible, curve.value, np.nan), False, _ROBUST),
@@ -122,12 +123,12 @@ def _measure_panel(design: RobustDesign) -> Panel:
 
 
 def _nominal_objective(design: RobustDesign, gains: FloatArray) -> FloatArray:
-    """Return the objective of the encounter as it was given, infinite where there is no contact."""
+    """Return the objective of the nominal encounter, infinite without contact."""
     ensemble = design.problem.ensemble
     options: dict[str, Any] = {"method": ensemble.method, "horizon": ensemble.horizon}
-    found = ensemble.law.contact(design.scenario, design.sensor, gains, **options)
+    contact = ensemble.law.contact(design.scenario, design.sensor, gains, **options)
     speed = abs(design.scenario.obstacle.velocity)
-    return np.where(found.reached, design.definition.value(found.end, speed, design.impact), np.inf)
+    return np.where(contact.reached, design.definition.value(contact.end, speed, design.impact), np.inf)
 
 
 def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: FloatArray) -> Iterator[Mark]:
@@ -142,13 +143,13 @@ def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: F
 
 
 def _kind(design: RobustDesign) -> str:
-    """Return what the encounter of the nominal gain is called: where others solve encounters, it is the ideal one."""
+    """Return the name of the nominal encounter: "ideal" if encounters are evaluated on a loop."""
     return "ideal" if design.on_evaluator else "nominal"
 
 
 def _objective_panel(design: RobustDesign) -> Panel:
     runs = [(name, style, run.objective) for name, style, run in _runs(design)]
-    shown = [r for r in runs if r[1] != _NONE] or runs  # what no mitigation costs dwarfs all else
+    shown = [r for r in runs if r[1] != _NONE] or runs  # the objective without mitigation would dominate the scale
     return share_panel(shown, "objective f", Scale(1.0, ""), of="encounters", title="Objective over fresh encounters")
 
 
@@ -159,15 +160,15 @@ def _quantities(design: RobustDesign) -> list[str]:
 
 
 def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, RobustOutcomes]]) -> Panel:
-    """Draw one quantity with its limit."""
+    """Make the panel of a quantity with its limit."""
     columns = [(label, style, run.magnitude(name)) for label, style, run in runs]
-    found = next((r for r in design.limits if r.constraint.quantity == name), None)
-    limit = None if found is None else (found.constraint.limit, found.probability)
+    required = next((r for r in design.limits if r.constraint.quantity == name), None)
+    limit = None if required is None else (required.constraint.limit, required.probability)
     return outcome_panel(name, columns, limit, of="encounters")
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
-    """Yield the best gain and the loss over one input."""
+    """Yield the panels of the best gain and of the loss over one input."""
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"
@@ -177,13 +178,13 @@ def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
         x_label=across,
         y_label=label,
         curves=[
-            Curve(x=x, y=sign * price.best_gain, label="best for each value", style=4),
+            Curve(x=x, y=sign * price.best_gain, label="best gain for each value", style=4),
             Curve(x=x, y=np.full(len(x), robust), label="robust gain", style=_ROBUST),
         ],
     )
     yield Panel(
         x_label=across,
-        y_label="loss against the best [%]",
+        y_label="loss relative to the best gain [%]",
         curves=list(_loss_curves(design, price, x)),
     )
 

@@ -1,4 +1,4 @@
-"""The picture of one run of the loop: its course beside the prediction and without mitigation, and its contact."""
+"""Figure of a simulated encounter, compared with the prediction and with the run without mitigation."""
 
 from __future__ import annotations
 
@@ -15,24 +15,23 @@ from pretouch.verification import SimulatedEncounter
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .style import Scale, scale_for
+from .style import MOST_POINTS, Scale, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_LOOP, _NONE, _PREDICTED = 0, 1, 4  # places in the palette: the same run looks the same in every panel
-_MOST: Final = 900  # points of a curve: about two per pixel
+_LOOP, _NONE, _PREDICTED = 0, 1, 4  # palette indices: a run has the same style in all panels
 _AIR: Final = 1.05
-_AFTER: Final = 0.1  # of the time of contact, for which a contact that lasts is followed
-_LONGEST: Final = 3.0  # times the contact of the loop, up to where a later one is shown
-_SETTLED: Final = 0.02  # of the approach, from which a run without contact counts as at its nearest
-_BEFORE: Final = 0.06  # of the contact, shown before its touch
-_FIRST: Final = 1.6  # times the duration of the impact, up to where a contact that lasts is shown in detail
+_AFTER: Final = 0.1  # of the time of contact: how long a persistent contact is shown
+_LONGEST: Final = 3.0  # times the contact time on the loop: later contacts are not shown
+_SETTLED: Final = 0.02  # of the approach: tolerance of the smallest distance of a run without contact
+_BEFORE: Final = 0.06  # of the duration of contact, shown before it
+_FIRST: Final = 1.6  # times the duration of the impact: how long a persistent contact is shown in detail
 
 
-class _Course(NamedTuple):
-    """One curve of every panel: its name, its look, and its columns in SI over its own time [s]."""
+class _TimeSeries(NamedTuple):
+    """A run: its name, its palette index, and its quantities in SI, each over its own time [s]."""
 
     label: str
     style: int
@@ -41,24 +40,24 @@ class _Course(NamedTuple):
 
 @check_arguments
 def simulation(encounter: SimulatedEncounter) -> Figure:
-    """Draw one run of the loop beside the prediction and beside the run without mitigation.
+    """Draw a run on the loop, the prediction, and the run without mitigation.
 
     Args:
-        encounter: what `simulate_encounter` returned, however it ended.
+        encounter: a result of `simulate_encounter`, with any status.
 
     Returns:
-        Panels over one time axis: distance, relative velocity, virtual force, and the readings that the law was handed
-        beside the output of an ideal sensor, with the moments of detection and contact; with a contact model also the
-        contact force over the same time, and from the first touch on in milliseconds.
+        Panels over the same time axis: distance, relative velocity, virtual force, and the readings of the law compared
+        with the output of an ideal sensor, with the moments of detection and contact. With a contact model also the
+        contact force over the same time axis, and in milliseconds from the first touch.
     """
     end = _shown_until(encounter)
     clock = scale_for("s", end)
-    courses = [_unmitigated_course(encounter), _loop_course(encounter)]
+    runs = [_unmitigated_series(encounter), _loop_series(encounter)]
     if encounter.prediction is not None and encounter.prediction.status is not ContactStatus.UNRESOLVED:
-        courses.append(_predicted_course(encounter))
-    panels = [_panel(encounter, courses, which, clock, end) for which in _PANELS]
+        runs.append(_predicted_series(encounter))
+    panels = [_panel(encounter, runs, which, clock, end) for which in _PANELS]
     if encounter.has_contact_force and (encounter.run.touched or encounter.unmitigated.touched):
-        panels += [_panel(encounter, courses, _FORCE, clock, end), _impact_panel(encounter)]
+        panels += [_panel(encounter, runs, _FORCE, clock, end), _impact_panel(encounter)]
     return panel_figure(*panels, height=2.75)
 
 
@@ -72,7 +71,7 @@ _FORCE: Final = ("contact_force", "contact force", "N")
 
 
 def _shown_until(encounter: SimulatedEncounter) -> float:
-    """Return the time [s] up to which a run is shown: beyond its contacts, or beyond where it came nearest."""
+    """Return the end of the time axis [s]: after the contacts, or after the smallest distance."""
     run = encounter.run
     others: tuple[ContactResult | SimulationResult | None, ...] = (encounter.prediction, encounter.unmitigated)
     times = [t for t in map(_contact_time, others) if t is not None]
@@ -93,23 +92,23 @@ def _contact_time(result: ContactResult | SimulationResult | None) -> float | No
     return None if result is None or not result.reached.all() else float(result.end.time)
 
 
-def _loop_course(encounter: SimulatedEncounter) -> _Course:
-    return _Course("on the loop", _LOOP, _columns_of(encounter, encounter.run, encounter.trace))
+def _loop_series(encounter: SimulatedEncounter) -> _TimeSeries:
+    return _TimeSeries("on the loop", _LOOP, _columns_of(encounter, encounter.run, encounter.trace))
 
 
-def _unmitigated_course(encounter: SimulatedEncounter) -> _Course:
-    """Return the run without mitigation until its first contact: what comes then is told by the contact panel."""
+def _unmitigated_series(encounter: SimulatedEncounter) -> _TimeSeries:
+    """Return the run without mitigation until its first contact; the contact panel shows the rest."""
     run, trace = encounter.unmitigated, encounter.unmitigated_trace
     columns = _columns_of(encounter, run, trace)
     until = run.time if run.touched else run.end_time
     kept = {k: (t[t <= until], v[t <= until]) for k, (t, v) in columns.items() if k != "contact_force"}
-    return _Course("no mitigation", _NONE, {**kept, "contact_force": columns["contact_force"]})
+    return _TimeSeries("no mitigation", _NONE, {**kept, "contact_force": columns["contact_force"]})
 
 
 def _columns_of(
     encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return the columns of a run, with what the integration knows of its contacts between the steps of the law."""
+    """Return the quantities of a run; contacts have additional samples between the control steps."""
     time, course = trace.time, trace.contact_course
     touch = (run.time, 0.0, run.relative_velocity, 0.0) if run.touched else None
     extra = course if len(course) else np.array([touch] if touch else np.empty((0, 4)))
@@ -127,45 +126,46 @@ def _columns_of(
 
 
 def _held_columns(trace: LoopTrace) -> dict[str, FloatArray]:
-    """Return what stays the same over a period of the law; before the first reading there is none."""
+    """Return the quantities that are constant over a control period; NaN before the first reading."""
     reading = trace.reading.copy()
     reading[: int((reading != 0.0).argmax()) if (reading != 0.0).any() else 0] = np.nan
     return {"virtual_force": trace.virtual_force, "reading": reading}
 
 
 def _held(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
+    """Return the samples of a zero-order hold."""
     return np.column_stack([time, time + period]).ravel(), np.repeat(values, 2)
 
 
 def _relative_velocity(encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace) -> FloatArray:
-    """Return l' at each step: that of the obstacle is given until a contact may move it, and then a difference."""
-    given = encounter.scenario.obstacle.velocity_at(trace.time)
+    """Return l' at each step; after a contact that may move the obstacle, its velocity is a difference quotient."""
+    obstacle_velocity = encounter.scenario.obstacle.velocity_at(trace.time)
     contact = encounter.loop.contact
     moved = trace.time > run.time if contact is not None and np.isfinite(contact.obstacle_mass) else None
     if moved is not None and moved.any() and len(trace.time) > 1:
-        given = np.where(moved, np.gradient(trace.obstacle_position, trace.time), given)
-    return np.asarray(given - trace.velocity)
+        obstacle_velocity = np.where(moved, np.gradient(trace.obstacle_position, trace.time), obstacle_velocity)
+    return np.asarray(obstacle_velocity - trace.velocity)
 
 
-def _predicted_course(encounter: SimulatedEncounter) -> _Course:
+def _predicted_series(encounter: SimulatedEncounter) -> _TimeSeries:
     motion = encounter.motion
     low, high = encounter.sensor.valid_range
     output = np.exp(np.asarray(encounter.sensor.log_output(np.clip(motion.distance, low, high))))
-    seen = np.where(motion.distance <= high, output, 0.0)
+    reading = np.where(motion.distance <= high, output, 0.0)
     columns = {name: (motion.time, np.asarray(getattr(motion, name))) for name in _SOLVED}
     offset = encounter.loop.chain.offset + encounter.loop.chain.crosstalk
-    return _Course("predicted", _PREDICTED, {**columns, "reading": (motion.time, seen + offset)})
+    return _TimeSeries("predicted", _PREDICTED, {**columns, "reading": (motion.time, reading + offset)})
 
 
 _SOLVED: Final = ("distance", "relative_velocity", "virtual_force")
 
 
 def _panel(
-    encounter: SimulatedEncounter, courses: list[_Course], which: tuple[str, str, str], clock: Scale, end: float
+    encounter: SimulatedEncounter, runs: list[_TimeSeries], which: tuple[str, str, str], clock: Scale, end: float
 ) -> Panel:
-    """Make one panel over the shared time; the names of the curves stand in the first."""
+    """Make a panel over time; only the first panel has the names of the curves."""
     name, label, unit = which
-    shown = [(c, *_window(*c.columns[name], end)) for c in courses if name in c.columns]
+    shown = [(c, *_window(*c.columns[name], end)) for c in runs if name in c.columns]
     shown = [(c, t, v) for c, t, v in shown if np.isfinite(v).any()]
     scale = Scale(1.0, unit) if name == "reading" else scale_for(unit, max(_largest(v) for _, _, v in shown))
     first = name == "distance"
@@ -188,12 +188,12 @@ def _largest(values: FloatArray) -> float:
 
 
 def _window(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
-    """Cut a column at the end of the picture, and keep the extremes of more points than it can show."""
+    """Cut a time series at the end of the plot, and reduce its points, keeping the extremes."""
     kept = time <= end
     time, values = time[kept], np.where(np.isfinite(values[kept]), values[kept], np.nan)
-    if len(time) <= _MOST:
+    if len(time) <= MOST_POINTS:
         return time, values
-    groups = np.array_split(np.arange(len(time)), _MOST // 2)
+    groups = np.array_split(np.arange(len(time)), MOST_POINTS // 2)
     filled = np.where(np.isnan(values), 0.0, values)
     both = [sorted({int(g[filled[g].argmin()]), int(g[filled[g].argmax()])}) for g in groups]
     chosen = np.unique([0, *(i for pair in both for i in pair), len(time) - 1])
@@ -201,11 +201,13 @@ def _window(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArra
 
 
 def _marks(encounter: SimulatedEncounter, name: str, clock: Scale, scale: Scale, end: float) -> Iterator[Mark]:
-    """Yield the moments that matter: the detection with its distance, and the contacts with their speeds."""
-    run, seen = encounter.run, encounter.detection
-    if name == "distance" and seen is not None and seen.time <= end:
-        text = f"first seen at {scale.text(seen.distance)}"
-        yield Mark(x=seen.time / clock.factor, y=seen.distance / scale.factor, label=text, style=_LOOP, shape="ring")
+    """Yield marks at the detection, with its distance, and at the contacts, with their speeds."""
+    run, detection = encounter.run, encounter.detection
+    if name == "distance" and detection is not None and detection.time <= end:
+        text = f"detected at {scale.text(detection.distance)}"
+        yield Mark(
+            x=detection.time / clock.factor, y=detection.distance / scale.factor, label=text, style=_LOOP, shape="ring"
+        )
     if name == "relative_velocity":
         ends: tuple[tuple[Any, int, Literal["dot", "ring", "square"]], ...] = (
             (encounter.unmitigated, _NONE, "square"),
@@ -222,25 +224,25 @@ def _marks(encounter: SimulatedEncounter, name: str, clock: Scale, scale: Scale,
 
 
 def _positions(encounter: SimulatedEncounter, clock: Scale, end: float) -> dict[str, float]:
-    """Return the moments of detection and contact on the loop, as far as they are in the picture."""
-    run, seen = encounter.run, encounter.detection
-    found = {}
-    if seen is not None and 0.01 * end < seen.time <= end:
-        found["first seen"] = seen.time / clock.factor
+    """Return the moments of detection and contact on the loop, if they are within the plot."""
+    run, detection = encounter.run, encounter.detection
+    moments = {}
+    if detection is not None and 0.01 * end < detection.time <= end:
+        moments["detection"] = detection.time / clock.factor
     if run.touched:
-        found["contact"] = run.time / clock.factor
-    return found
+        moments["contact"] = run.time / clock.factor
+    return moments
 
 
 def _impact_panel(encounter: SimulatedEncounter) -> Panel:
-    """Draw the force of the first contact from its touch on, with the gain and without."""
+    """Make the panel of the force of the first contact, with the gain and without mitigation."""
     runs = [
         ("no mitigation", _NONE, encounter.unmitigated, encounter.unmitigated_trace),
         ("on the loop", _LOOP, encounter.run, encounter.trace),
     ]
-    found = [(label, style, run, trace) for label, style, run, trace in runs if run.touched]
-    end = max(_impact_end(trace) for *_, trace in found)
-    shown = [(label, style, *_impact(trace, end)) for label, style, _, trace in found]
+    touching = [(label, style, run, trace) for label, style, run, trace in runs if run.touched]
+    end = max(_impact_end(trace) for *_, trace in touching)
+    shown = [(label, style, *_impact(trace, end)) for label, style, _, trace in touching]
     clock, scale = Scale(1e-3, "ms"), scale_for("N", max(float(force.max()) for *_, force in shown))
     curves, marks = [], []
     for label, style, time, force in shown:
@@ -259,20 +261,20 @@ def _impact_panel(encounter: SimulatedEncounter) -> Panel:
 
 
 def _impact_end(trace: LoopTrace) -> float:
-    """Return up to when the first contact is shown [s]: beyond its end, or beyond the impact of one that lasts."""
-    mine, first = _first_contact(trace), trace.contacts[0]
+    """Return the end of the plot of the first contact [s]: after it, or after the impact of a persistent contact."""
+    samples, first = _first_contact(trace), trace.contacts[0]
     if np.isfinite(first[4]):
         return float(_AIR * first[5])
-    together = mine[:, 2] >= 0
-    turned = mine[int(together.argmax()), 0] if together.any() else mine[-1, 0]
-    return float(min(_FIRST * (turned - first[0]), first[5]))
+    separating = samples[:, 2] >= 0
+    reversal = samples[int(separating.argmax()), 0] if separating.any() else samples[-1, 0]
+    return float(min(_FIRST * (reversal - first[0]), first[5]))
 
 
 def _impact(trace: LoopTrace, end: float) -> tuple[FloatArray, FloatArray]:
-    """Return time since the first touch [s] and the force of the first contact [N], and none before and after it."""
-    mine, first = _first_contact(trace), trace.contacts[0]
-    time = np.concatenate([[-_BEFORE * end, 0.0], mine[:, 0] - first[0]])
-    force = np.concatenate([[0.0, 0.0], mine[:, 3]])
+    """Return time since the first touch [s] and force of the first contact [N], which is 0 before and after it."""
+    samples, first = _first_contact(trace), trace.contacts[0]
+    time = np.concatenate([[-_BEFORE * end, 0.0], samples[:, 0] - first[0]])
+    force = np.concatenate([[0.0, 0.0], samples[:, 3]])
     return (np.append(time, end), np.append(force, 0.0)) if time[-1] < end else (time[time <= end], force[time <= end])
 
 

@@ -1,6 +1,6 @@
-"""How every figure looks: colors that survive greyscale, units that suit a reader, bytes that repeat.
+"""Style of all figures: colors, fonts, units, ticks and reproducible output.
 
-Nothing here imports matplotlib before a figure is drawn.
+Matplotlib is imported only when a figure is drawn.
 """
 
 from __future__ import annotations
@@ -86,14 +86,25 @@ class Scale(NamedTuple):
     unit: str
 
     def text(self, value: float, digits: int = 3, largest: float = 1.0) -> str:
-        """Write an SI value in this unit, as 0 where it is nothing beside the largest one that is shown."""
-        shown = 0.0 if abs(value) < _NOTHING * abs(largest) else value / self.factor
+        """Format an SI value in this unit; a value that is negligible compared with `largest` is 0."""
+        shown = 0.0 if abs(value) < NEGLIGIBLE * abs(largest) else value / self.factor
         size = digits - 1 - math.floor(math.log10(abs(shown))) if shown and math.isfinite(shown) else 0
         number = "0" if not shown else f"{shown:.{size}f}" if 0 <= size <= 6 else f"{shown:.{digits}g}"
         return minus(f"{number} {self.unit}".strip())
 
 
-_NOTHING: Final = 1e-6  # of the largest number shown: no picture tells this from zero
+NEGLIGIBLE: Final = 1e-6
+"""A value below this share of the largest value cannot be distinguished from zero in a figure."""
+
+WIDE: Final = 30.0
+"""A range of values with a larger ratio gets a logarithmic axis."""
+
+HEADROOM: Final = 6.0
+"""The largest value that is shown on a linear axis, as a multiple of the smallest value."""
+
+MOST_POINTS: Final = 900
+"""The largest number of points of a time series: about two per pixel."""
+
 _SMALLER: Final = {
     "m": (("mm", 1e-3), ("µm", 1e-6)),
     "s": (("ms", 1e-3), ("µs", 1e-6)),
@@ -106,14 +117,14 @@ _LONGEST_IN_UNIT: Final = {"m": 1.0, "s": 1.0, "m/s": 0.1, "N": 0.1, "N*s": 1.0,
 
 
 def scale_for(unit: str, largest: float) -> Scale:
-    """Choose the unit that shows numbers up to a largest magnitude best.
+    """Choose the display unit for numbers up to a largest magnitude.
 
     Args:
         unit: SI unit.
-        largest: the largest magnitude that is shown, in SI.
+        largest: the largest magnitude, in SI.
 
     Returns:
-        The unit to show it in: millimeters below 1 m, milliseconds below 1 s, and so on.
+        The display unit: millimeters below 1 m, milliseconds below 1 s, and so on.
 
     Examples:
         >>> scale_for("m", 0.0422)
@@ -129,27 +140,27 @@ def scale_for(unit: str, largest: float) -> Scale:
 
 
 def gain_axis(bounds: tuple[float, float], number: LawNumber, *, magnitude: bool = False) -> tuple[float, str, bool]:
-    """Return the sign of the gains as they are shown, the label, and whether the axis is logarithmic."""
+    """Return the sign with which gains are shown, the label of the axis, and whether it is logarithmic."""
     low, high = bounds
-    named = "virtual force gain" if number.name == "gain" else f"virtual {number.name}"
+    name = "virtual force gain" if number.name == "gain" else f"virtual {number.name}"
     sign = "\u2212" if high <= 0 else ""
     shown = f"|{number.glyph}|" if magnitude else f"{sign}{number.glyph}"
-    return -1.0 if sign else 1.0, f"{named} {shown} [{pretty_unit(number.unit)}]", high < 0 or low > 0
+    return -1.0 if sign else 1.0, f"{name} {shown} [{pretty_unit(number.unit)}]", high < 0 or low > 0
 
 
 def minus(text: str) -> str:
-    """Write hyphens as minus signs, for text in pictures; text that may be copied keeps what `to_si` reads."""
+    """Replace hyphens by minus signs, for numbers in figures."""
     return text.replace("-", "\u2212")
 
 
 def minus_signs(text: str) -> str:
-    """Write the hyphens before numbers as minus signs, and leave those in words.
+    """Replace hyphens before numbers by minus signs, but not hyphens in words.
 
     Args:
         text: any text.
 
     Returns:
-        The text as it is shown in a picture.
+        The text for a figure.
 
     Examples:
         >>> minus_signs("first-order optimum -0.75 N s") == "first-order optimum \u22120.75 N s"
@@ -160,7 +171,7 @@ def minus_signs(text: str) -> str:
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Hold pretouch's settings for a while, whatever the user's own are, and give those back."""
+    """Apply pretouch's Matplotlib settings temporarily, and restore the user's settings."""
     from matplotlib import rc_context, rcParams, rcParamsDefault  # noqa: PLC0415
 
     plain = {k: v for k, v in rcParamsDefault.items() if k.split(".")[0] in _GROUPS and rcParams[k] != v}
@@ -170,14 +181,14 @@ def drawing() -> Iterator[None]:
 
 
 def draw_svg(figure: Figure, name: str) -> str:
-    """Draw a figure as an SVG element for an HTML page; the same figure gives the same text.
+    """Draw a figure as an SVG element for an HTML page; the output is reproducible.
 
     Args:
         figure: the figure.
-        name: what sets its identifiers apart from those of other figures on the page.
+        name: prefix of its identifiers, which must be unique on the page.
 
     Returns:
-        The element alone: no namespaces, which HTML does not need, no metadata, no identifiers that nothing refers to.
+        The element without namespaces, metadata and unused identifiers.
     """
     content = StringIO()
     figure.savefig(content, format="svg")
@@ -189,7 +200,7 @@ def draw_svg(figure: Figure, name: str) -> str:
 
 
 def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
-    """Make an axis logarithmic from low to high, with few ticks that are written as plain numbers."""
+    """Make an axis logarithmic from low to high, with few ticks written as plain numbers."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator  # noqa: PLC0415
 
     locator = FixedLocator(log_ticks(low, high)) if high > 4 * low else MaxNLocator(5)
@@ -203,7 +214,7 @@ def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
 
 
 def _tick(value: float, _: int | None = None) -> str:
-    """Write a tick in five letters or so: 0.001, 0.3, 1000, 3e\u22124."""
+    """Format a tick in about five characters: 0.001, 0.3, 1000, 3e\u22124."""
     text = f"{value:g}"
     if len(text) <= 5 and "e" not in text:
         return minus(text)
@@ -220,7 +231,7 @@ def log_ticks(low: float, high: float, most: int = 7) -> list[float]:
         most: the largest number of ticks.
 
     Returns:
-        The finest of 1-2-...-9, 1-2-5, 1-3, decades and every n-th decade that is no longer than `most`.
+        The finest series with at most `most` ticks: 1-2-...-9, 1-2-5, 1-3, decades, or every n-th decade.
 
     Examples:
         >>> log_ticks(0.01, 10)
@@ -240,12 +251,12 @@ def log_ticks(low: float, high: float, most: int = 7) -> list[float]:
 
 
 def span(values: FloatArray, pad: float = 0.06) -> tuple[float, float]:
-    """Return limits that hold all finite values with some air around them."""
+    """Return limits that contain all finite values, with a margin."""
     import numpy as np  # noqa: PLC0415
 
-    known = values[np.isfinite(values)]
-    if not len(known):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return 0.0, 1.0
-    low, high = float(known.min()), float(known.max())
+    low, high = float(finite.min()), float(finite.max())
     air = pad * (high - low) or 0.5 * abs(high) or 1.0
     return low - air, high + air

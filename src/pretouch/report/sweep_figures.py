@@ -1,4 +1,4 @@
-"""The pictures of a sweep: curves, families of curves and maps."""
+"""Figures of a sweep: curves, families of curves and maps."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ _MOST_CELLS: Final = 300  # along an axis of a map
 def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
     """Draw the results of a sweep over its axes.
 
-    One axis gives curves. Two give a family of curves where one of them has up to five values, else a map of labeled
-    contour lines, in which hatching marks encounters without a value. Axes of one value are left out.
+    With one axis, results are curves. With two axes, they are a family of curves if an axis has up to five values,
+    otherwise maps with contour lines, in which encounters without a value are hatched. Axes of one value are ignored.
 
     Args:
-        dataset: what `sweep` returned, with one or two axes of more than one value.
-        results: which of its results are drawn; all of them by default.
+        dataset: the result of `sweep`, with one or two axes of more than one value.
+        results: names of the results to draw; None for all.
 
     Returns:
         A panel for each result.
 
     Raises:
-        InvalidInputError: there are more axes, or no result with a value.
+        InvalidInputError: there are more than two axes, or a result without values.
     """
     flat = dataset.squeeze(drop=True)
     names = [str(n) for n in (results or flat.data_vars) if n != "status"]
@@ -51,12 +51,12 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
     dims = [str(dim) for dim in flat["status"].dims]
     if len(dims) not in {1, 2}:
         raise InvalidInputError(
-            f"dataset: found {len(dims)} axes of more than one value, expected one or two; choose values of the others "
+            f"dataset: found {len(dims)} axes of more than one value, expected one or two; select values of the others "
             "first, for example with dataset.sel({'gain': -0.7}, method='nearest')"
         )
     for name in names:
         if not bool(np.isfinite(flat[name].values).any()):
-            raise InvalidInputError(f"{name}: found no encounter with a value, expected some; status says why")
+            raise InvalidInputError(f"{name}: found no encounter with a value, expected at least one; see status")
     if len(dims) == 1:
         return panel_figure(*(_panel(flat, name, dims[0], None) for name in names))
     few = any(flat.sizes[dim] <= len(CURVES) for dim in dims)
@@ -65,32 +65,32 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
 
 
 def _axis(flat: xr.Dataset | xr.DataArray, dim: str) -> tuple[FloatArray, Scale, str]:
-    """Return the values of an axis in the unit in which they are shown, that unit, and the label."""
+    """Return the values of an axis in its display unit, that unit, and the label."""
     values = np.asarray(flat[dim].values, dtype=np.float64)
     scale = _scale(flat[dim], values)
     name = words_for(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"
-    if dim == "gain":  # the letter's, or that of another law, which says so
+    if dim == "gain":  # of the letter's law, or of another law, whose name is in long_name
         name = str(flat[dim].attrs.get("long_name", name)).replace("gain", "gain D_p")
     return values / scale.factor, scale, f"{name} [{scale.unit or '1'}]"
 
 
 def _scale(variable: Any, values: FloatArray) -> Scale:
     unit = str(variable.attrs.get("units", "1"))
-    known = values[np.isfinite(values)]
-    return scale_for("" if unit == "1" else unit, float(np.max(np.abs(known), initial=0.0)))
+    finite = values[np.isfinite(values)]
+    return scale_for("" if unit == "1" else unit, float(np.max(np.abs(finite), initial=0.0)))
 
 
 def _label(variable: Any, scale: Scale, *, short: bool = False) -> str:
-    name, told = str(variable.name), str(variable.attrs.get("long_name", "gain"))
+    name, long_name = str(variable.name), str(variable.attrs.get("long_name", "gain"))
     q = QUANTITIES[name]
-    if name == "gain" and q.words not in told:  # the number of another law
-        return f"{told} [{scale.unit or '1'}]"
+    if name == "gain" and q.words not in long_name:  # the number of another law
+        return f"{long_name} [{scale.unit or '1'}]"
     words = f"optimal {q.words}" if name == "gain" else q.words
     return f"{words} {'' if short else q.symbol} [{scale.unit or '1'}]".replace("  ", " ")
 
 
-def _equal_ratios(values: FloatArray) -> bool:
-    """Tell whether an axis was made of equal ratios over a decade or more."""
+def _is_logarithmic(values: FloatArray) -> bool:
+    """Return whether an axis is logarithmically spaced over at least a decade."""
     if len(values) < 3 or not (values > 0).all() or values.max() < 10 * values.min():
         return False
     return bool(np.allclose(np.diff(np.log(values)), np.log(values[-1] / values[0]) / (len(values) - 1), rtol=1e-6))
@@ -106,13 +106,13 @@ def _panel(flat: xr.Dataset, name: str, across: str, family: str | None) -> Pane
         values, unit, _ = _axis(flat, family)
         names = [f"{words_for(family.rpartition('.')[2])} {value:.4g} {unit.unit}".strip() for value in values]
         rows = [(variable.isel({family: i}), label, i) for i, label in enumerate(names)]
-    found = [(np.asarray(row.values)[::step] / scale.factor, label, style) for row, label, style in rows]
-    curves = [_curve(x[::step], y, label, ordered, style) for y, label, style in found if np.isfinite(y).any()]
-    return Panel(x_label=x_label, y_label=_label(flat[name], scale), curves=curves, x_log=_equal_ratios(x))
+    columns = [(np.asarray(row.values)[::step] / scale.factor, label, style) for row, label, style in rows]
+    curves = [_curve(x[::step], y, label, ordered, style) for y, label, style in columns if np.isfinite(y).any()]
+    return Panel(x_label=x_label, y_label=_label(flat[name], scale), curves=curves, x_log=_is_logarithmic(x))
 
 
 def _curve(x: FloatArray, y: FloatArray, label: str, ordered: bool, style: int | None = None) -> Curve:
-    if not ordered:  # samples, one beside another in no order
+    if not ordered:  # samples without an order
         return Curve(x=x, y=y, label=label, kind="points", style=style)
     order = np.argsort(x, kind="stable")
     return Curve(x=x[order], y=y[order], label=label, style=style)
@@ -130,6 +130,6 @@ def _map(flat: xr.Dataset, name: str, across: str, up: str) -> Panel:
         y_label=y_label,
         title=_label(flat[name], scale, short=True) + holes,
         map=Map(x=x, y=y, values=values / scale.factor),
-        x_log=_equal_ratios(x),
-        y_log=_equal_ratios(y),
+        x_log=_is_logarithmic(x),
+        y_log=_is_logarithmic(y),
     )

@@ -1,4 +1,4 @@
-"""The pictures of what the runs of a verdict come to: shares of runs, and two runs beside the prediction."""
+"""Figures of a verdict: distributions of the simulated runs, and two runs compared with the prediction."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict
 from pretouch.verification.appraisal import simulated_quantity
 
-from .panel_figure import outcome_panel, panel_figure
+from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .style import Scale, scale_for
+from .share_panels import outcome_panel
+from .style import MOST_POINTS, Scale, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_WITH, _WITHOUT, _WORST, _PREDICTED = 0, 1, 3, 4  # places in the palette: the same looks the same in every picture
-_MOST: Final = 900  # points of a curve: about two per pixel
-_LONGEST: Final = 2.0  # times the predicted contact, up to where a run without contact is shown
+_WITH, _WITHOUT, _WORST, _PREDICTED = 0, 1, 3, 4  # palette indices: a run has the same style in all figures
+_LONGEST: Final = 2.0  # times the predicted contact time: end of the plot of a run without contact
 _SYMBOLS: Final = {
     "relative_velocity": "|l\u2032|",
     "largest_excursion": "|x \u2212 x_d|",
@@ -35,40 +35,40 @@ _SYMBOLS: Final = {
 
 @check_arguments
 def verdict(verdict: Verdict) -> Figure:
-    """Draw what the runs of a verdict come to, beside what was predicted and what is allowed.
+    """Draw the distributions of the simulated runs, compared with the prediction and the limits.
 
     Args:
         verdict: a verdict with a gain.
 
     Returns:
-        A panel for each of speed at contact, contact force where it is simulated, largest excursion, time of contact,
-        and any other quantity that is limited: the share of the runs in which it stays below a value, with and without
-        mitigation on the loop. Rings: predicted values. Dotted: limits, and the share that is required of them.
+        Panels of the speed at contact, the contact force if simulated, the largest excursion, the time of contact, and
+        any other quantity with a limit: the share of runs in which it is below a value, with and without mitigation
+        on the loop. Rings are predicted values; dotted lines are limits and the required share.
 
     Raises:
-        ResultUnavailableError: there is no gain, or no run comes to a contact.
+        ResultUnavailableError: there is no gain, or no run ends in contact.
     """
     if verdict.mitigated is None or verdict.unmitigated is None:
-        raise ResultUnavailableError("verdict: there is no gain, so that nothing was run")
+        raise ResultUnavailableError("verdict: there is no gain, so that nothing was simulated")
     panels = [_outcome_panel(verdict, name) for name in _quantities(verdict)]
     shown = [panel for panel in panels if panel is not None]
     if not shown:
-        raise ResultUnavailableError("verdict: no run comes to a contact, so there is nothing to draw")
+        raise ResultUnavailableError("verdict: no run ends in contact, so there is nothing to draw")
     return panel_figure(*shown, height=2.75)
 
 
 def _quantities(verdict: Verdict) -> list[str]:
-    """Return what is drawn: what an engineer asks first, and what is limited beside."""
+    """Return the quantities to draw: the most important ones, and those with a limit."""
     compared = [c.name for c in verdict.comparisons]
     forces = [name for name in ("impact_force", "peak_force") if name in compared]
     names = ["relative_velocity", *forces, "largest_excursion", "time"]
     names += [c.required.constraint.quantity for c in verdict.limits if c.name != "gain"]
-    found = list(dict.fromkeys(names))
-    return found if len(found) % 2 == 0 else list(dict.fromkeys([*found, "largest_speed"]))
+    unique = list(dict.fromkeys(names))
+    return unique if len(unique) % 2 == 0 else list(dict.fromkeys([*unique, "largest_speed"]))
 
 
 def _outcome_panel(verdict: Verdict, name: str) -> Panel | None:
-    """Draw one quantity; None where no run has a value."""
+    """Make the panel of a quantity; None if no run has a value."""
     columns = [
         ("without mitigation", _WITHOUT, _magnitudes(verdict, name, verdict.unmitigated, 0.0)),
         ("with the gain", _WITH, _magnitudes(verdict, name, verdict.mitigated, verdict.gain)),
@@ -89,13 +89,12 @@ def _magnitudes(verdict: Verdict, name: str, result: SimulationResult | None, ga
     """Return |quantity| of every run, NaN without contact."""
     if result is None or gain is None:
         return np.empty(0)
-    found = simulated_quantity(name, result, gain, verdict.loop, verdict.design.impact)
-    values = np.abs(found)
+    values = np.abs(simulated_quantity(name, result, gain, verdict.loop, verdict.design.impact))
     return np.where(result.touched & np.isfinite(values), values, np.nan)
 
 
 def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
-    """Yield the predicted values, at half of the runs: beside the median a prediction is right or wrong."""
+    """Yield marks of the predicted values at 50 % of the runs, to compare them with the median."""
     compared = verdict.comparison(name)
     check = _limit_of(verdict, name)
     if compared is not None:
@@ -109,7 +108,7 @@ def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
 
 
 class _Shown(NamedTuple):
-    """One course: its name, its look, time, distance and relative velocity, and whether it ends in contact."""
+    """A run to draw: name, style, time, distance, relative velocity, and whether it ends in contact."""
 
     label: str
     style: int
@@ -122,33 +121,35 @@ class _Shown(NamedTuple):
 
 @check_arguments
 def verdict_run(verdict: Verdict) -> Figure:
-    """Draw the median and the worst run, by their speed at contact, beside the prediction.
+    """Draw the median and the worst run, by speed at contact, and the prediction.
 
     Args:
         verdict: a verdict with a gain.
 
     Returns:
-        Two panels over time until contact: distance and relative velocity. Where no run comes to a contact, the first
-        one stands for all.
+        Two panels over time until contact: distance and relative velocity. If no run ends in contact, the first run is
+        drawn.
 
     Raises:
         ResultUnavailableError: there is no gain.
     """
     if verdict.gain is None or verdict.mitigated is None or verdict.predicted is None:
-        raise ResultUnavailableError("verdict: there is no gain, so that nothing was run")
+        raise ResultUnavailableError("verdict: there is no gain, so that nothing was simulated")
     end = _shown_until(verdict, verdict.mitigated, verdict.predicted)
-    shown = [_course(verdict, index, label, style, end) for label, style, index in _chosen_runs(verdict.mitigated)]
+    shown = [
+        _run_until_contact(verdict, index, label, style, end) for label, style, index in _chosen_runs(verdict.mitigated)
+    ]
     shown.append(_predicted(verdict, verdict.predicted, verdict.gain, end))
     clock = scale_for("s", max(float(s.time[-1]) for s in shown))
     return panel_figure(
-        _course_panel(shown, "distance", ("distance l", "m"), clock),
-        _course_panel(shown, "relative_velocity", ("relative velocity l\u2032", "m/s"), clock),
+        _run_panel(shown, "distance", ("distance l", "m"), clock),
+        _run_panel(shown, "relative_velocity", ("relative velocity l\u2032", "m/s"), clock),
         height=2.75,
     )
 
 
 def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
-    """Return the runs that are drawn: name, look and number; the worst one below, for it is not the one to trust."""
+    """Return the runs to draw: name, palette index and number; the worst run is drawn first, in the background."""
     touched = np.flatnonzero(result.touched)
     if not len(touched):
         return [("first run", _WITH, 0)]
@@ -161,26 +162,28 @@ def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
 
 
 def _shown_until(verdict: Verdict, result: SimulationResult, predicted: ContactResult) -> float:
-    """Return up to when runs without contact are shown [s]."""
+    """Return the end of the plot of runs without contact [s]."""
     distance, speed = float(verdict.scenario.distance), abs(float(verdict.scenario.relative_velocity))
-    known = [distance / speed] if speed > 0 else []
-    known += [float(predicted.end.time)] if predicted.reached.all() else []
-    known += [float(np.nanmax(result.time))] if result.touched.any() else []
-    return min(_LONGEST * max(known, default=verdict.loop.horizon), verdict.loop.horizon)
+    times = [distance / speed] if speed > 0 else []
+    times += [float(predicted.end.time)] if predicted.reached.all() else []
+    times += [float(np.nanmax(result.time))] if result.touched.any() else []
+    return min(_LONGEST * max(times, default=verdict.loop.horizon), verdict.loop.horizon)
 
 
-def _course(verdict: Verdict, index: int, label: str, style: int, end: float) -> _Shown:
-    """Return a run until its first contact, of which the loop knows the instant between two steps of the law."""
+def _run_until_contact(verdict: Verdict, index: int, label: str, style: int, end: float) -> _Shown:
+    """Return a run until its first contact, whose moment may lie between two control steps."""
     result: Any = verdict.mitigated
     trace, touched = result.trace(index), bool(result.touched[index])
     kept = trace.time < (result.time[index] if touched else end)
     time, obstacle = trace.time[kept], trace.obstacle_position[kept]
-    moved = np.gradient(obstacle, time) if len(time) > 1 else np.full(len(time), np.nan)  # the obstacle is given
+    moved = (
+        np.gradient(obstacle, time) if len(time) > 1 else np.full(len(time), np.nan)
+    )  # the motion of the obstacle is prescribed
     columns = [time, trace.distance[kept], moved - trace.velocity[kept]]
     if touched:
         last = (result.time[index], 0.0, result.relative_velocity[index])
         columns = [np.append(column, value) for column, value in zip(columns, last, strict=True)]
-    few = np.unique(np.linspace(0, len(columns[0]) - 1, min(len(columns[0]), _MOST)).round().astype(int))
+    few = np.unique(np.linspace(0, len(columns[0]) - 1, min(len(columns[0]), MOST_POINTS)).round().astype(int))
     time, distance, velocity = (column[few] for column in columns)
     return _Shown(label, style, "dot", time, distance, velocity, touched)
 
@@ -189,14 +192,14 @@ def _predicted(verdict: Verdict, predicted: ContactResult, gain: float, end: flo
     touched = bool(predicted.reached.all())
     until = float(predicted.end.time) * (1 + 1e-6) if touched else end
     motion = verdict.law.motion(
-        verdict.scenario, verdict.sensor, gain, method=predicted.method, horizon=until, samples=_MOST // 2
+        verdict.scenario, verdict.sensor, gain, method=predicted.method, horizon=until, samples=MOST_POINTS // 2
     )
     time, distance, velocity = (np.asarray(c) for c in (motion.time, motion.distance, motion.relative_velocity))
     return _Shown("predicted", _PREDICTED, "ring", time, distance, velocity, touched)
 
 
-def _course_panel(shown: list[_Shown], name: str, label: tuple[str, str], clock: Scale) -> Panel:
-    """Draw one quantity over time, each course to its contact; the names stand in the first panel."""
+def _run_panel(shown: list[_Shown], name: str, label: tuple[str, str], clock: Scale) -> Panel:
+    """Make the panel of a quantity over time until contact; only the first panel has the names of the runs."""
     values: list[FloatArray] = [getattr(s, name) for s in shown]
     scale = scale_for(label[1], max(float(np.nanmax(np.abs(v))) for v in values))
     first = name == "distance"

@@ -1,4 +1,4 @@
-"""The pictures of a verdict over the gain: how strong it may be at each distance, and what it costs on the loop."""
+"""Figures of a verdict over the gain: stability limit at each distance, and objective on the loop."""
 
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ from pretouch.verification import StabilityCheck, Verdict
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .style import Scale, gain_axis, scale_for
+from .style import HEADROOM, Scale, gain_axis, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_LOOP, _STRONGEST, _MARGIN, _IDEAL = 0, 1, 2, 4  # places in the palette
-_DECADES: Final = 1e3  # times the least stable gain, beyond which a limit is none
-_AROUND: Final = 1.4  # times, beyond what is shown on a logarithmic axis
-_HEADROOM: Final = 6.0  # times the smallest objective, up to where it is shown
+_LOOP, _STRONGEST, _MARGIN, _IDEAL = 0, 1, 2, 4  # palette indices
+_DECADES: Final = 1e3  # times the smallest stability limit: larger limits are not shown
+_AROUND: Final = 1.4  # margin of a logarithmic axis, as a factor
 
 
 @check_arguments
@@ -32,30 +31,30 @@ def verdict_stability(verdict: Verdict) -> Figure:
     """Draw the strongest stable gain at each distance, and the verified gain.
 
     Args:
-        verdict: a verdict of which the stability is known.
+        verdict: a verdict with a stability check.
 
     Returns:
-        One panel: |D_p| [N s] at which the loop becomes unstable over the distance, half of it (a margin of 2), and
-        the verified gain.
+        One panel over the distance: the magnitude of the gain at which the loop becomes unstable, half of it (gain
+        margin 2), and the verified gain.
 
     Raises:
-        ResultUnavailableError: the stability is not known, no gain is unstable, or every one is.
+        ResultUnavailableError: there is no stability check, no gain is unstable, or every gain is.
     """
     check = verdict.stability
     if check is None or verdict.gain is None or not math.isfinite(check.strongest) or check.strongest == 0:
-        raise ResultUnavailableError("stability: this loop has no strongest stable gain, or none is known of it")
+        raise ResultUnavailableError("stability: this verdict has no finite stability limit to draw")
     strongest = np.abs(check.limit.gain)
     shown = np.where(strongest <= _DECADES * abs(check.strongest), strongest, np.nan)
     scale = scale_for("m", float(check.limit.distance[np.isfinite(shown)].max()))
     distance = check.limit.distance / scale.factor
-    own = abs(verdict.gain)
-    ends = [float(np.nanmin(shown)) / 2, float(np.nanmax(shown)), *([own] if own > 0 else [])]
+    gain = abs(verdict.gain)
+    ends = [float(np.nanmin(shown)) / 2, float(np.nanmax(shown)), *([gain] if gain > 0 else [])]
     curves = [
         Curve(x=distance, y=shown, label="unstable above", style=_STRONGEST),
-        Curve(x=distance, y=shown / 2, label="margin of 2", style=_MARGIN),
+        Curve(x=distance, y=shown / 2, label="gain margin 2", style=_MARGIN),
     ]
-    if own > 0:
-        curves.append(Curve(x=distance, y=np.full(len(distance), own), label="verified gain", style=_LOOP))
+    if gain > 0:
+        curves.append(Curve(x=distance, y=np.full(len(distance), gain), label="verified gain", style=_LOOP))
     panel = Panel(
         x_label=f"distance l [{scale.unit}]",
         y_label=gain_axis(verdict.design.bounds, verdict.law.number, magnitude=True)[1],
@@ -74,15 +73,15 @@ def _weakest_place(check: StabilityCheck, scale: Scale) -> Mark:
 
 @check_arguments
 def verdict_gain(verdict: Verdict) -> Figure:
-    """Draw the objective over the gain, in the ideal world and on the loop.
+    """Draw the objective over the gain, in continuous time and on the loop.
 
     Args:
-        verdict: a verdict; without a gain, or without changes, the ideal world alone is drawn.
+        verdict: a verdict; without a gain, or without changes, only the objective in continuous time is drawn.
 
     Returns:
         One panel: the objective of the nominal encounter in continuous time, and its mean over the runs on the loop;
-        thin and grey where a limit is missed. With the ideal optimum, the verified gain and the best one on the loop,
-        and where the loop becomes unstable.
+        thin and grey for gains that miss a limit. The ideal optimum, the verified gain, the best gain on the loop and
+        the stability limit are marked.
 
     Raises:
         ResultUnavailableError: no gain within the bounds ends in contact.
@@ -92,11 +91,11 @@ def verdict_gain(verdict: Verdict) -> Figure:
     if not parts:
         raise ResultUnavailableError("objective: no gain within the bounds ends in contact")
     marks = list(_gain_marks(verdict, sign))
-    seen = np.concatenate([part.objective for part in parts])
-    low = float(seen[np.isfinite(seen)].min())
-    highest = max([m.y for m in marks] + [float(np.nanmin(_known(part.objective))) for part in parts])
-    wide = low > 0 and highest > _HEADROOM * low  # what matters lies too far apart for a linear axis
-    top = float(seen[np.isfinite(seen)].max()) if wide else min(float(_known(seen).max()), _HEADROOM * low or 1.0)
+    values = np.concatenate([part.objective for part in parts])
+    low = float(_finite(values).min())
+    highest = max([m.y for m in marks] + [float(np.nanmin(_finite(part.objective))) for part in parts])
+    wide = low > 0 and highest > HEADROOM * low  # the marked values differ too much for a linear axis
+    top = float(_finite(values).max()) if wide else min(float(_finite(values).max()), HEADROOM * low or 1.0)
     curves = [curve for part in parts for curve in part.curves(sign, top)]
     panel = Panel(
         x_label=label,
@@ -112,7 +111,7 @@ def verdict_gain(verdict: Verdict) -> Figure:
 
 
 class _Part(NamedTuple):
-    """An objective over the gain, and where all limits are kept."""
+    """An objective over the gain, and which gains meet all limits."""
 
     label: str
     style: int
@@ -121,7 +120,7 @@ class _Part(NamedTuple):
     kept: BoolArray
 
     def curves(self, sign: float, top: float) -> Iterator[Curve]:
-        """Yield the gains that miss a limit thin and grey, and the others in color."""
+        """Yield a thin grey curve if some gains miss a limit, and a colored curve of the others."""
         values = np.where(np.isfinite(self.objective) & (self.objective <= 1.02 * top), self.objective, np.nan)
         kept = np.where(self.kept, values, np.nan)
         both = np.isfinite(kept).any()
@@ -132,7 +131,7 @@ class _Part(NamedTuple):
             yield Curve(x=sign * self.gain, y=kept, label=self.label, style=self.style)
 
 
-def _known(values: FloatArray) -> FloatArray:
+def _finite(values: FloatArray) -> FloatArray:
     return np.asarray(values[np.isfinite(values)])
 
 
@@ -145,7 +144,7 @@ def _objectives(verdict: Verdict) -> Iterator[_Part]:
 
 
 def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
-    """Yield the gains that matter: the ideal optimum, the verified gain and the best one on the loop."""
+    """Yield marks at the ideal optimum, the verified gain and the best gain on the loop."""
     design, loss, number = verdict.design, verdict.loss, verdict.law.number
     if design.gain is not None and design.objective is not None:
         text = f"ideal {number.drawn(design.gain)}"
@@ -162,10 +161,10 @@ def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
 
 
 def _stable_until(verdict: Verdict, sign: float) -> dict[str, float]:
-    """Return where the margin to instability falls below 2 and where the loop becomes unstable, as far as is shown."""
+    """Return the gains with gain margin 2 and at the stability limit, if they are within the plot."""
     check, loss = verdict.stability, verdict.loss
     low, high = verdict.design.bounds
     if check is None or loss is None:
         return {}
-    places = {"unstable from here": check.strongest, "margin of 2 up to here": check.strongest / 2}
+    places = {"stability limit": check.strongest, "gain margin 2": check.strongest / 2}
     return {text: sign * gain for text, gain in places.items() if low < gain < high and gain}

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
+from pretouch._core.fields import Sign, check_types, quantity
 from pretouch._core.files import plain
+from pretouch._core.messages import short_repr
 from pretouch._core.numbers import BoolArray, FloatArray, are_numbers, finite
-from pretouch._core.values import Sign, check_types, quantity
-from pretouch._core.vocabulary import short_repr
 
 from .family import Family, PlainFamily
 from .sensitivity import CurveSensitivity, CurveSimilarity

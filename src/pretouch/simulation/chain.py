@@ -13,8 +13,8 @@ from typing import Any, Final
 from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import OUTPUT, OUTPUT_RATE, check_declared, flag, quantity
 from pretouch._core.units import format_quantity
-from pretouch._core.values import OUTPUT, OUTPUT_RATE, check_declared, flag, quantity
 from pretouch.calibration import SensorFit
 from pretouch.control import Controller
 from pretouch.control.components import design_low_pass, format_output

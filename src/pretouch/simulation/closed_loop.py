@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.blocks import Cell, Chapter, Measured, Rows, cell_as_text
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, IntArray, finite
-from pretouch._core.values import check_types
 from pretouch.control import Controller
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Scenario
 from pretouch.motion.contact import KnownColumns

@@ -12,9 +12,9 @@ import numpy as np
 
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_declared, flag, quantity
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_quantity
-from pretouch._core.values import check_declared, flag, quantity
 from pretouch.motion import Admittance
 
 _WORDS: Final = {

@@ -1,4 +1,4 @@
-"""Sweeps: contacts and designs over grids of inputs, as datasets; on one machine or on many, resumable."""
+"""Parameter sweeps: contacts or designs over grids of inputs, as datasets; parallel, distributed and resumable."""
 
 from .axes import Axes, Axis
 from .executors import Progress

@@ -1,4 +1,4 @@
-"""The same blocks on the workers of a Dask scheduler, which write to the Zarr folder themselves."""
+"""Compute the blocks of a sweep on the workers of a Dask scheduler, which write to the Zarr folder."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from .executors import BlockRecord, run_block
 from .plan import Plan
 from .stores import ZarrStore
 
-_WAITING: Final = 3  # blocks per thread of the cluster that are under way or wait at a worker
-_RETRIES: Final = 3  # of a block whose worker was lost; finished ones are never computed again
+_QUEUED: Final = 3  # submitted blocks per thread of the cluster
+_RETRIES: Final = 3  # for a block whose worker was lost; finished blocks are not computed again
 _TIMEOUT: Final = "10 s"
 
 
 @contextmanager
 def connected(dask: Any) -> Iterator[Any]:
-    """Hold a client for a scheduler.
+    """Connect to a scheduler.
 
     Args:
-        dask: the address of a scheduler, such as `tcp://10.0.0.1:8786`, or a `distributed.Client`, which stays open.
+        dask: the address of a scheduler, such as `tcp://10.0.0.1:8786`, or a `distributed.Client`, which is not closed.
 
     Yields:
         The client.
 
     Raises:
-        InvalidInputError: nothing answers there.
+        InvalidInputError: no scheduler answers at this address.
     """
     distributed = require("distributed", extra="dask")
     if not isinstance(dask, str):
@@ -47,14 +47,14 @@ def connected(dask: Any) -> Iterator[Any]:
 
 
 def worker_count(client: Any) -> int:
-    """Count the threads of a cluster that take blocks; 1 where no worker is there yet."""
+    """Return the number of threads of a cluster; at least 1, even if no worker is connected yet."""
     return max(1, int(sum(client.nthreads().values())))
 
 
 def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[BlockRecord], None]) -> None:
-    """Compute blocks on the workers of a cluster, which must reach the folder of the store under the same path."""
+    """Compute blocks on the workers of a cluster, which must have access to the store at the same path."""
     distributed = require("distributed", extra="dask")
-    # a task, not scattered data: what a lost worker held is then made again
+    # a task, not scattered data: after the loss of a worker it is computed again
     opened = client.submit(_open, str(store.path.resolve()), store.plan, pure=False)
     pending = iter(blocks)
 
@@ -62,7 +62,7 @@ def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[B
         block = next(pending, None)
         return None if block is None else client.submit(_run, opened, block, pure=False, retries=_RETRIES)
 
-    first = [future for _ in range(_WAITING * worker_count(client)) if (future := submit()) is not None]
+    first = [future for _ in range(_QUEUED * worker_count(client)) if (future := submit()) is not None]
     waiting = distributed.as_completed(first)
     for future in waiting:
         report(future.result())
@@ -72,21 +72,21 @@ def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[B
 
 
 def _open(path: str, plan: Plan) -> ZarrStore:
-    """Open the store on a worker; with it, the plan travels once and not with every block."""
-    _look(Path(path))
+    """Open the store on a worker, so that the plan is sent once and not with every block."""
+    _check_folder(Path(path))
     return ZarrStore(path, plan)
 
 
 def _run(store: ZarrStore, block: int) -> BlockRecord:
-    """Compute a block on a worker, unless that was done before the worker that did it was lost."""
-    _look(store.path)  # what came from another machine would else make a folder of its own here
+    """Compute a block on a worker, unless a lost worker has finished it."""
+    _check_folder(store.path)  # without shared storage, zarr would create a new folder here
     if store.finished()[block]:
         return BlockRecord(encounters=store.size(block), repeated=True)
     return run_block(store.plan, store, block)
 
 
-def _look(path: Path) -> None:
+def _check_folder(path: Path) -> None:
     if not (path / "zarr.json").is_file():
         raise InvalidInputError(
-            f"{path}: found no such sweep on a worker, expected a folder that all workers reach under this path"
+            f"{path}: found no such sweep on a worker, expected a folder that all workers can access at this path"
         )

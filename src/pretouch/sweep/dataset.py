@@ -1,4 +1,4 @@
-"""From results to a dataset that says where it comes from, in memory and as one NetCDF file."""
+"""Make the dataset of a sweep, with units and provenance in its attributes; write and open NetCDF files."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ if TYPE_CHECKING:
 
 DIGEST: Final = "digest"
 _PACKAGES: Final = ("pretouch", "numpy", "scipy")
-_FARTHEST: Final = 1.0  # m, to which a curve without an end is looked at
+_FARTHEST: Final = 1.0  # m, up to which an unbounded curve is sampled for its hash
 _SAMPLES: Final = 65
 _PROBES: Final = 17
 
 
 def attributes_of(plan: Plan) -> dict[str, Any]:
-    """Return the attributes of a dataset, everything that its numbers follow from: `seed` is -1 for none."""
-    found = {package: version(package) for package in _PACKAGES}
-    inputs = _asked(plan)
+    """Return the attributes of a dataset: all inputs, versions and the seed (-1 for none)."""
+    versions = {package: version(package) for package in _PACKAGES}
+    inputs = _inputs_of(plan)
     names = ", ".join(plan.dims)
     return {
         "title": f"pretouch sweep of {'optimal gains' if plan.designs else 'contacts'} over {names}",
         "inputs": as_json(inputs, indent=None),
-        "versions": as_json({"python": platform.python_version(), **found}, indent=None),
+        "versions": as_json({"python": platform.python_version(), **versions}, indent=None),
         "seed": -1 if plan.seed is None else plan.seed,
-        DIGEST: _digest({"inputs": inputs, "seed": plan.seed, "pretouch": found["pretouch"]}),
+        DIGEST: _digest({"inputs": inputs, "seed": plan.seed, "pretouch": versions["pretouch"]}),
     }
 
 
-def _asked(plan: Plan) -> dict[str, Any]:
-    """Return what a sweep was asked, numbers in SI, as an object for JSON; long columns by their ends and a hash."""
+def _inputs_of(plan: Plan) -> dict[str, Any]:
+    """Return all inputs of a sweep for JSON, in SI; columns of values are given by their ends and a hash."""
     held = plan.held
     parts = ("admittance", "obstacle", "plant", "reference")
     return {
@@ -74,42 +74,42 @@ def _asked(plan: Plan) -> dict[str, Any]:
 
 
 def differing_parts(attributes: dict[str, Any], plan: Plan) -> str:
-    """Say in which inputs a dataset of these attributes differs from a plan; what else may, where all are the same."""
+    """Return the names of inputs in which the attributes of a dataset differ from a plan; else seed or version."""
     try:
-        found = json.loads(attributes["inputs"])
+        stored = json.loads(attributes["inputs"])
     except (KeyError, ValueError, TypeError):
         return "inputs"
-    wanted = json.loads(as_json(_asked(plan)))
-    return ", ".join(k for k in wanted if found.get(k) != wanted[k]) or "seed or version of pretouch"
+    wanted = json.loads(as_json(_inputs_of(plan)))
+    return ", ".join(k for k in wanted if stored.get(k) != wanted[k]) or "seed or version of pretouch"
 
 
 def _sensor(sensor: SensorModel) -> dict[str, Any]:
-    """Return a curve by its parameters and by what it says: a curve may be a user's own functions."""
+    """Return the parameters of a curve and a hash of sampled values, since a curve may be a user's functions."""
     low, high = sensor.valid_range
     distances = np.linspace(low, min(high, low + _FARTHEST), _SAMPLES)
-    said = np.stack([sensor.log_output(distances), sensor.log_slope(distances)])
+    samples = np.stack([sensor.log_output(distances), sensor.log_slope(distances)])
     return {
         "model": sensor.name,
         "parameters": sensor.parameters,
         "valid_range": (low, high),
-        "curve": hashlib.sha256(said.tobytes()).hexdigest(),
+        "curve": hashlib.sha256(samples.tobytes()).hexdigest(),
     }
 
 
 def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, Any]:
-    """Return an objective by its terms; one of a user's own by its name and by what it says of some contacts."""
+    """Return the terms of an objective; for a custom objective, its name and a hash of its values at some contacts."""
     if not isinstance(objective, OwnObjective):
         return asdict(objective)
     with np.errstate(all="ignore"):
-        said = objective.value(ContactState(_Probes()), np.full(_PROBES, 0.3), impact)
-    return {"name": objective.name, "values": hashlib.sha256(said.tobytes()).hexdigest()}
+        values = objective.value(ContactState(_Probes()), np.full(_PROBES, 0.3), impact)
+    return {"name": objective.name, "values": hashlib.sha256(values.tobytes()).hexdigest()}
 
 
 class _Probes:
-    """Contacts that tell objectives apart."""
+    """Pseudorandom contacts, at which different objectives have different values."""
 
     def column(self, name: str) -> FloatArray:
-        """Return other numbers for each quantity."""
+        """Return different numbers for each quantity."""
         seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
         size = np.random.default_rng(seed).uniform(0.01, 1.0, _PROBES)
         return -size if name == "relative_velocity" else size
@@ -125,7 +125,7 @@ def _digest(value: dict[str, Any]) -> str:
 
 
 def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
-    """Put results, of the shape of the grid, on their axes; without results, return the axes alone."""
+    """Make a dataset from result arrays of the shape of the grid; without results it has only the axes."""
     xarray = require("xarray")
     coords: dict[str, Any] = {}
     units = inputs_of(plan.held)
@@ -136,8 +136,8 @@ def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
             words = name.replace(".", " ").replace("_", " ")
             words = plan.held.law.number.label if name == "gain" and plan.held.law != DAMPER else words
             coords[name] = (axis.name, values, {"long_name": words, "units": units[name] or "1"})
-    told = partial(result_attributes, designs=plan.designs, law=plan.held.law)
-    data = {name: (plan.dims, column, told(name)) for name, column in columns.items()}
+    describe = partial(result_attributes, designs=plan.designs, law=plan.held.law)
+    data = {name: (plan.dims, column, describe(name)) for name, column in columns.items()}
     return xarray.Dataset(data, coords=coords, attrs=attributes_of(plan))
 
 
@@ -145,10 +145,10 @@ _ENGINE = "h5netcdf"
 
 
 def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
-    """Write a dataset, one variable in memory at a time.
+    """Write a dataset as NetCDF, with one variable in memory at a time.
 
     Raises:
-        OutputExistsError: a file stands there and `overwrite` is false.
+        OutputExistsError: the file exists and `overwrite` is false.
         InvalidInputError: the folder cannot be written.
     """
     require(_ENGINE)
@@ -157,30 +157,30 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
     try:
         plain = dataset.copy()
         for variable in plain.variables.values():
-            if "flag_values" in variable.attrs:  # of the type of what they stand for, as the conventions ask
+            if "flag_values" in variable.attrs:  # the CF conventions require the type of the variable
                 variable.attrs["flag_values"] = np.array(variable.attrs["flag_values"], dtype=variable.dtype)
             variable.encoding = {}
-        with _PatientFile(temporary) as target:
+        with _DeferringFile(temporary) as target:
             try:
                 plain.to_netcdf(target, engine=_ENGINE)
             finally:
                 target.check()
         if path.exists() and not overwrite:
-            raise OutputExistsError(f"{path}: this file exists and is not overwritten unasked")
+            raise OutputExistsError(f"{path}: this file exists and is not overwritten")
         temporary.replace(path)
     except OSError as error:
         raise InvalidInputError(
-            f"{path}: cannot be written ({error.strerror or error}); what is computed is kept, and the same command "
-            "goes on from there"
+            f"{path}: cannot be written ({error.strerror or error}); the computed results are kept; run the same "
+            "command again to resume"
         ) from None
     finally:
         temporary.unlink(missing_ok=True)
 
 
-class _PatientFile(io.RawIOBase):
-    """A new file that remembers the first error of the disk, and takes everything after it without keeping it.
+class _DeferringFile(io.RawIOBase):
+    """A new file that stores the first write error and ignores later writes, so that the error is raised at the end.
 
-    HDF5 crashes the process where it cannot write what it holds when it closes a file.
+    Without it, HDF5 crashes the process if it cannot write its buffers when it closes a file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -189,7 +189,7 @@ class _PatientFile(io.RawIOBase):
         self._failure: OSError | None = None
 
     def check(self) -> None:
-        """Wait until the disk has everything; raise what it refused."""
+        """Wait until everything is on the disk; raise the first write error."""
         if self._failure is None:
             os.fsync(self._file.fileno())
         else:
@@ -211,7 +211,7 @@ class _PatientFile(io.RawIOBase):
         return self._file.seek(offset, whence)
 
     def readinto(self, buffer: Any, /) -> int | None:
-        """Read; what was not kept is read as zeros."""
+        """Read; data after a write error are read as zeros."""
         count = self._file.readinto(buffer)
         if self._failure is not None:
             view = memoryview(buffer).cast("B")
@@ -222,10 +222,10 @@ class _PatientFile(io.RawIOBase):
     def write(self, data: Any, /) -> int:
         view = memoryview(data).cast("B")
         if self._failure is None:
-            left = view
+            remaining = view
             try:
-                while left:
-                    left = left[self._file.write(left) :]
+                while remaining:
+                    remaining = remaining[self._file.write(remaining) :]
             except OSError as error:
                 self._failure = error
         return len(view)
@@ -245,11 +245,11 @@ class _PatientFile(io.RawIOBase):
 
 
 def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
-    """Open a sweep that was written as NetCDF, numbers when they are used; None where the file is no sweep of ours."""
+    """Open a NetCDF file of a sweep, lazily; None if the file is not a sweep of pretouch."""
     xarray = require("xarray")
     require(_ENGINE)
     try:
-        with require("h5py").File(path, "r") as file:  # of other files h5netcdf complains once more when it is deleted
+        with require("h5py").File(path, "r") as file:  # h5netcdf warns when it closes files that are not NetCDF
             if DIGEST not in file.attrs:
                 return None
         dataset: xr.Dataset = xarray.open_dataset(path, engine=_ENGINE)
@@ -262,7 +262,7 @@ def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
 
 
 def is_intact(dataset: xr.Dataset, plan: Plan) -> bool:
-    """Tell whether every variable of a dataset can be read and has the shape of the plan, and each status is known."""
+    """Return whether all variables can be read and have the shape of the plan, and all statuses are valid."""
     try:
         codes = dataset[STATUS].values
         shapes = {dataset[name].shape for name in (STATUS, *plan.results)}

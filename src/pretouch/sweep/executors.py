@@ -1,4 +1,4 @@
-"""One chunk of a sweep by the public verbs on arrays, and who computes the blocks of them."""
+"""Compute chunks and blocks of a sweep with the array form of the solvers, and measure progress."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ Columns: TypeAlias = dict[str, NDArray[Any]]
 
 
 def evaluate(plan: Plan, region: Region) -> Columns:
-    """Return status and results of a part of the grid, of its shape; NaN where there is no contact or no optimum."""
+    """Return status and results of a region of the grid, in its shape; NaN without a contact or an optimum."""
     axes = [axis.at(part) for axis, part in zip(plan.axes, region, strict=True)]
     shape = tuple(map(len, axes))
     looped = [k for k, axis in enumerate(axes) if axis.looped]
     if not looped:
         return {name: np.broadcast_to(a, shape) for name, a in _columns(plan.held, plan, _values(axes)).items()}
-    found: Columns = {}
+    results: Columns = {}
     for index in np.ndindex(*(shape[k] for k in looped)):
         held = held_at(plan.held, [axes[k] for k in looped], index)
         place = [slice(None)] * len(axes)
@@ -41,14 +41,14 @@ def evaluate(plan: Plan, region: Region) -> Columns:
             place[k] = slice(i, i + 1)
         values = _values([axis.at(which) for axis, which in zip(axes, place, strict=True)])
         for name, column in _columns(held, plan, values).items():
-            if name not in found:
-                found[name] = np.empty(shape, dtype=column.dtype)
-            found[name][tuple(place)] = column
-    return found
+            if name not in results:
+                results[name] = np.empty(shape, dtype=column.dtype)
+            results[name][tuple(place)] = column
+    return results
 
 
 def _values(axes: Sequence[Axis]) -> Columns:
-    """Lay the inputs of encounters out along the dimensions of their axes, so that they broadcast."""
+    """Shape the inputs of encounters along the dimensions of their axes, so that they broadcast."""
     values: Columns = {}
     for k, axis in enumerate(axes):
         shape = tuple(-1 if i == k else 1 for i in range(len(axes)))
@@ -57,7 +57,7 @@ def _values(axes: Sequence[Axis]) -> Columns:
 
 
 def _columns(held: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Solve encounters that share a sensor and whatever else the solver takes once."""
+    """Solve encounters that have the same sensor and other inputs that are not arrays."""
     position = values.get("obstacle.position", np.full((1,) * len(plan.axes), held.scenario.obstacle.position))
     changed = {name: value for name, value in values.items() if name != "gain"}
     scenario = scenario_with(held.scenario, {**changed, "obstacle.position": position})
@@ -65,39 +65,39 @@ def _columns(held: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict
     if not plan.designs:
         gain: Any = values.get("gain", held.gain)
         contact = held.law.contact(scenario, held.sensor, gain, **options)
-        found: dict[str, NDArray[Any]] = {STATUS: np.asarray(contact.status, dtype=np.int8)}
-        good = found[STATUS] == ContactStatus.CONTACT
+        results: dict[str, NDArray[Any]] = {STATUS: np.asarray(contact.status, dtype=np.int8)}
+        good = results[STATUS] == ContactStatus.CONTACT
     else:
         design = design_gain(held.replace(scenario=scenario))
         words = np.asarray(design.status)
         status = np.zeros(words.shape, dtype=np.int8)
         for word, code in DESIGN_CODES.items():
             status[words == word] = code
-        found = {STATUS: status, "gain": design.gain, "objective": design.objective}
+        results = {STATUS: status, "gain": design.gain, "objective": design.objective}
         good = status == DESIGN_CODES["optimal"]
         if set(plan.results) - set(OF_DESIGNS):
             contact = held.law.contact(scenario, held.sensor, np.where(good, design.gain, 0.0), **options)
     for name in plan.results:
-        if name not in found:
+        if name not in results:
             column = read(name, contact, held.impact)
-            known = good.all() or (held.objective is None and name in ALWAYS)
-            found[name] = np.asarray(column if known else np.where(good, column, np.nan), dtype=np.float64)
-    return {name: found[name] for name in (STATUS, *plan.results)}
+            complete = good.all() or (held.objective is None and name in ALWAYS)
+            results[name] = np.asarray(column if complete else np.where(good, column, np.nan), dtype=np.float64)
+    return {name: results[name] for name in (STATUS, *plan.results)}
 
 
 _BLOCK_SECONDS: Final = 1.0
-_TRIAL: Final = 32  # part of a chunk that is computed to see how long it takes
+_TRIAL: Final = 32  # a chunk is 32 times as large as the trial that measures the speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlockRecord:
-    """What a block took.
+    """Duration of a block.
 
     Args:
-        encounters: how many it has.
-        computing: seconds of computing.
-        writing: seconds of writing, beside the computing of the next chunk.
-        repeated: whether it was finished already, so that nothing was done.
+        encounters: number of encounters.
+        computing: time of computing [s].
+        writing: time of writing [s], parallel to the computing of the next chunk.
+        repeated: whether the block was finished already, so that nothing was computed.
     """
 
     encounters: int
@@ -108,15 +108,15 @@ class BlockRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress(Value):
-    """How far a sweep is.
+    """Progress of a sweep.
 
     Args:
-        finished: encounters that are computed and kept, those of an earlier run included.
-        total: encounters of the sweep.
-        seconds: since this run began.
-        computed: encounters that this run has computed.
-        computing: seconds of computing in this run, of all processes together.
-        writing: seconds of writing likewise.
+        finished: number of encounters that are stored, including those of earlier runs.
+        total: number of encounters of the sweep.
+        seconds: time since the start of this run [s].
+        computed: number of encounters that this run has computed.
+        computing: time of computing in this run [s], summed over all processes.
+        writing: time of writing in this run [s], summed over all processes.
     """
 
     finished: int
@@ -128,19 +128,19 @@ class Progress(Value):
 
     @property
     def remaining(self) -> float:
-        """How many seconds are left at the pace of this run; NaN until it has computed something."""
+        """Estimated remaining time [s] at the speed of this run; NaN until it has computed something."""
         return (self.total - self.finished) * self.seconds / self.computed if self.computed else float("nan")
 
 
 def chunks_per_block(plan: Plan, *, workers: int = 1) -> int:
-    """Choose how many chunks make a block, by how long a trial over the whole grid takes; no result depends on it.
+    """Choose the number of chunks per block by the duration of a trial; results do not depend on it.
 
     Args:
-        plan: the sweep. The trial also finds mistakes in it before work begins.
-        workers: how many compute; each should get several blocks.
+        plan: the sweep. The trial also detects mistakes in it before the work begins.
+        workers: number of workers; each should get several blocks.
 
     Returns:
-        As many as take about a second.
+        The number of chunks that take about a second.
     """
     few = plan.thinned(1)
     evaluate(few, few.region(0))
@@ -156,7 +156,7 @@ def chunks_per_block(plan: Plan, *, workers: int = 1) -> int:
 
 
 def run_block(plan: Plan, store: Store, block: int) -> BlockRecord:
-    """Compute and keep a block: while a chunk is written, the next one is computed."""
+    """Compute and store a block; while a chunk is written, the next one is computed."""
     computing = writing = 0.0
 
     def write(region: Region, columns: Columns) -> float:

@@ -1,4 +1,4 @@
-"""What a sweep will compute, in which pieces: fixed by what was asked for, never by how fast a machine is."""
+"""Plan a sweep: check the request, and divide its grid into chunks that do not depend on the machine."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from pretouch.design.objectives import OwnObjective
 from pretouch.motion.scenario import scenario_with
 
 from .axes import ENCOUNTER_INPUTS, Axes, Axis, make_axes, with_input
-from .results import WHOLE_MOTION, check_results
+from .results import STATUS, WHOLE_MOTION, check_results
 
 Region: TypeAlias = tuple[slice, ...]
 """A part of the grid: one slice per axis."""
 
-# Encounters of a chunk, so that it takes a fraction of a second on one core; by (designs, any curve, whole motion).
-# Numbers may depend on the chunk in their last digits: series are shared by the encounters of one call.
+# Encounters per chunk, so that a chunk takes a fraction of a second on one core; by (designs, general curve, whole
+# motion). The last digits of results may depend on the chunk, because the encounters of a call share series.
 _CHUNK: Final = {
     (False, False, False): 1 << 20,
     (False, True, False): 1 << 20,
@@ -38,14 +38,14 @@ _CHUNK: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
-    """A grid of encounters and what is asked of each.
+    """A grid of encounters and the results to compute for each.
 
     Args:
-        held: what holds where no axis says otherwise.
+        held: the task with the values of all inputs that are not on an axis.
         axes: the axes, in the order of the dimensions.
-        results: names of the results; the status comes with them.
-        seed: what the values were drawn from, where they were drawn.
-        chunk: shape of a chunk: what one call of the solver computes and one file of a store holds.
+        results: names of the results; the status is always added.
+        seed: seed of the random number generator that made the values, for the record; None for none.
+        chunk: shape of a chunk, which is computed by one call of the solver and stored in one file.
     """
 
     held: Task
@@ -56,7 +56,7 @@ class Plan:
 
     @property
     def designs(self) -> bool:
-        """Whether gains are designed; else contacts are found with given gains."""
+        """Whether gains are designed; otherwise contacts are computed for given gains."""
         return self.held.objective is not None
 
     @property
@@ -71,32 +71,32 @@ class Plan:
 
     @property
     def size(self) -> int:
-        """How many encounters there are."""
+        """The number of encounters."""
         return math.prod(self.shape)
 
     @property
     def chunk_grid(self) -> tuple[int, ...]:
-        """How many chunks there are along each dimension."""
+        """The number of chunks along each dimension."""
         return tuple(-(-n // c) for n, c in zip(self.shape, self.chunk, strict=True))
 
     @property
     def chunk_count(self) -> int:
-        """How many chunks there are."""
+        """The number of chunks."""
         return math.prod(self.chunk_grid)
 
     def region(self, index: int) -> Region:
-        """Return the part of the grid that a chunk covers; chunks count along the last dimension first."""
+        """Return the region of a chunk; chunks are numbered along the last dimension first."""
         place = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
         return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in place)
 
     def thinned(self, most: int) -> Plan:
-        """Return a plan of one chunk over a few values of every axis, evenly spread: `most` encounters at most."""
+        """Return a plan of one chunk with at most `most` encounters: a few evenly spaced values of each axis."""
         axes: list[tuple[int, Axis]] = []
         room = most
-        for left, axis in sorted(enumerate(self.axes), key=lambda item: len(item[1])):
+        for position, axis in sorted(enumerate(self.axes), key=lambda item: len(item[1])):
             count = max(1, min(len(axis), int(room ** (1 / (len(self.axes) - len(axes))) + 1e-9)))
             room //= count
-            axes.append((left, axis.at(np.linspace(0, len(axis) - 1, count).astype(np.int64))))
+            axes.append((position, axis.at(np.linspace(0, len(axis) - 1, count).astype(np.int64))))
         kept = tuple(axis for _, axis in sorted(axes, key=lambda item: item[0]))
         return replace(self, axes=kept, chunk=tuple(map(len, kept)))
 
@@ -104,46 +104,47 @@ class Plan:
 def make_plan(
     held: Task, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
 ) -> Plan:
-    """Check a request, and cut it into chunks of `chunk_size` encounters at most; None: chosen by what is computed."""
+    """Check a request, and divide it into chunks of at most `chunk_size` encounters; None for a default size."""
     if held.scenario.shape != ():
         raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {held.scenario.shape}, expected one; arrays go to axes"
+            f"scenario: found an array of encounters of shape {held.scenario.shape}, expected one encounter; pass "
+            "arrays as axes"
         )
-    found = make_axes(axes, held)
+    checked = make_axes(axes, held)
     designs = held.objective is not None
-    gains = [axis.name for axis in found if "gain" in axis.columns]
+    gains = [axis.name for axis in checked if "gain" in axis.columns]
     if not designs and (held.gain is None) == (not gains):
         what = "a gain and an axis of gains" if gains else "neither gain nor objective"
         raise InvalidInputError(
             f"gain: found {what}, expected one of: gain=..., an axis 'gain', or objective=... with bounds=..."
         )
     names = check_results(results, designs=designs, impact=held.impact)
-    clash = next((axis.name for axis in found if axis.name in (*names, "status", "finished", "block")), None)
+    clash = next((axis.name for axis in checked if axis.name in (*names, STATUS)), None)
     if clash is not None:
         raise InvalidInputError(f"axes: found {clash!r}, which is the name of a result; choose another name")
     finite(0.0 if held.gain is None else held.gain, "gain", held.law.number.unit)
     positive(held.horizon, "horizon", "s")
     most = chunk_size or _chunk_size(held, names)
-    shape = tuple(map(len, found))
-    plan = Plan(held=held, axes=found, results=names, seed=seed, chunk=part_shape(shape, most))
+    shape = tuple(map(len, checked))
+    plan = Plan(held=held, axes=checked, results=names, seed=seed, chunk=part_shape(shape, most))
     _check_values(plan)
     return plan
 
 
 def _chunk_size(held: Task, results: tuple[str, ...]) -> int:
-    asked = set(results)
+    quantities = set(results)
     if held.objective is not None:
-        asked |= {term.quantity for term in held.goal.terms} | {c.quantity for c in held.limits}
+        quantities |= {term.quantity for term in held.goal.terms} | {c.quantity for c in held.limits}
     curved = held.sensor.constant_log_slope is None or held.method == "integration"
-    whole = bool(asked & WHOLE_MOTION) or isinstance(held.objective, OwnObjective)  # which may ask for anything
+    whole = bool(quantities & WHOLE_MOTION) or isinstance(held.objective, OwnObjective)  # which may read any quantity
     return _CHUNK[held.objective is not None, curved, whole]
 
 
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """Cut a grid: take whole rows from the last axis on, and equal parts of the first axis that does not fit.
+    """Divide a grid: take the last axes whole, and divide the first axis that does not fit into equal parts.
 
     Returns:
-        The shape of a part, of `most` encounters at most.
+        The shape of a part, with at most `most` encounters.
 
     Examples:
         >>> part_shape((100, 30, 10), 1000), part_shape((100, 30, 10), 100)
@@ -160,15 +161,15 @@ def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
 
 
 def _check_values(plan: Plan) -> None:
-    """Refuse at once what would be refused in the middle."""
+    """Check all values before the sweep starts."""
     scenario = plan.held.scenario
     first = {n: float(v[0]) for axis in plan.axes for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS}
     positions = {name: first[name] for name in ("obstacle.position", "plant.position") if name in first}
     for axis in plan.axes:
-        # all distances are looked at below; here, far away, they are none of the question
+        # all distances are checked below; here a large distance is used
         near = {"obstacle.position": 1.0, "plant.position": 0.0} if positions else {}
-        own = {n: v for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS and n not in near}
-        changed = {name: value for name, value in {**first, **own, **near}.items() if name != "gain"}
+        columns = {n: v for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS and n not in near}
+        changed = {name: value for name, value in {**first, **columns, **near}.items() if name != "gain"}
         scenario_with(scenario, changed)
         for i in range(len(axis) if axis.looped else 0):
             held_at(plan.held, (axis,), (i,))
@@ -181,7 +182,7 @@ def _check_values(plan: Plan) -> None:
 
 
 def held_at(held: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
-    """Set every input that one call of the solver takes once to its value at an index of these axes."""
+    """Set the inputs that are the same in one call of the solver to their values at an index of these axes."""
     for axis, i in zip(axes, index, strict=True):
         for name, values in axis.columns.items():
             if name not in ENCOUNTER_INPUTS:
@@ -190,15 +191,15 @@ def held_at(held: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
 
 
 def _check_distances(plan: Plan) -> None:
-    """Hold all initial distances against zero and against the range of the sensor."""
+    """Check that all initial distances are positive and within the range of the sensor."""
     scenario, sensors = plan.held.scenario, [a for a in plan.axes if any(n.startswith("sensor.") for n in a.columns)]
     low = high = 0.0
-    for name, given, sign in (
+    for name, position, sign in (
         ("obstacle.position", scenario.obstacle.position, 1.0),
         ("plant.position", scenario.plant.position, -1.0),
     ):
         if not any(name in axis.columns for axis in plan.axes):
-            low, high = low + sign * given, high + sign * given
+            low, high = low + sign * position, high + sign * position
     for axis in plan.axes:
         if axis not in sensors:
             part = _distance_part(axis)
@@ -211,7 +212,7 @@ def _check_distances(plan: Plan) -> None:
             if not (distance > 0 and nearest <= distance <= farthest):
                 raise OutOfRangeError(
                     f"obstacle position: found an encounter that starts at a distance of {distance:g} m, expected more "
-                    f"than 0 m, and {nearest:g} m to {farthest:g} m, where the {plan.held.sensor.name} curve holds"
+                    f"than 0 m, and {nearest:g} m to {farthest:g} m, the range of the {plan.held.sensor.name} curve"
                 )
 
 

@@ -1,4 +1,4 @@
-"""What a sweep can be asked for, and what it came to, for a person and for a program."""
+"""Results of a sweep: their names and attributes, and a summary as text or as an object for JSON."""
 
 from __future__ import annotations
 
@@ -23,42 +23,44 @@ STATUS: Final = "status"
 """The result that every sweep has."""
 
 _PHYSICAL: Final = ("drive_force", "impact_force")
-ALWAYS: Final = ("closest_distance", "settling_distance", "impulse_residual")  # known of runs without contact, too
+ALWAYS: Final = (
+    "closest_distance",
+    "settling_distance",
+    "impulse_residual",
+)  # these have values without contact as well
 
 _OF_CONTACTS: Final = (*ContactState.names(), *_PHYSICAL, *ALWAYS)
 OF_DESIGNS: Final = ("gain", "objective")
-"""What only a design gives."""
+"""The results that only designs have."""
 
 DESIGN_CODES: Final[dict[str, int]] = {status.value: code for code, status in enumerate(DesignStatus)}
 """The number of each status of a design, 0 for optimal."""
 
 WHOLE_MOTION: Final = frozenset(name for name in _OF_CONTACTS if QUANTITIES[name].whole)
-"""Quantities that need the whole motion, not only its end: an encounter takes longer."""
+"""Quantities of the whole motion, which take longer to compute than those at its end."""
 
 _DEFAULT_CONTACTS: Final = ("time", "relative_velocity", "displacement")
 _DEFAULT_DESIGNS: Final = ("gain", "objective", "relative_velocity")
 
 
 def check_results(results: Sequence[str] | None, *, designs: bool, impact: ImpactModel | None) -> tuple[str, ...]:
-    """Return the names of results without the status, which is always there; a few where none are given."""
+    """Check the names of results and return them without the status; None gives a default selection."""
     if results is None:
         return _DEFAULT_DESIGNS if designs else _DEFAULT_CONTACTS
     names = (results,) if isinstance(results, str) else tuple(results)
-    known = (*(OF_DESIGNS if designs else ()), *_OF_CONTACTS)
+    allowed = (*(OF_DESIGNS if designs else ()), *_OF_CONTACTS)
     for name in names:
         if name in OF_DESIGNS and not designs:
-            raise InvalidInputError(f"results: found {name!r}, which needs designs; give an objective and bounds")
-        if name not in known and name != STATUS:
-            raise InvalidInputError(f"results: found {name!r}, expected one of {', '.join(known)}")
+            raise InvalidInputError(f"results: found {name!r}, which needs designs; add an objective and bounds")
+        if name not in allowed and name != STATUS:
+            raise InvalidInputError(f"results: found {name!r}, expected one of {', '.join(allowed)}")
         if name in _PHYSICAL and impact is None:
-            raise InvalidInputError(
-                f"results: found {name!r} without physical properties; give an impact model with the robot's mass"
-            )
+            raise InvalidInputError(f"results: found {name!r} without an impact model; add one with the robot's mass")
     return tuple(dict.fromkeys(name for name in names if name != STATUS))
 
 
 def read(name: str, result: ContactResult, impact: Any) -> Any:
-    """Read a contact quantity of a result in SI; NaN is put elsewhere where there is no contact."""
+    """Return a contact quantity of a result in SI; values without contact are not masked here."""
     if name in ALWAYS:
         return getattr(result, name)
     if name in ContactState.names():
@@ -67,19 +69,19 @@ def read(name: str, result: ContactResult, impact: Any) -> Any:
 
 
 def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) -> dict[str, Any]:
-    """Return the attributes of a variable: unit and name in words, or what each status means.
+    """Return the attributes of a variable: name in words and unit, or the meanings of statuses.
 
     Returns:
-        Attributes as the CF conventions have them.
+        Attributes that follow the CF conventions.
 
     Examples:
         >>> result_attributes("relative_velocity", designs=False)
         {'long_name': 'relative velocity at contact', 'units': 'm/s'}
     """
     if name == STATUS:
-        ways = list(DESIGN_CODES) if designs else [status.label for status in ContactStatus]
-        meanings = " ".join(ways)
-        return {"long_name": "how it ended", "flag_values": list(range(len(ways))), "flag_meanings": meanings}
+        labels = list(DESIGN_CODES) if designs else [status.label for status in ContactStatus]
+        meanings = " ".join(labels)
+        return {"long_name": "how it ended", "flag_values": list(range(len(labels))), "flag_meanings": meanings}
     if name == "gain" and law != DAMPER:
         return {"long_name": f"optimal {law.number.label}", "units": law.number.unit}
     words = f"optimal {name}" if name in OF_DESIGNS else f"{words_for(name)}{', optimal gain' if designs else ''}"
@@ -87,12 +89,12 @@ def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) 
     return {"long_name": words, "units": unit or "1"}
 
 
-_MOST_VALUES: Final = 10_000  # encounters whose values become part of the object
-_MOST_READ: Final = 10**7  # encounters whose results are read back from a store for their ranges
+_MOST_VALUES: Final = 10_000  # encounters, up to which the object contains all values
+_MOST_READ: Final = 10**7  # encounters, up to which the ranges of results are computed
 
 
 def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
-    """Return a sweep as one object for JSON, all SI: with the values of up to 10,000 encounters."""
+    """Return a sweep as an object for JSON, in SI; with up to 10,000 encounters it contains all values."""
     status = dataset[STATUS]
     size = int(np.prod(status.shape))
     axes = {}
@@ -121,10 +123,10 @@ def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def sweep_as_text(dataset: xr.Dataset) -> str:
-    """Write a sweep for a person, in a few lines."""
+    """Write a summary of a sweep as text."""
     size = int(np.prod(dataset[STATUS].shape))
-    ended = ", ".join(f"{count:,} {word}" for word, count in counts(dataset).items() if count)
-    lines = [f"{size:,} encounters: {ended}", ""]
+    statuses = ", ".join(f"{count:,} {word}" for word, count in counts(dataset).items() if count)
+    lines = [f"{size:,} encounters: {statuses}", ""]
     rows: list[tuple[str, ...]] = [("", "from", "to", "values")]
     for name in dataset.coords:
         values, unit = dataset[name].values, _unit(dataset[name])
@@ -134,21 +136,21 @@ def sweep_as_text(dataset: xr.Dataset) -> str:
         if name == STATUS:
             continue
         low, high = _range(dataset[name].values) if size <= _MOST_READ else (None, None)
-        found = ("-" if v is None else format_quantity(v, _unit(dataset[name])) for v in (low, high))
-        rows.append((str(name), *found, ""))
+        ends = ("-" if v is None else format_quantity(v, _unit(dataset[name])) for v in (low, high))
+        rows.append((str(name), *ends, ""))
     return "\n".join([*lines, *aligned(rows)])
 
 
 def counts(dataset: xr.Dataset) -> dict[str, int]:
-    """Count how the encounters ended, by the word of each status."""
+    """Return the number of encounters with each status."""
     words = dataset[STATUS].attrs["flag_meanings"].split()
-    found = np.bincount(np.asarray(dataset[STATUS].values).ravel(), minlength=len(words))
-    return dict(zip(words, map(int, found), strict=True))
+    numbers = np.bincount(np.asarray(dataset[STATUS].values).ravel(), minlength=len(words))
+    return dict(zip(words, map(int, numbers), strict=True))
 
 
 def _range(values: Any) -> tuple[float | None, float | None]:
-    known = values[np.isfinite(values)]
-    return (float(known.min()), float(known.max())) if len(known) else (None, None)
+    numbers = values[np.isfinite(values)]
+    return (float(numbers.min()), float(numbers.max())) if len(numbers) else (None, None)
 
 
 def _unit(variable: Any) -> str:

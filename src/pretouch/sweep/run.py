@@ -1,4 +1,4 @@
-"""The verb of this folder: a grid of encounters in, a dataset out."""
+"""The function `sweep`: compute a grid of encounters, in memory, as a Zarr folder or as a NetCDF file."""
 
 from __future__ import annotations
 
@@ -49,32 +49,32 @@ def sweep(
     seed: int | None = None,
     progress: Callable[[Progress], object] | None = None,
 ) -> xr.Dataset:
-    """Find contacts, or design gains, over a grid of inputs: every combination of the values of all axes.
+    """Compute contacts or optimal gains over a grid of inputs: every combination of the values of all axes.
 
-    On one machine the compiled kernels use its cores. With an output, what is finished stays: the same call goes on
-    where an earlier one was ended, by whatever, and computes no finished block again.
+    On one machine the compiled kernels use all cores. With an output, finished blocks are stored: if a sweep is
+    interrupted, the same call resumes it and computes only the missing blocks.
 
     Args:
-        task: one encounter with its sensor; what it says holds where no axis says otherwise. Where a gain is given or
-            an axis, contacts are found; else each encounter gets its optimal gain, by objective, bounds, constraints
-            and, where no axis moves the limit of stability, the stability margin.
+        task: one encounter with its sensor; it has the values of all inputs that are not on an axis. If the task or an
+            axis has gains, contacts are computed. Otherwise each encounter gets its optimal gain, by objective, bounds,
+            constraints and stability margin; the latter is allowed if no axis changes the stability limit.
         axes: values of inputs, in SI. A name is an input: `gain`; `admittance.mass`, `.damping`, `.stiffness`,
             `.natural_frequency`, `.damping_ratio`; any quantity of `obstacle`, `plant`, `reference`; `sensor.` with a
             parameter of the curve, or `recess`; `impact.` with a property; for designs `constraint.` with the name of
-            a given limit, and `objective.` with a quantity and `.weight` or `.scale`. Or a free name such as `sample`
-            and a mapping of inputs whose values go side by side.
+            a constraint of the task, and `objective.` with a quantity and `.weight` or `.scale`. Or a custom name such
+            as `sample` and a mapping of inputs whose values are paired.
         results: quantities of `ContactState`, `drive_force`, `impact_force`, `closest_distance`, `settling_distance`,
-            `impulse_residual`; for designs also `gain` and `objective`, with all quantities at the optimum. The default
-            is few of them; a status always comes with them.
+            `impulse_residual`; for designs also `gain` and `objective`, and all quantities at the optimum. None for a
+            default selection; the status is always added.
         output: a Zarr folder `NAME.zarr` or a NetCDF file `NAME.nc`; None for a dataset in memory.
-        overwrite: whether another sweep that stands at the output may be replaced; nothing else ever is.
+        overwrite: whether another sweep at the output may be replaced; other files are never replaced.
         dask: address of a Dask scheduler, or a `distributed.Client`; its workers write to the output themselves.
-        seed: what the values were drawn from, for the record.
-        progress: called with a `Progress` after each block.
+        seed: seed of the random number generator that made the values, for the record.
+        progress: function that is called with a `Progress` after each block.
 
     Returns:
-        A dataset with one dimension per axis, units in the attributes of every variable, and in its own attributes
-        inputs, versions and seed. NaN where there is no contact, or no optimal gain; `status` says why.
+        A dataset with one dimension per axis and units in the attributes of every variable; its own attributes hold
+        inputs, versions and seed. Values are NaN without a contact or an optimal gain; `status` has the reason.
 
     Raises:
         InvalidInputError: the request makes no sense, or an output cannot be written.
@@ -91,12 +91,12 @@ def sweep(
         ...     ),
         ...     ExponentialFirstOrder(scale=0.458, rate=-61.0),
         ... )
-        >>> found = sweep(
+        >>> dataset = sweep(
         ...     task,
         ...     {"obstacle.velocity": [-0.3, -0.2], "gain": np.linspace(-1.0, -0.1, 10)},
         ...     results=["relative_velocity"],
         ... )
-        >>> dict(found["relative_velocity"].sizes)
+        >>> dict(dataset["relative_velocity"].sizes)
         {'obstacle.velocity': 2, 'gain': 10}
     """
     try:
@@ -110,7 +110,7 @@ def sweep(
     if target is None:
         if dask is not None:
             raise InvalidInputError(
-                "dask: found no output, expected output='NAME.zarr' in a folder that all workers reach: they write it"
+                "dask: found no output, expected output='NAME.zarr' in a folder to which all workers can write"
             )
         refuse_beyond_memory(plan)
         return _complete(MemoryStore(plan, chunks_per_block(plan)), progress).dataset()
@@ -122,7 +122,7 @@ def sweep(
 
 
 def _held(task: Task, axes: Axes) -> Task:
-    """Return what the sweep holds: without an objective where gains are given, else with bounds that are stable."""
+    """Return the task of the sweep: without an objective if there are gains, otherwise with stable bounds."""
     names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
     if task.gain is not None or "gain" in names or task.objective is None:
         gain = None if task.gain is None else finite(task.gain, "gain", task.law.number.unit)
@@ -133,21 +133,21 @@ def _held(task: Task, axes: Axes) -> Task:
 
 @placed
 def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
-    """Return the bounds for a sweep; refuse axes for which one limit of stability does not hold."""
+    """Return the stable bounds; refuse a stability margin if an axis changes the stability limit."""
     moving = [name for name in names if name.startswith(_MOVE_THE_LIMIT)]
     if moving and task.stability_margin is not None:
         raise InvalidInputError(
-            f"stability_margin: found a margin beside a sweep over {moving[0]}, with which the limit of stability "
-            "moves, expected none; leave it out, or sweep with a given gain"
+            f"stability_margin: found a margin in a sweep over {moving[0]}, which changes the stability limit, "
+            "expected none; remove the margin, or sweep with a given gain"
         )
     return task.stable_bounds()
 
 
 def _complete(
-    store: S, progress: Callable[[Progress], object] | None, elsewhere: Callable[..., None] | None = None
+    store: S, progress: Callable[[Progress], object] | None, run_blocks: Callable[..., None] | None = None
 ) -> S:
-    """Compute the blocks that are left, here where nothing else is said, and tell how far the sweep is."""
-    begun, finished = time.perf_counter(), store.intact()
+    """Compute the remaining blocks, in this process unless `run_blocks` is given, and report progress."""
+    start, finished = time.perf_counter(), store.intact()
     before = sum(store.size(int(block)) for block in np.flatnonzero(finished))
     at = Progress(finished=before, total=store.plan.size, seconds=0.0)
 
@@ -159,15 +159,15 @@ def _complete(
             computed=at.computed + (0 if record.repeated else record.encounters),
             computing=at.computing + record.computing,
             writing=at.writing + record.writing,
-            seconds=time.perf_counter() - begun,
+            seconds=time.perf_counter() - start,
         )
         if progress is not None:
             progress(at)
 
     report(BlockRecord(encounters=0))
     blocks = [int(block) for block in np.flatnonzero(~finished)]
-    if elsewhere is not None:
-        elsewhere(blocks, report)
+    if run_blocks is not None:
+        run_blocks(blocks, report)
         return store
     for block in blocks:
         report(run_block(store.plan, store, block))
@@ -183,7 +183,7 @@ def _to_zarr(
     progress: Any,
     then: Callable[[ZarrStore], object] = lambda _: None,
 ) -> ZarrStore:
-    """Begin a sweep, or go on with it; do what follows while the folder is still in use."""
+    """Start or resume a sweep in a Zarr folder; call `then` while the folder is still locked."""
     require("zarr")
     with nullcontext() if dask is None else connected(dask) as client:
         while True:
@@ -192,8 +192,8 @@ def _to_zarr(
             if not target.exists():
                 workers = 1 if client is None else worker_count(client)
                 ZarrStore.create(target, plan, chunks_per_block(plan, workers=workers))
-            with in_use(target) as there:
-                if not there:  # another process has removed it meanwhile
+            with in_use(target) as exists:
+                if not exists:  # another process has removed it meanwhile
                     continue
                 store = ZarrStore(target, plan)
                 _complete(store, progress, None if client is None else partial(run_on, client, store))
@@ -210,56 +210,58 @@ def _holds(target: Path, plan: Plan) -> bool:
 
 
 def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> xr.Dataset:
-    """Compute into a Zarr folder beside the file, which is written at the end; the folder is then removed."""
-    # Equal sweeps may run at the same time: all compute into the folder, the first one that is through writes the file,
-    # and the last one removes the folder.
+    """Compute into a temporary Zarr folder next to the file; then write the file and remove the folder."""
+    # Equal sweeps may run at the same time: all compute into the folder, the first to finish writes the file, and the
+    # last removes the folder.
     folder = target.with_name(f"{target.name}.unfinished{_ZARR}")
-    found = _finished(plan, target, overwrite=overwrite)
-    if found is None:
+    dataset = _finished(plan, target, overwrite=overwrite)
+    if dataset is None:
 
         def write(store: ZarrStore) -> None:
             if _is_written(plan, target):
                 return
             try:
-                with store.dataset() as dataset:
-                    write_netcdf(dataset, target, overwrite=overwrite)
+                with store.dataset() as computed:
+                    write_netcdf(computed, target, overwrite=overwrite)
             except OutputExistsError:
                 if not _is_written(plan, target):  # by an equal sweep at the same time
                     raise
 
         _to_zarr(plan, folder, overwrite=overwrite, dask=dask, progress=progress, then=write)
-        found = open_netcdf(target)
-    if is_sweep(folder):  # also one that was ended between the file and the removal of the folder
+        dataset = open_netcdf(target)
+    if is_sweep(folder):  # an earlier run may have been killed before it removed the folder
         remove_unused(folder)
-    if found is None:
-        raise InvalidInputError(f"{target}: cannot be read again")
-    return found
+    if dataset is None:
+        raise InvalidInputError(f"{target}: cannot be read after writing")
+    return dataset
 
 
 def _is_written(plan: Plan, target: Path) -> bool:
-    """Tell whether a file holds the sweep of a plan, whole."""
-    found = open_netcdf(target)
-    if found is None:
+    """Return whether a file holds the complete sweep of a plan."""
+    dataset = open_netcdf(target)
+    if dataset is None:
         return False
-    with found:
-        return found.attrs[DIGEST] == attributes_of(plan)[DIGEST] and is_intact(found, plan)
+    with dataset:
+        return dataset.attrs[DIGEST] == attributes_of(plan)[DIGEST] and is_intact(dataset, plan)
 
 
 def _finished(plan: Plan, target: Path, *, overwrite: bool) -> xr.Dataset | None:
-    """Open the file of an equal sweep; None where there is none, or it may be replaced; refuse every other file."""
+    """Open the file of an equal sweep; None if there is none, or it may be replaced; refuse any other file."""
     if not target.exists():
         return None
-    found = open_netcdf(target)
-    equal = found is not None and found.attrs[DIGEST] == attributes_of(plan)[DIGEST]
-    if found is not None and equal and is_intact(found, plan):
-        return found
-    if found is not None:
-        found.close()
-    if not overwrite or found is None:
-        what = "is no sweep" if found is None else f"holds another sweep (other {differing_parts(found.attrs, plan)})"
+    dataset = open_netcdf(target)
+    equal = dataset is not None and dataset.attrs[DIGEST] == attributes_of(plan)[DIGEST]
+    if dataset is not None and equal and is_intact(dataset, plan):
+        return dataset
+    if dataset is not None:
+        dataset.close()
+    if not overwrite or dataset is None:
+        what = (
+            "is not a sweep" if dataset is None else f"is another sweep (other {differing_parts(dataset.attrs, plan)})"
+        )
         what = "this sweep is damaged" if equal else what
         raise OutputExistsError(
-            f"{target}: {what} and is not overwritten{' unasked' if found else ''}; choose another name with "
-            f"--output{', or replace it with --force (overwrite=True in Python)' if found else ''}"
+            f"{target}: {what} and is not overwritten; choose another name with "
+            f"--output{', or replace it with --force (overwrite=True in Python)' if dataset else ''}"
         )
     return None

@@ -1,8 +1,10 @@
-"""Where results go: into memory, or into a Zarr folder with a ledger of the blocks that are finished.
+"""Store the results of a sweep, in memory or in a Zarr folder, with a ledger of finished blocks.
 
-A block's data are written first, each chunk a file of its own that appears whole; then its entry in the ledger, a file
-of one byte. Whatever ends the process in between costs the blocks under way, never one that the ledger has. A block
-whose data are damaged is computed again. A process that writes to a folder locks it, so that no other one removes it.
+The data of a block are written first, each chunk atomically as a file. Then its entry in the ledger is written, a file
+of one byte. If the process is killed in between, only unfinished blocks are lost. A block with damaged data is computed
+again. A process that writes to a folder locks it, so that no other process removes it.
+
+The ledger is an array in a subgroup of the Zarr group, so that `xarray.open_zarr` shows only axes, status and results.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import math
 import os
 import shutil
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,36 +30,39 @@ from .dataset import DIGEST, attributes_of, differing_parts, make_dataset
 from .plan import Plan, Region
 from .results import STATUS, result_attributes
 
-if sys.platform != "win32":  # there nobody is told who else writes
+if sys.platform != "win32":  # Windows has no such locks
     import fcntl
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-LEDGER: Final = "finished"
+LEDGER: Final = "pretouch-ledger/finished"
+"""Path of the ledger in the Zarr group; no axis or result can have this name."""
+
 _PER_BLOCK: Final = "chunks_per_block"
 _MOST_BYTES: Final = 4_000_000_000  # of results in memory
-_MOST_CHECKED: Final = 2_000  # chunks that are looked at before a sweep goes on: about a second
+_MOST_CHECKED: Final = 2_000  # chunks that are checked before a sweep is resumed, which takes about a second
 
 
 def refuse_beyond_memory(plan: Plan) -> None:
-    """Refuse a sweep whose results do not fit into memory, before anything is allocated or computed."""
-    each = 1 + 8 * len(plan.results)
-    if plan.size * each > _MOST_BYTES:
+    """Refuse a sweep whose results do not fit into memory, before anything is computed."""
+    bytes_each = 1 + 8 * len(plan.results)
+    if plan.size * bytes_each > _MOST_BYTES:
         raise InvalidInputError(
-            f"axes: found {plan.size:,} encounters, whose results take {plan.size * each / 1e9:,.0f} GB, expected at "
-            f"most {_MOST_BYTES // each:,} in memory: write them to a folder, output='NAME.zarr', or take fewer values"
+            f"axes: found {plan.size:,} encounters, whose results need {plan.size * bytes_each / 1e9:,.0f} GB, "
+            f"expected at most {_MOST_BYTES // bytes_each:,} in memory: write to a folder, output='NAME.zarr', or take "
+            "fewer values"
         )
 
 
 class Store:
-    """Takes the results of chunks, and keeps account of blocks of them.
+    """Stores the results of chunks, and records which blocks of chunks are finished.
 
     Args:
         plan: the sweep.
-        chunks_per_block: how many chunks make a block.
-        arrays: ledger, status and every result by name: arrays of this process, or of Zarr.
+        chunks_per_block: number of chunks per block.
+        arrays: ledger, status and results by name, as NumPy or Zarr arrays.
     """
 
     def __init__(self, plan: Plan, chunks_per_block: int, arrays: dict[str, Any]) -> None:
@@ -68,33 +74,33 @@ class Store:
         return [self.plan.region(i) for i in range(first, min(first + self.chunks_per_block, self.plan.chunk_count))]
 
     def size(self, block: int) -> int:
-        """Count the encounters of a block."""
+        """Return the number of encounters of a block."""
         return sum(math.prod(part.stop - part.start for part in region) for region in self.regions(block))
 
     def finished(self) -> BoolArray:
-        """Tell which blocks are finished, as of now."""
+        """Return which blocks are finished at this moment."""
         return np.asarray(self._arrays[LEDGER][:] == 1)
 
     def intact(self) -> BoolArray:
-        """Tell which blocks are finished and whole."""
+        """Return which blocks are finished and undamaged."""
         return self.finished()
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Keep a part of the grid, whole chunks only."""
+        """Store the results of a region, which must consist of whole chunks."""
         for name, column in columns.items():
             self._arrays[name][region] = column
 
     def finish(self, block: int) -> None:
-        """Enter a block into the ledger, once its data are written."""
+        """Record a block as finished, after its data are written."""
         self._arrays[LEDGER][block] = 1
 
     def dataset(self) -> xr.Dataset:
-        """Return everything."""
+        """Return all results as a dataset."""
         return make_dataset(self.plan, {name: a for name, a in self._arrays.items() if name != LEDGER})
 
 
 class MemoryStore(Store):
-    """Results in arrays of this process."""
+    """Results in memory."""
 
     def __init__(self, plan: Plan, chunks_per_block: int) -> None:
         arrays = {name: np.empty(plan.shape) for name in plan.results}
@@ -104,31 +110,33 @@ class MemoryStore(Store):
 
 
 class ZarrStore(Store):
-    """Results in a Zarr folder, which this and other processes may write at the same time.
+    """Results in a Zarr folder, to which several processes may write at the same time.
 
     Args:
         path: the folder, made by `create`.
-        plan: the sweep that it must hold.
+        plan: the sweep that the folder must contain.
 
     Raises:
-        OutputExistsError: it holds something else.
+        OutputExistsError: the folder contains something else.
     """
 
     def __init__(self, path: str | os.PathLike[str], plan: Plan) -> None:
         self.path = Path(path)
-        found = _attributes(self.path)
-        if found is None:
+        attributes = _attributes(self.path)
+        if attributes is None:
             raise OutputExistsError(
-                f"{path}: holds no sweep of pretouch and is not overwritten; choose another name for the output"
+                f"{path}: is not a sweep of pretouch and is not overwritten; choose another name for the output"
             )
-        if found.get(DIGEST) != attributes_of(plan)[DIGEST]:
+        if attributes.get(DIGEST) != attributes_of(plan)[DIGEST]:
             raise OutputExistsError(
-                f"{path}: holds another sweep (other {differing_parts(found, plan)}) and is not overwritten unasked; "
+                f"{path}: is another sweep (other {differing_parts(attributes, plan)}) and is not overwritten; "
                 "choose another name with --output, or replace it with --force (overwrite=True in Python)"
             )
         zarr = require("zarr")
         try:
-            with zarr.config.set({"array.write_empty_chunks": True}):  # not worth a look at every number
+            with zarr.config.set(
+                {"array.write_empty_chunks": True}
+            ):  # finding empty chunks would take longer than writing them
                 group = zarr.open_group(str(path), mode="r+")
                 arrays = {name: group[name] for name in (LEDGER, STATUS, *plan.results)}
             for name in (STATUS, *plan.results):
@@ -138,7 +146,7 @@ class ZarrStore(Store):
             if arrays[LEDGER].shape != (-(-plan.chunk_count // per_block),):
                 raise ValueError("the shape of its ledger")
             arrays[LEDGER][:]
-        except Exception as error:  # zarr raises whatever its parsers do
+        except Exception as error:  # the parsers of zarr raise many kinds of exceptions
             raise OutputExistsError(
                 f"{path}: this sweep is damaged ({' '.join(str(error).split())[:200]}); choose another name with "
                 "--output, or replace it with --force (overwrite=True in Python)"
@@ -146,14 +154,14 @@ class ZarrStore(Store):
         super().__init__(plan, per_block, arrays)
 
     def intact(self) -> BoolArray:
-        """Tell which blocks are finished and whole: chunks of the right size, and known statuses; forget the others."""
-        found = self.finished()
-        for block in np.flatnonzero(found) if self.plan.chunk_count <= _MOST_CHECKED else ():
-            found[block] = all(map(self._is_intact, self.regions(int(block))))
-            if not found[block]:
+        """Return which blocks are finished, with chunks of the right size and valid statuses; reset the others."""
+        intact = self.finished()
+        for block in np.flatnonzero(intact) if self.plan.chunk_count <= _MOST_CHECKED else ():
+            intact[block] = all(map(self._is_intact, self.regions(int(block))))
+            if not intact[block]:
                 with self._explaining():
                     self._arrays[LEDGER][block] = 0
-        return found
+        return intact
 
     def _is_intact(self, region: Region) -> bool:
         place = [str(part.start // size) for part, size in zip(region, self.plan.chunk, strict=True)]
@@ -172,37 +180,37 @@ class ZarrStore(Store):
         return bool(np.isin(codes, meanings).all())
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Keep a part of the grid, whole chunks only."""
+        """Store the results of a region, which must consist of whole chunks."""
         with self._explaining():
             super().write(region, columns)
 
     def finish(self, block: int) -> None:
-        """Enter a block into the ledger, once its data are written."""
+        """Record a block as finished, after its data are written."""
         with self._explaining():
             super().finish(block)
 
     @contextmanager
     def _explaining(self) -> Iterator[None]:
-        """Turn what the disk refuses into a sentence."""
+        """Convert an OSError to an InvalidInputError with a message."""
         try:
             yield
         except OSError as error:
             raise InvalidInputError(
-                f"{self.path}: cannot be written ({error.strerror or error}); what is finished is kept, and the same "
-                "command goes on from there"
+                f"{self.path}: cannot be written ({error.strerror or error}); finished blocks are kept; run the same "
+                "command again to resume"
             ) from None
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], plan: Plan, chunks_per_block: int) -> ZarrStore:
-        """Make the folder, which appears whole: with axes, attributes and an empty ledger.
+        """Create the folder atomically, with axes, attributes and an empty ledger.
 
         Args:
-            path: where it goes; its parent must exist, and nothing may stand there.
+            path: the folder; its parent must exist, and the path must be free.
             plan: the sweep.
-            chunks_per_block: how many chunks the ledger counts as one.
+            chunks_per_block: number of chunks per block.
 
         Returns:
-            The store; that of another process, if one has made the same meanwhile.
+            The store; if another process has created the same store meanwhile, that store.
 
         Raises:
             InvalidInputError: the parent does not exist or cannot be written.
@@ -222,12 +230,13 @@ class ZarrStore(Store):
                     chunks=plan.chunk,
                     dtype="int8" if status else "float64",
                     fill_value=-1 if status else np.nan,
-                    compressors="auto" if status else None,  # numbers that differ in every bit are not worth it
+                    compressors="auto" if status else None,  # results do not compress well
                     dimension_names=plan.dims,
                     attributes=result_attributes(name, designs=plan.designs, law=plan.held.law),
                 )
-            group.create_array(
-                LEDGER,
+            subgroup, ledger = LEDGER.split("/")
+            group.create_group(subgroup).create_array(
+                ledger,
                 shape=(-(-plan.chunk_count // chunks_per_block),),
                 chunks=(1,),
                 dtype="uint8",
@@ -236,6 +245,9 @@ class ZarrStore(Store):
                 dimension_names=("block",),
                 attributes={"long_name": "blocks that are computed and written", _PER_BLOCK: chunks_per_block},
             )
+            with warnings.catch_warnings():  # consolidated metadata are not part of the specification of Zarr 3 yet
+                warnings.simplefilter("ignore")
+                zarr.consolidate_metadata(str(temporary))  # without them `xarray.open_zarr` warns
             temporary.rename(target)
         except OSError as error:
             if not target.exists():
@@ -245,14 +257,14 @@ class ZarrStore(Store):
         return cls(path, plan)
 
     def dataset(self) -> xr.Dataset:
-        """Open everything; numbers are read when they are used."""
+        """Open the dataset lazily."""
         xarray = require("xarray")
-        dataset = xarray.open_zarr(str(self.path), consolidated=False, chunks=None)
+        dataset: xr.Dataset = xarray.open_zarr(str(self.path), chunks=None)
         return dataset[[STATUS, *self.plan.results]]
 
 
 def _attributes(path: Path) -> dict[str, Any] | None:
-    """Return the attributes of a sweep's folder, None where there is no such thing."""
+    """Return the attributes of the folder of a sweep; None if it is not one."""
     zarr = require("zarr")
     if not (path / "zarr.json").is_file():
         return None
@@ -264,29 +276,29 @@ def _attributes(path: Path) -> dict[str, Any] | None:
 
 
 def is_sweep(path: Path) -> bool:
-    """Tell whether a folder is a sweep that pretouch wrote."""
+    """Return whether a folder is a sweep that pretouch wrote."""
     return _attributes(path) is not None
 
 
 def replace_sweep(path: Path) -> None:
-    """Remove a sweep of ours; refuse to remove anything else, or one that is being written."""
+    """Remove a sweep of pretouch; refuse to remove anything else, or a sweep that is being written."""
     if not is_sweep(path):
         raise OutputExistsError(
-            f"{path}: holds no sweep of pretouch and is not removed; choose another name for the output"
+            f"{path}: is not a sweep of pretouch and is not removed; choose another name for the output"
         )
     if not remove_unused(path):
         raise OutputExistsError(f"{path}: another process writes to this sweep; wait for it, or choose another name")
 
 
 def remove_unused(path: Path) -> bool:
-    """Remove the folder of a sweep; return False where another process writes to it, which then removes it."""
+    """Remove the folder of a sweep; return False if another process writes to it, which then removes it."""
     lock = _locked(path, exclusive=True)
     if lock is None:
         return not path.exists()
     try:
-        gone = temporary_path(path)
-        path.rename(gone)  # at once: what is left of a removal that is broken off is no half sweep
-        shutil.rmtree(gone, ignore_errors=True)
+        renamed = temporary_path(path)
+        path.rename(renamed)  # first, so that an interrupted removal does not leave a partial sweep
+        shutil.rmtree(renamed, ignore_errors=True)
     finally:
         _unlock(lock)
     return True
@@ -294,7 +306,7 @@ def remove_unused(path: Path) -> bool:
 
 @contextmanager
 def in_use(path: Path) -> Iterator[bool]:
-    """Keep others from removing a folder; False where it is gone already."""
+    """Lock a folder against removal by other processes; yield False if it does not exist any more."""
     lock = _locked(path, exclusive=False)
     try:
         yield lock is not None
@@ -303,13 +315,13 @@ def in_use(path: Path) -> Iterator[bool]:
             _unlock(lock)
 
 
-_UNKNOWN: Final = -1  # a lock that this system does not have
+_NO_LOCKS: Final = -1  # instead of a lock, on systems without locks
 
 
 def _locked(path: Path, *, exclusive: bool) -> int | None:
-    """Lock a folder, alone or together with others; None where that is not possible, or it is gone."""
+    """Lock a folder, exclusively or shared; None if another process holds a lock, or the folder does not exist."""
     if sys.platform == "win32":
-        return _UNKNOWN if path.exists() else None
+        return _NO_LOCKS if path.exists() else None
     try:
         lock = os.open(path, os.O_RDONLY)
     except OSError:
@@ -320,15 +332,15 @@ def _locked(path: Path, *, exclusive: bool) -> int | None:
             return lock
     except BlockingIOError:
         pass
-    except FileNotFoundError:  # removed between the two
+    except FileNotFoundError:  # removed between opening and locking
         pass
     except OSError:  # a file system without locks
         os.close(lock)
-        return _UNKNOWN
+        return _NO_LOCKS
     os.close(lock)
     return None
 
 
 def _unlock(lock: int) -> None:
-    if lock != _UNKNOWN:
+    if lock != _NO_LOCKS:
         os.close(lock)

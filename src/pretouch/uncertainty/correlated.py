@@ -11,9 +11,9 @@ import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_range
-from pretouch._core.values import check_types
 from pretouch.motion.scenario import sensor_with
 
 from .distributions import Distribution, JointDistribution, Normal, normal_in_words

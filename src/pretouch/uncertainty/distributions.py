@@ -11,10 +11,10 @@ from typing import Any, ClassVar, Final, final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_declared, quantity
 from pretouch._core.files import with_kind
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, format_range
-from pretouch._core.values import check_declared, quantity
 
 _NARROW: Final = 1e-4
 """Width of a truncated normal distribution, in deviations, below which its density is taken as exponential.

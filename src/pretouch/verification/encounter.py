@@ -7,8 +7,7 @@ from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Final
 
-from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragraph, Picture, Rows, named
-from pretouch._core.described import Described
+from pretouch._core.blocks import Cell, Chapter, Described, Listing, Measured, Page, Paragraph, Picture, Rows, named
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
-from pretouch._core.described import Described
+from pretouch._core.blocks import Described
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, positive
-from pretouch._core.values import Value, check_types
+from pretouch._core.values import Value
 from pretouch.motion import Admittance, ContactResult, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import SensorModel

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Chapter, Later, Listing, Measured, Page, Paragraph, Picture, Rows
+from pretouch._core.blocks import Cell, Chapter, LazyBlock, Listing, Measured, Page, Paragraph, Picture, Rows
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
@@ -319,7 +319,7 @@ def drag_beside(design: GainDesign) -> Chapter | None:
     )
     if not push:
         text += f", and leave {100 * after / speed:.3g} % of any other approach speed as well"
-    table = Later(make=lambda: _drags_beside(design, run, drag, beside))
+    table = LazyBlock(make=lambda: _drags_beside(design, run, drag, beside))
     return Chapter(title="The virtual drag beside it", blocks=(Paragraph(text=f"{text}.", brief=True), table))
 
 

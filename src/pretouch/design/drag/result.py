@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.described import Described
+from pretouch._core.blocks import Described
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import finite, nonnegative, positive

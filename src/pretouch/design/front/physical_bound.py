@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_types
 from pretouch._core.numbers import BoolArray, FloatArray, finite, float_or_array, nonnegative, positive
-from pretouch._core.values import Value, check_types
+from pretouch._core.values import Value
 from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
 
 from ..search.trials import Trials

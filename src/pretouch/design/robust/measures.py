@@ -11,9 +11,9 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_types
 from pretouch._core.files import with_kind
 from pretouch._core.numbers import FloatArray, finite, float_or_array
-from pretouch._core.values import check_types
 
 from ..constraints import Constraint
 

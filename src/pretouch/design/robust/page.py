@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Chapter, Later, Measured, Page, Paragraph, Picture, Rows, named
+from pretouch._core.blocks import Cell, Chapter, LazyBlock, Measured, Page, Paragraph, Picture, Rows, named
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion.page_sections import inputs_section, method_section, solved_on
@@ -118,7 +118,7 @@ def robust_page(design: RobustDesign) -> Page:
             _measure(design),
             _encounters(design),
             importance_section(design.importance),
-            Later(make=partial(price_section, design)),
+            LazyBlock(make=partial(price_section, design)),
             _evidence(design),
             inputs_section(
                 design.scenario,

@@ -22,9 +22,9 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from pretouch._core.fields import declared
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray, chebyshev_basis, positive
-from pretouch._core.values import declared
 from pretouch.motion import DAMPER, Scenario
 from pretouch.motion.curve import Curves, curve_windows, farthest, shared_curve
 from pretouch.motion.kernels import of_core

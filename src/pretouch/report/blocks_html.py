@@ -1,4 +1,4 @@
-"""Results that have a page."""
+"""The blocks of a page as HTML."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator
 from html import escape
-from importlib import import_module
-from typing import ClassVar, Final
+from typing import Final
 from urllib.parse import quote
 
-from .blocks import (
+from pretouch._core.blocks import (
     LINK,
     Block,
     Cell,
     Chapter,
     Code,
     Download,
-    Later,
+    LazyBlock,
     Listing,
     Measured,
     Named,
@@ -25,24 +24,23 @@ from .blocks import (
     Paragraph,
     Picture,
     Rows,
-    page_as_text,
     tables_of,
 )
-from .units import format_quantity, pretty_unit
+from pretouch._core.units import format_quantity, pretty_unit
 
 QUIET: Final = ' class="note"'
 
 
 def page_as_excerpt(page: Page) -> str:
-    """Write what a notebook shows of a page: its headline, its warnings and its first brief table, without links."""
+    """Write the excerpt of a page for notebooks: headline, warnings and the first brief table, without links."""
     table = next((table for table in tables_of(page.blocks) if table.brief), None)
-    said = "".join(f"<p>Warning: {_inline(text)}</p>" for text in page.warnings)
-    shown = f"<p><b>{escape(page.headline)}</b></p>{said}{'' if table is None else _table(table)}"
-    return re.sub(r'<a href="#[^"]*">(.*?)</a>', r"\1", shown)
+    warnings = "".join(f"<p>Warning: {_inline(text)}</p>" for text in page.warnings)
+    excerpt = f"<p><b>{escape(page.headline)}</b></p>{warnings}{'' if table is None else _table(table)}"
+    return re.sub(r'<a href="#[^"]*">(.*?)</a>', r"\1", excerpt)
 
 
 def page_top(page: Page) -> str:
-    """Write what stands at the top of a report: how it ended, the answer, its key figures and its warnings."""
+    """Write the top of a report: status, answer, key figures and warnings."""
     parts = [f'<p class="state{"" if page.good else " bad"}">{escape(page.status)}</p>'] if page.status else []
     parts += [f'<p class="warning">{_inline(text)}</p>' for text in page.open]
     parts.append(f'<p class="answer">{escape(page.headline)}</p>')
@@ -53,15 +51,15 @@ def page_top(page: Page) -> str:
 
 
 def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], level: int = 2) -> Iterator[str]:
-    """Write blocks.
+    """Write blocks as HTML elements.
 
     Args:
         blocks: the blocks.
-        draw: draws a picture, as an SVG element.
-        level: of the headings of sections.
+        draw: draws a figure, as an SVG element.
+        level: heading level of sections, 2 to 4.
 
     Yields:
-        The parts of the page, one below the other.
+        The elements, from top to bottom.
     """
     for block in blocks:
         if isinstance(block, Chapter):
@@ -76,11 +74,11 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
             yield f"<p{QUIET if block.quiet else ''}>{_inline(block.text)}</p>"
         elif isinstance(block, Listing):
             yield "\n".join(["<ul>", *(f"<li>{_inline(item)}</li>" for item in block.items), "</ul>"])
-        elif isinstance(block, Later):
-            made = block.make()
-            yield from blocks_as_html(() if made is None else (made,), draw, level)
+        elif isinstance(block, LazyBlock):
+            computed = block.make()
+            yield from blocks_as_html(() if computed is None else (computed,), draw, level)
         elif isinstance(block, Code):
-            code = f"<pre>\n{escape(block.text)}</pre>"  # readers drop the line end right after the tag
+            code = f"<pre>\n{escape(block.text)}</pre>"  # browsers drop the line end right after the tag
             folds = f"<details open>\n<summary>{_inline(block.title)}</summary>\n{code}\n</details>"
             yield folds if block.title else code
         elif isinstance(block, Download):
@@ -108,7 +106,7 @@ def _table(table: Rows) -> str:
 
 
 def cell_as_html(cell: Cell) -> str:
-    """Write a cell; a dash stands for a number that is not there."""
+    """Write a cell as HTML; a missing number is a dash."""
     if isinstance(cell, Named):
         return escape(f"{cell.words} {cell.symbol}".strip())
     if not isinstance(cell, Measured):
@@ -126,38 +124,6 @@ def _id(anchor: str) -> str:
 
 
 def _inline(text: str) -> str:
-    """Escape a sentence; what stands between backticks is code, and links lead to anchors of the page."""
+    """Escape a sentence, and turn backticks and links into HTML."""
     linked = LINK.sub(r'<a href="#\2">\1</a>', escape(text))
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", linked)
-
-
-class Described:
-    """A result that has a page: its text, and what a notebook shows of it.
-
-    A class names the function that describes it by text, so that no result imports its description.
-    """
-
-    __slots__ = ()
-
-    page: ClassVar[str]
-    """Module and function, such as `pretouch.design.page:gain_page`."""
-
-    def __str__(self) -> str:
-        return page_as_text(page_of(self))
-
-    def _repr_html_(self) -> str | None:
-        return page_as_excerpt(page_of(self))
-
-
-def page_of(result: Described) -> Page:
-    """Describe a result.
-
-    Args:
-        result: a result whose class names its description.
-
-    Returns:
-        Its page.
-    """
-    module, _, name = result.page.partition(":")
-    page: Page = getattr(import_module(module), name)(result)
-    return page

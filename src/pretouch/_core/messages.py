@@ -1,0 +1,77 @@
+"""Parts of error messages: the value that was found, and what was expected."""
+
+from __future__ import annotations
+
+import os
+import types
+from typing import Any, Final
+
+import numpy as np
+
+EXAMPLES: Final = {
+    "AdmittanceDesign": "an AdmittanceDesign, which design_admittance returns",
+    "Calibration": "a Calibration, such as read_calibration(path) returns",
+    "CalibrationReport": "a CalibrationReport, which rank_models returns",
+    "ContactModel": "a contact model, such as SpringDamper(stiffness=1e4)",
+    "ContinuousLaw": "a law in continuous time, such as pretouch.motion.DRAG",
+    "DragDesign": "a DragDesign, which design_drag returns",
+    "GainDesign": "a GainDesign, which design_gain returns",
+    "ImpactModel": "an impact model, such as SpringImpact(robot_mass=1.0, stiffness=1e4)",
+    "JointDistribution": "a distribution, such as Normal(mean=-0.3, deviation=0.02)",
+    "SteppedLaw": "a law for a controller, such as VirtualDamper(gain=-0.7)",
+    "Measure": "a measure, such as Expected() or Quantile(probability=0.9)",
+    "ParetoFront": "a ParetoFront, which pareto_front returns",
+    "PlantModel": "a robot, such as ImpedancePlant(mass=4.0, stiffness=4e3, damping=250.0)",
+    "RobustDesign": "a RobustDesign, which design_robust_gain returns",
+    "SampledLaw": "a sampled law, such as Controller(...)",
+    "SensorFit": "a SensorFit, which fit_sensor returns",
+    "SensorModel": "a sensor curve, such as InversePower(...)",
+    "SimulatedEncounter": "a SimulatedEncounter, which simulate_encounter returns",
+    "Task": "a Task, such as load_scenario(path) returns",
+    "TunableLaw": "a sampled law, such as Controller(...)",
+    "Verdict": "a Verdict, which verify_gain returns",
+}
+"""Descriptions of expected values, for classes whose name does not say how to make one."""
+
+_LONGEST: Final = 60  # characters of a value that a message shows
+_FEW: Final = 8  # items that are shown
+
+
+def short_repr(value: Any) -> str:
+    """Return a short representation of a value for messages.
+
+    Args:
+        value: any value.
+
+    Returns:
+        Text such as `'x'`, `None`, `a Task`, `an array of the shape (3,)`.
+
+    Examples:
+        >>> short_repr("x"), short_repr(object()), short_repr(int)
+        ("'x'", 'an object', 'the class int')
+    """
+    container = isinstance(value, tuple | list | dict | set)
+    if _is_simple(value) or (container and len(value) <= _FEW and all(map(_is_simple, value))):
+        return _cut_repr(value)
+    if isinstance(value, np.ndarray) and value.ndim:
+        return f"an array of {value.dtype} of the shape {value.shape}"
+    if isinstance(value, type | types.FunctionType | types.BuiltinFunctionType):
+        return f"the {'class' if isinstance(value, type) else 'function'} {value.__name__}"
+    return f"a {type(value).__name__} of {len(value)}" if container else with_article(type(value).__name__)
+
+
+def _cut_repr(value: Any) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # an integer with thousands of digits
+        return with_article(type(value).__name__)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def _is_simple(value: Any) -> bool:
+    return isinstance(value, None | bool | int | float | complex | str | bytes | np.generic | os.PathLike)
+
+
+def with_article(name: str) -> str:
+    """Return a name with its article, such as `an Obstacle`."""
+    return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"

@@ -1,0 +1,123 @@
+"""Build the sampled controller from the section [controller] of a scenario file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper, VirtualDrag
+from pretouch.motion.laws import DRAG
+from pretouch.motion.scenario import Scenario
+from pretouch.sensors import SensorModel
+from pretouch.simulation import SensorChain, SensorPart
+
+from .law import sampled_drag
+
+if TYPE_CHECKING:
+    from .reading import Reading
+
+_FLOOR: Final = 3.0  # default floor, in standard deviations of the noise
+_SAME: Final = 1e-9  # relative difference of two equal periods, from the rounding of 1 / rate
+_LIMITS: Final = ("force", "speed", "acceleration", "excursion")
+_CONDITIONING: Final = ("median_window", "low_pass_order", "cutoff", "timeout", "fade_time", "largest_rate")
+_LAW: Final = ("approach_only", "release", "ramp_time")
+
+
+def make_controller(
+    file: Reading, values: Mapping[str, Any], chain: SensorChain, scenario: Scenario, positioned: bool
+) -> Controller | None:
+    """Build the controller, with gain 0 if the file has none; check it with the start of the encounter."""
+    period = 1 / values["rate"] if "rate" in values else values["period"]
+    sensing = _conditioning(file, values, chain, period)
+    law = _law(file, values, chain)
+    largest = {name: values.get(f"largest_{name}") for name in _LIMITS}
+    limits = file.attempt("controller", lambda: Limits(**largest))
+    if sensing is None or law is None or limits is None:
+        return None
+    virtual = scenario.admittance
+
+    def make() -> Controller:
+        controller = Controller(
+            period=period,
+            conditioning=sensing,
+            law=law,
+            admittance=VirtualAdmittance(mass=virtual.mass, damping=virtual.damping, stiffness=virtual.stiffness),
+            limits=limits,
+            # a position-controlled robot does not yield to a contact force by itself
+            contact_gain=values.get("contact_gain", 1.0 if positioned else 0.0),
+            contact_threshold=values["contact_threshold"],
+        )
+        start, reference = scenario.plant, scenario.reference
+        controller.start(start.position - reference.position, start.velocity - reference.velocity)
+        return controller
+
+    return file.attempt("controller", make)
+
+
+def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> VirtualDamper | VirtualDrag | None:
+    """Build the sampled law, with gain 0 if the file has none."""
+    if file.kind == DRAG.kind:
+        return sampled_drag(file, chain)
+    options = {key: values[key] for key in _LAW}
+    return file.attempt("controller", lambda: VirtualDamper(gain=values.get("gain", 0.0), **options))
+
+
+def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, period: float) -> Conditioning | None:
+    if chain.period < period * (1 - _SAME):
+        file.refuse(
+            ("controller", "rate" if "rate" in values else "period"),
+            f"found {1 / period:g} Hz, expected at least the rate of the sensor, {chain.rate:g} Hz; or read the sensor "
+            f'at the rate of the loop: [chain] with rate = "{1 / period:g} Hz"',
+        )
+    slower = chain.period > period * (1 + _SAME)
+    floor = values.get("floor", _FLOOR * chain.noise)
+    if "floor" not in values and not floor > 0:
+        file.refuse(
+            ("controller", "floor"),
+            "missing, expected a sensor output above drift and background reflections; without noise in [chain] the "
+            f"default, {_FLOOR:g} standard deviations of the noise, is 0; add, for example: floor = 30.0",
+        )
+    if chain.period < period * (1 - _SAME) or not floor > 0:
+        return None
+    offset, saturation = values.get("offset", chain.offset + chain.crosstalk), values.get("saturation")
+    if saturation is None and np.isfinite(chain.highest):
+        saturation = chain.highest
+        if saturation <= offset + floor:
+            file.refuse(
+                ("chain", "highest"),
+                f"found readings that saturate at {saturation:g}, expected more than the controller's offset plus "
+                f"floor, {offset + floor:g}",
+            )
+            return None
+    return file.attempt(
+        "controller",
+        lambda: Conditioning(
+            floor=floor,
+            offset=offset,
+            saturation=saturation,
+            sensor_period=chain.period if slower else period,
+            **{key: values[key] for key in _CONDITIONING if key in values},
+        ),
+    )
+
+
+def refuse_curve_below_floor(
+    file: Reading, sensor: SensorModel, conditioning: Conditioning, part: SensorPart | None
+) -> None:
+    """Refuse a curve whose output at contact is below the floor: in a loop, unlike in a design, its scale matters."""
+    if not sensor.contains(0.0):
+        return  # another check refuses this curve
+    log_output = float(sensor.log_output(0.0))  # its exponential may overflow
+    if log_output > math.log(conditioning.floor):
+        return
+    unit = f" in {part.unit}, which {part.name} reports," if part is not None and part.unit else ""
+    key = next(k for k in ("scale", "outputs", "calibration") if k in file.data["sensor"])
+    file.refuse(
+        ("sensor", key),
+        f"found an output of {math.exp(log_output):.4g} at contact, below the controller's floor of "
+        f"{conditioning.floor:.4g}, expected outputs{unit} well above it: in a loop the scale of the curve "
+        "matters, because noise and floor have its unit",
+    )

@@ -1,0 +1,144 @@
+"""Find the line of every key in a TOML text.
+
+Neither tomllib nor tomlkit reports lines of keys. The scan requires that `tomllib` has accepted the text, so that it
+only has to find keys and need not check anything.
+"""
+
+from __future__ import annotations
+
+import bisect
+import re
+import tomllib
+from collections.abc import Mapping
+from typing import Final
+
+from .quantities import KeyPath
+
+_BLANK: Final = re.compile(r"[ \t]*")
+_BETWEEN: Final = re.compile(r"(?:[\s,]|#[^\n]*)*")
+_KEY: Final = re.compile(r"""("(?:[^"\\\n]|\\.)*"|'[^'\n]*'|[^\s.=\[\]"'{},#]+)""")
+_STRING: Final = re.compile(
+    r'"""(?:[^\\]|\\.)*?"""("{0,2})' "|" r"'''.*?'''('{0,2})" "|" r'"(?:[^"\\\n]|\\.)*"' "|" r"'[^'\n]*'", re.DOTALL
+)
+_PLAIN: Final = re.compile(r"[^,\]}#\n]*")
+
+
+def key_lines(text: str) -> Mapping[KeyPath, int]:
+    r"""Map every key of a valid TOML text to its line.
+
+    Returns:
+        For the path of each key, its line number from 1.
+
+    Examples:
+        >>> lines = key_lines('[gain]\nbounds = [\n  "-10 N*s",\n  "-0.01 N*s",\n]\n')
+        >>> lines["gain",], lines["gain", "bounds"], lines["gain", "bounds", 1]
+        (1, 2, 4)
+    """
+    return _Scan(text.replace("\r\n", "\n")).run()
+
+
+class _Scan:
+    """A scan of a TOML text from start to end."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.position = 0
+        self.lines: dict[KeyPath, int] = {}
+        self.tables: dict[KeyPath, int] = {}  # last index of each array of tables
+        self.starts = [0, *(m.end() for m in re.finditer("\n", text))]
+
+    def run(self) -> dict[KeyPath, int]:
+        """Scan the document."""
+        section: KeyPath = ()
+        self.skip(_BETWEEN)
+        while self.position < len(self.text):
+            if self.text[self.position] == "[":
+                section = self.header()
+            else:
+                self.pair(section)
+            self.skip(_BETWEEN)
+        return self.lines
+
+    def header(self) -> KeyPath:
+        """Scan `[a.b]` or `[[a.b]]`; return the path of the section."""
+        start = self.position
+        double = self.text.startswith("[[", start)
+        self.position += 2 if double else 1
+        keys = self.dotted()
+        path: KeyPath = ()
+        for i, key in enumerate(keys):
+            path = (*path, key)
+            self.mark(path, start)
+            if double and i == len(keys) - 1:
+                self.tables[path] = self.tables.get(path, -1) + 1
+            if path in self.tables:
+                path = (*path, self.tables[path])
+                self.mark(path, start)
+        self.position += 2 if double else 1
+        return path
+
+    def pair(self, section: KeyPath) -> None:
+        """Scan `key = value`."""
+        start = self.position
+        path = section
+        for key in self.dotted():
+            path = (*path, key)
+            self.mark(path, start)
+        self.position += 1  # the equals sign
+        self.value(path)
+
+    def dotted(self) -> list[str]:
+        """Scan a key; return the parts between its dots."""
+        keys = []
+        while True:
+            self.skip(_BLANK)
+            match = _KEY.match(self.text, self.position)
+            if match is None:
+                raise ValueError(f"no key at {self.position}")
+            self.position = match.end()
+            keys.append(_unquoted(match.group(1)))
+            self.skip(_BLANK)
+            if not self.text.startswith(".", self.position):
+                return keys
+            self.position += 1
+
+    def value(self, path: KeyPath) -> None:
+        """Scan a value; mark the keys and list elements inside it."""
+        self.skip(_BLANK)
+        opening = self.text[self.position : self.position + 1]
+        if opening in {'"', "'"}:
+            self.skip(_STRING)
+        elif opening == "[":
+            self.position += 1
+            self.skip(_BETWEEN)
+            index = 0
+            while not self.text.startswith("]", self.position):
+                self.mark((*path, index), self.position)
+                self.value((*path, index))
+                self.skip(_BETWEEN)
+                index += 1
+            self.position += 1
+        elif opening == "{":
+            self.position += 1
+            self.skip(_BETWEEN)
+            while not self.text.startswith("}", self.position):
+                self.pair(path)
+                self.skip(_BETWEEN)
+            self.position += 1
+        else:
+            self.skip(_PLAIN)
+
+    def skip(self, pattern: re.Pattern[str]) -> None:
+        """Move behind the text that matches a pattern."""
+        match = pattern.match(self.text, self.position)
+        if match is None:
+            raise ValueError(f"nothing readable at {self.position}")
+        self.position = match.end()
+
+    def mark(self, path: KeyPath, position: int) -> None:
+        """Note the line of a key."""
+        self.lines.setdefault(path, bisect.bisect_right(self.starts, position))
+
+
+def _unquoted(key: str) -> str:
+    return next(iter(tomllib.loads(f"{key} = 0"))) if key[0] in "\"'" else key

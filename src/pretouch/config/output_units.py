@@ -1,0 +1,62 @@
+"""Check that all sensor outputs of a scenario file have the same unit: V or counts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from pretouch.simulation import SensorPart
+
+from .quantities import KeyPath, Quantity, output_unit
+
+if TYPE_CHECKING:
+    from pretouch.calibration import CalibrationReport
+
+    from .reading import Reading
+
+
+def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
+    """Refuse a sensor part or outputs of the loop in another unit than the sensor curve; bare numbers fit any unit."""
+    path, unit = _unit_of_sensor(file, calibration)
+    if part is not None and unit and part.unit not in {"", unit}:
+        file.refuse(
+            ("chain", "part"),
+            f"found a part that reports {part.unit}, but the sensor is in {unit} ({_location(file, path)}), "
+            f"expected one unit in the file: give the curve in {part.unit}, or choose a part that reports {unit}",
+        )
+        return
+    if part is not None and not unit:
+        path, unit = ("chain", "part"), part.unit
+    for key, value, value_unit in _loop_outputs(file):
+        if not unit:
+            path, unit = key, value_unit
+        elif value_unit != unit:
+            file.refuse(key, f'found "{value}", expected {unit}, the unit of {_location(file, path)}')
+
+
+def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tuple[KeyPath, str]:
+    """Return the key that determines the unit of the sensor, and the unit; it is empty for bare numbers."""
+    if calibration is not None:
+        return ("sensor", "calibration"), calibration.calibration.unit
+    sensor = file.data["sensor"] if "sensor" in file.sections else {}
+    if "outputs" in sensor:
+        units = [output_unit(output) for output in sensor["outputs"]]
+        return ("sensor", "outputs"), next(filter(None, units), "")
+    return ("sensor", "scale"), output_unit(sensor.get("scale"))
+
+
+def _loop_outputs(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
+    """Yield the outputs of the loop that have a unit: key, text and unit."""
+    for section in ("chain", "controller", "law"):
+        keys = file.sections[section][0].keys if section in file.sections else {}
+        for key, value in file.data[section].items() if keys else ():
+            read = keys[key].read
+            unit = output_unit(value) if isinstance(read, Quantity) and read.unit.startswith("output") else ""
+            if unit:
+                yield (section, key), value, unit
+
+
+def _location(file: Reading, path: KeyPath) -> str:
+    """Return a key and its line, for messages."""
+    line = file.source.lines.get(path)
+    return f"{'.'.join(map(str, path))}" + (f", line {line}" if line else "")

@@ -1,4 +1,4 @@
-"""Gain design: what is minimized, what must hold, the gain that is optimal, and the evidence."""
+"""Gain design: tasks, objectives, constraints, optimal gains and the evidence for them."""
 
 from pretouch.motion.evaluator import Evaluator
 

@@ -1,4 +1,4 @@
-"""The quantities of a contact, the impact that some of them need, and the limits that they must keep."""
+"""Constraints: limits of the quantities of a contact."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from pretouch._core.values import check_types
 from pretouch._core.vocabulary import unit_of
 from pretouch.motion.contact import ContactState
 
-_STEP = 0.02  # of a velocity
-_STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # central, of order 8
+_STEP = 0.02  # step of the difference, relative to the velocity
+_STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # central difference of order 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpactModel(ABC):
-    """A lossless normal impact of two free bodies: no loss makes the peak force larger.
+    """A lossless normal impact of two free bodies; losses would only make the peak force smaller.
 
-    It is no bound where something drives the bodies on during the impact: a robot's drive, or a push of the obstacle.
+    The peak force is no upper bound if a force drives the bodies together during the impact, such as the robot's drive.
 
     Args:
         robot_mass: the *physical* reflected mass of the robot at the contact point [kg], not the virtual M_a.
@@ -53,8 +53,8 @@ class ImpactModel(ABC):
         """Return the peak force [N] of an impact at the given relative velocity [m/s]."""
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
-        """Return the derivative of the peak force [N s/m] at l' [m/s], which is not 0."""
-        # By a difference of order 8, where a model has none of its own: good to some 1e-13 of force over velocity.
+        """Return the derivative of the peak force [N s/m] at a relative velocity l' other than 0 [m/s]."""
+        # Models without a formula use a difference of order 8, with an error of about 1e-13 of force over velocity.
         v = np.asarray(relative_velocity, dtype=np.float64)
         step = _STEP * v
         rise = sum(w * (self.peak_force(v + k * step) - self.peak_force(v - k * step)) for k, w in _STENCIL)
@@ -63,9 +63,9 @@ class ImpactModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElasticImpact(ImpactModel):
-    """Impact on a contact force F = k d^n of the depth d: F = k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)) at the peak.
+    """Impact on a contact force F = k d^n of the depth d, with the peak k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)).
 
-    From 1/2 mu v^2 = k d^(n+1) / (n+1): all energy is in the contact where the depth is largest.
+    It follows from 1/2 mu v^2 = k d^(n+1) / (n+1): all energy is in the contact at the largest depth.
 
     Args:
         robot_mass: the physical reflected mass of the robot [kg].
@@ -154,13 +154,13 @@ class HertzImpact(ElasticImpact):
 
 
 def impact_rows(impact: ImpactModel | None) -> Iterator[tuple[Cell, ...]]:
-    """Yield the physical properties of an impact, where they are given."""
+    """Yield table rows with the physical properties of an impact; none without an impact model."""
     if impact is not None:
         yield "physical mass of the robot", Measured(impact.robot_mass, "kg")
         yield "mass of the obstacle", Measured(impact.obstacle_mass, "kg")
 
 
-_STATE_FIELDS: Final = tuple(name for name in ContactState.names() if name != "distance")  # which is 0 at contact
+_STATE_FIELDS: Final = tuple(name for name in ContactState.names() if name != "distance")  # the distance is always 0
 
 QUANTITY_UNITS: Final[dict[str, str]] = {
     name: unit_of(name) for name in (*_STATE_FIELDS, "drive_force", "impact_force", "gain")
@@ -174,8 +174,8 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
 
     Args:
         name: a key of QUANTITY_UNITS. `drive_force` is the physical mass times the largest acceleration;
-            `impact_force` is the peak force of the impact at the relative velocity of contact, `gain` the D_p that led
-            to the state.
+            `impact_force` is the peak force of the impact at the relative velocity of contact, `gain` the law's
+            number, such as D_p [N s], that led to the state.
         state: the state at contact.
         impact: the physical properties, needed for `drive_force` and `impact_force`.
 
@@ -183,7 +183,7 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
         The quantity in SI, of the shape of the state.
 
     Raises:
-        InvalidInputError: the quantity is not known, or needs physical properties that are not given.
+        InvalidInputError: the quantity is unknown, or it needs physical properties and there is no impact model.
     """
     if name not in QUANTITY_UNITS:
         raise InvalidInputError(f"quantity: found {name!r}, expected one of {', '.join(QUANTITY_UNITS)}")
@@ -193,8 +193,8 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
         return state.columns.column("gain")
     if impact is None:
         raise InvalidInputError(
-            f"{name}: needs the physical properties of robot and obstacle; give an impact model with the robot's "
-            "reflected mass (the virtual mass of the admittance is another quantity)"
+            f"{name}: needs the physical properties of robot and obstacle; pass an impact model with the robot's "
+            "reflected mass, which is not the virtual mass of the admittance"
         )
     if name == "drive_force":
         return impact.robot_mass * np.asarray(state.largest_acceleration)
@@ -213,7 +213,7 @@ CONSTRAINT_NAMES: Final[dict[str, str]] = {
     "impact_force": "impact_force",
     "gain": "gain",
 }
-"""Short name of each constraint, as in a scenario file, and the quantity that it limits."""
+"""Short name of each constraint, as in a scenario file, with the quantity that it limits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -224,7 +224,8 @@ class Constraint:
         name: a key of CONSTRAINT_NAMES: `excursion` (|x - x_d| over the whole motion), `travel` (|x - x(0)| over the
             whole motion), `relative_velocity` (at contact), `time` (of contact), `speed`, `acceleration`,
             `virtual_force` (of the plant, over the whole motion), `drive_force` (physical mass times largest
-            acceleration), `impact_force` (peak force of the impact), `gain` (|D_p|, as `GainLimit.allowed`).
+            acceleration), `impact_force` (peak force of the impact), `gain` (magnitude of the law's number, such as
+            |D_p|, as `GainLimit.allowed`).
         limit: the largest allowed magnitude > 0, in SI.
 
     Examples:
@@ -253,13 +254,13 @@ class Constraint:
         return QUANTITY_UNITS[self.quantity]
 
     def magnitude(self, state: ContactState, impact: ImpactModel | None = None) -> Any:
-        """Return |quantity| in SI at a contact, of the shape of its state; some need the physical properties."""
+        """Return |quantity| at a contact in SI, of the shape of the state; forces need an impact model."""
         return np.abs(quantity_of(self.quantity, state, impact))
 
 
 def each_once(constraints: Iterable[Constraint]) -> None:
-    """Refuse a quantity that is limited twice."""
+    """Raise an error if a constraint name occurs twice."""
     names = [constraint.name for constraint in constraints]
     for name in names:
         if names.count(name) > 1:
-            raise InvalidInputError(f"constraint {name}: found twice, expected once")
+            raise InvalidInputError(f"constraint {name}: found twice, expected once; remove one of the two")

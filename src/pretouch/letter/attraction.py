@@ -1,4 +1,4 @@
-"""Section VI-A: whether orbits L(14) around the uniform motion L(16)-(18) are drawn to it, which the letter states."""
+"""Section VI-A: proof that motions L(14) near the uniform motion L(16)-(18) converge toward it, as the letter states."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .experiment import Finding, Program, Ran, Reproduction, finding, readings
 from .given import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, sensor
 
 PROGRAM: Final = Program(
-    "Section VI-A: orbits around the uniform motion l = A t + B are drawn to it, but slower than contact comes.",
+    "Section VI-A: motions near the uniform motion l = A t + B converge toward it, but contact comes first.",
     {
         **{"admittance": approach().admittance, "obstacle": approach().obstacle},
         **{"own": approach(), "sensor": sensor("exponential-2"), "gain": EXPERIMENT_GAIN.value},
@@ -35,18 +35,18 @@ figure = pt.report.panel_figure(
 )
 """,
 )
-GIVEN: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"], EXPERIMENT_GAIN)}
+INPUTS: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"], EXPERIMENT_GAIN)}
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Follow motions that start around the uniform one, and hold them to an energy that must fall."""
+    """Solve motions that start near the uniform one, and test that an energy of the deviation falls."""
     a, b, around, same = float(ran["a"]), float(ran["b"]), ran["around"], np.isclose(ran["speeds"], ran["a"])
-    root = float(np.sqrt(1 + 8 * GIVEN["b_2"] * GIVEN["D_p"] * GIVEN["v_o"] / GIVEN["K_a"]))
+    root = float(np.sqrt(1 + 8 * INPUTS["b_2"] * INPUTS["D_p"] * INPUTS["v_o"] / INPUTS["K_a"]))
     apart = around.distance - a * around.time - b
-    left = apart[:, -1] / apart[:, 0]  # which part of the first deviation is left at contact
+    left = apart[:, -1] / apart[:, 0]  # share of the initial deviation that remains at contact
     starts, ends = ran["starts"][same], around.time[same, -1]
     columns = {"l(0) [mm]": (1e3 * starts, ".1f"), "l(0) - B [mm]": (1e3 * (starts - b), "+.1f")}
-    columns |= {"part of it left at contact": (left[same], ".3f"), "time of contact [s]": (ends, ".3f")}
+    columns |= {"share of it at contact": (left[same], ".3f"), "time of contact [s]": (ends, ".3f")}
     course, names = ("time", "distance", "relative_velocity"), ("around", "letter", "uniform")
     motions = {name: {of: getattr(ran[name], of) for of in course} for name in names}
     return Reproduction(
@@ -61,8 +61,8 @@ def reproduce(ran: Ran) -> Reproduction:
         "motion starts 4 mm from the uniform one and ends 4 mm from it: a velocity of -0.3 m/s has to be braked first.",
         numbers={
             **{"A": a, "B": b, "s": root},
-            "effective_stiffness": GIVEN["K_a"] * (1 + root) / 2,
-            "effective_stiffness_other_root": GIVEN["K_a"] * (1 - root) / 2,
+            "effective_stiffness": INPUTS["K_a"] * (1 + root) / 2,
+            "effective_stiffness_other_root": INPUTS["K_a"] * (1 - root) / 2,
             "initial_distance": ran["starts"],
             "initial_relative_velocity": ran["speeds"],
             "deviation_left_at_contact": left,
@@ -72,8 +72,8 @@ def reproduce(ran: Ran) -> Reproduction:
 
 
 def _attracted(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
-    stiffness = GIVEN["K_a"] + 2 * GIVEN["b_2"] * GIVEN["D_p"] * ran["a"]
-    energy = GIVEN["M_a"] * (ran["around"].relative_velocity - ran["a"]) ** 2 / 2 + stiffness * apart**2 / 2
+    stiffness = INPUTS["K_a"] + 2 * INPUTS["b_2"] * INPUTS["D_p"] * ran["a"]
+    energy = INPUTS["M_a"] * (ran["around"].relative_velocity - ran["a"]) ** 2 / 2 + stiffness * apart**2 / 2
     falls = bool(np.diff(energy / energy[:, :1], axis=1).max() < 0)
     at_contact, at_b = np.abs(ran["sensor"].log_slope(np.array([0.0, ran["b"]])))
     own = ran["letter"].relative_velocity[-1] / ran["a"] - 1
@@ -95,7 +95,7 @@ def _attracted(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
 
 
 def _roots(root: float, a: float) -> Finding:
-    speed, stiffness, other = abs(GIVEN["v_o"]), GIVEN["K_a"], 2 * GIVEN["v_o"] / (1 - root)
+    speed, stiffness, other = abs(INPUTS["v_o"]), INPUTS["K_a"], 2 * INPUTS["v_o"] / (1 - root)
     return finding(
         10,
         "The criterion for the sign in L(17) leaves both roots in the letter's own case",

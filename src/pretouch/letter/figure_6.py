@@ -1,4 +1,4 @@
-"""Figure 6: the optimal gain over the obstacle's speed by L(20), L(21), and what its trend hangs on."""
+"""Figure 6: optimal gain over the obstacle's speed for the letter's objective, L(20) and L(21), and its trend."""
 
 from __future__ import annotations
 

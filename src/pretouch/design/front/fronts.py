@@ -1,4 +1,4 @@
-"""Which of many points are worth choosing, along the curve of all gains and over all that is free."""
+"""Search for Pareto fronts, along the curve of all gains and over several free parameters."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from ..search import Effort, Landscape, refine, scan
 from ..search.local import advance, descend
 from ..search.trials import Trials
 
-_FLAT: Final = 1e-12  # relative: a quantity that varies less along the front is the same everywhere
+_FLAT: Final = 1e-12  # a quantity with a smaller relative variation along the front is constant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFront:
-    """A front by coordinates, whichever way it was found."""
+    """A Pareto front in coordinates of the search."""
 
-    at: FloatArray  # coordinates of its points, shape (n, size)
-    values: FloatArray  # the quantities there, shape (n, k)
-    piece: IntArray  # the number of the piece that each point belongs to, from 0 on
-    scanned: FloatArray  # coordinates of everything that was tried side by side, shape (m, size)
-    scanned_values: FloatArray  # the quantities there, infinite where not feasible
-    missed: float  # the most by which its points miss an encounter, of its extent in every quantity at once
+    at: FloatArray  # coordinates of the points, shape (n, size)
+    values: FloatArray  # quantities of the points, shape (n, k)
+    piece: IntArray  # index of the connected piece of each point
+    scanned: FloatArray  # coordinates of all encounters of the scan, shape (m, size)
+    scanned_values: FloatArray  # their quantities, infinite if not feasible
+    missed: float  # largest amount by which an encounter is better in every quantity, as a share of the extent
 
     @classmethod
     def of(
@@ -38,7 +38,7 @@ class FoundFront:
         scanned: tuple[FloatArray, FloatArray],
         between: FloatArray,
     ) -> FoundFront:
-        """Compare a front with what was tried, and with encounters between its points, whose quantities are given."""
+        """Make a front and compare it with the encounters of the scan and with quantities between its points."""
         missed = np.inf
         if len(at):
             extent, others = extent_of(values), np.concatenate([scanned[1], between])
@@ -48,7 +48,7 @@ class FoundFront:
 
 
 def extent_of(values: FloatArray) -> FloatArray:
-    """Return the extent of a front, shape (n, k), in each quantity; where it has none, the quantity itself."""
+    """Return the extent of a front, shape (n, k), in each quantity; the magnitude of a constant quantity."""
     if not len(values):
         return np.ones(values.shape[1])
     extent, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
@@ -56,17 +56,17 @@ def extent_of(values: FloatArray) -> FloatArray:
 
 
 def non_dominated(values: FloatArray) -> BoolArray:
-    """Tell which points, (n, 2) or (n, 3), no other dominates; of equal ones the first, of infinite ones none."""
+    """Return which points, (n, 2) or (n, 3), are not dominated; of equal points the first, of infinite ones none."""
     n, k = values.shape
-    kept = np.zeros(n, dtype=bool)
+    best = np.zeros(n, dtype=bool)
     order = np.lexsort((np.arange(n), *values.T[::-1]))
     order = order[np.isfinite(values[order]).all(axis=1)]
     if k == 2:
         second = values[order, 1]
         lowest = np.minimum.accumulate(np.concatenate([[np.inf], second]))[:-1]
-        kept[order[second < lowest]] = True
-        return kept
-    stairs_y: list[float] = []  # ascending; of the points so far, those that none dominates in the last two
+        best[order[second < lowest]] = True
+        return best
+    stairs_y: list[float] = []  # ascending: points so far that are not dominated in the last two quantities
     stairs_z: list[float] = []  # descending
     for i in order:
         y, z = float(values[i, 1]), float(values[i, 2])
@@ -74,39 +74,38 @@ def non_dominated(values: FloatArray) -> BoolArray:
         before = at if at < len(stairs_y) and stairs_y[at] == y else at - 1
         if before >= 0 and stairs_z[before] <= z:
             continue
-        kept[i] = True
+        best[i] = True
         end = at
         while end < len(stairs_y) and stairs_z[end] >= z:
             end += 1
         stairs_y[at:end], stairs_z[at:end] = [y], [z]
-    return kept
+    return best
 
 
 def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
-    """Return by how much a front, shape (n, k), misses points, (m, k): the least shift with which it dominates each."""
-    # Not positive where it dominates the point (Zitzler et al. 2003, additive epsilon); infinite points are missed by
-    # nothing.
-    missed = np.full(len(points), -np.inf)
-    there = np.flatnonzero(np.isfinite(points).all(axis=1))
-    for start in range(0, len(there), 1024):
-        some = there[start : start + 1024]
-        apart: Any = front[None] - points[some, None]
-        missed[some] = apart.max(axis=2).min(axis=1)
-    return missed
+    """Return the additive epsilon of points, (m, k): the smallest shift with which a front, (n, k), dominates each."""
+    # It is not positive if the front dominates the point (Zitzler et al. 2003), and -inf for points that are infinite.
+    epsilon = np.full(len(points), -np.inf)
+    finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+    for start in range(0, len(finite), 1024):
+        block = finite[start : start + 1024]
+        shift: Any = front[None] - points[block, None]
+        epsilon[block] = shift.max(axis=2).min(axis=1)
+    return epsilon
 
 
 _EFFORT: Final = Effort(share=0.01)  # a quantity may pass through 0
-_HALVINGS: Final = 44  # until neighbors on two sides of an end are 1e-13 of the axis apart
+_HALVINGS: Final = 44  # until the neighbors of an end are 1e-13 of the axis apart
 _FINEST: Final = 12
-_CURVE_SPACING: Final = 0.01  # between neighbors of the front, of its extent
+_CURVE_SPACING: Final = 0.01  # distance between neighbors on the front, as a share of its extent
 
 
-# The curve is scanned until neighbors predict each other; where a quantity is least along it, where limits begin to
-# hold and where another stretch of the curve becomes better, the ends of the front's pieces are found to rounding.
+# The curve is scanned until it is well interpolated. The ends of the front's pieces are then found to rounding: the
+# minima of the quantities, the edges of feasibility, and the points where another part of the curve becomes better.
 def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
-    """Find the front of a curve over [0, 1], which gives quantities, shape (n, k), of coordinates, (n,)."""
-    # Quantities are infinite where not feasible. Points of the front ascend in the first of two quantities, in the
-    # coordinate with three; pieces are separated by coordinates that are worse. Empty where nothing is feasible.
+    """Find the Pareto front of a curve over [0, 1]: `evaluate` returns quantities, (n, k), at coordinates, (n,)."""
+    # Quantities are infinite if not feasible. The points ascend in the first quantity, or with three quantities in the
+    # coordinate; pieces are separated by worse coordinates. The front is empty if nothing is feasible.
     samples = _Samples(evaluate)
     for k in range(samples.values.shape[1]):
         lowest = refine(lambda u, k=k: evaluate(u)[:, k], samples.at, samples.values[:, k])  # type: ignore[misc]
@@ -119,21 +118,21 @@ def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
     kept = np.flatnonzero(_thinned(samples.values, best))
     order = kept[np.argsort(samples.values[kept, 0] if samples.values.shape[1] == 2 else kept, kind="stable")]
     numbers = np.concatenate([[0], np.cumsum(np.diff(piece[order]) != 0)])[: len(order)]
-    alike = np.diff(piece[kept]) == 0
-    between = _between(evaluate, samples.at[kept], samples.values[kept], alike)
-    known = samples.at[order, None], samples.values[order], numbers
-    return FoundFront.of(*known, (samples.at[:, None], samples.values), between)
+    connected = np.diff(piece[kept]) == 0
+    between = _between(evaluate, samples.at[kept], samples.values[kept], connected)
+    points = samples.at[order, None], samples.values[order], numbers
+    return FoundFront.of(*points, (samples.at[:, None], samples.values), between)
 
 
-_PARTS: Final = 8  # of an interval, at whose ends the curve is compared with the points of the front
-_WORST: Final = 16  # intervals, which are looked at more closely
+_PARTS: Final = 8  # parts of an interval at whose ends the curve is compared with the points of the front
+_WORST: Final = 16  # number of intervals that are refined
 
 
 def _between(
-    evaluate: Callable[[FloatArray], FloatArray], at: FloatArray, values: FloatArray, alike: BoolArray
+    evaluate: Callable[[FloatArray], FloatArray], at: FloatArray, values: FloatArray, connected: BoolArray
 ) -> FloatArray:
-    """Return the quantities between neighbors of one piece, to 1/128 of where the points miss the curve by most."""
-    low, high = at[:-1][alike], at[1:][alike]
+    """Return quantities between connected neighbors, with a resolution of 1/128 where the points miss the curve most."""
+    low, high = at[:-1][connected], at[1:][connected]
     if not len(low):
         return values[:0]
     shares = np.arange(1, _PARTS) / _PARTS
@@ -148,18 +147,18 @@ def _between(
 
 
 class _Samples:
-    """All points of the curve that are known, in order."""
+    """All evaluated points of the curve, in order."""
 
     def __init__(self, evaluate: Callable[[FloatArray], FloatArray]) -> None:
         def landscape(at: FloatArray) -> Landscape:
             return Landscape(objective=evaluate(at).T, ratios=np.empty((0, len(at))))
 
-        found = scan(landscape, 0.0, 1.0, _EFFORT)
+        scanned = scan(landscape, 0.0, 1.0, _EFFORT)
         self.evaluate = evaluate
-        self.at, self.values = found.coordinate, found.landscape.objective.T
+        self.at, self.values = scanned.coordinate, scanned.landscape.objective.T
 
     def add(self, at: FloatArray) -> None:
-        """Evaluate more points, and put them in their places."""
+        """Evaluate more points and insert them in order."""
         at = np.setdiff1d(at, self.at)
         if not len(at):
             return
@@ -169,20 +168,20 @@ class _Samples:
         self.at = every[order]
 
     def halve(self, which: BoolArray) -> bool:
-        """Halve intervals; tell whether there were any."""
+        """Halve intervals; return whether there were any."""
         where = np.flatnonzero(which)
         self.add(0.5 * (self.at[where] + self.at[where + 1]))
         return len(where) > 0
 
     def find_ends(self) -> None:
-        """Halve every interval at one side of which the curve belongs to the front, until that is decided."""
+        """Halve every interval that has exactly one end on the front, until the ends are found to rounding."""
         for _ in range(_HALVINGS):
             best = non_dominated(self.values)
             if not self.halve((best[1:] != best[:-1]) & (np.diff(self.at) > 1e-13)):
                 return
 
     def fill(self) -> None:
-        """Halve intervals of the front whose ends lie far apart in the plane of quantities."""
+        """Halve intervals of the front whose ends lie far apart in the space of quantities."""
         for _ in range(_FINEST):
             best = non_dominated(self.values)
             with np.errstate(invalid="ignore"):
@@ -192,7 +191,7 @@ class _Samples:
 
 
 def _thinned(values: FloatArray, best: BoolArray) -> BoolArray:
-    """Leave out points that lie close to the one before; the ends of pieces and the least of each quantity stay."""
+    """Return the points without close neighbors; the ends of pieces and the minima of the quantities are kept."""
     kept, front = best.copy(), np.flatnonzero(best)
     if not len(front):
         return kept
@@ -210,24 +209,23 @@ def _thinned(values: FloatArray, best: BoolArray) -> BoolArray:
 
 
 _GAINS: Final = 49
-_TESTS: Final = 2048  # encounters
+_TESTS: Final = 2048  # number of test encounters
 _ROUNDS: Final = 3
-_SPACING: Final = 0.03  # between neighbors of the front, of its extent; with three quantities, see _POINTS
-_GAP: Final = 2.5  # times that: what neither points nor searches between them have closed
-_POINTS: Final = {2: 40, 3: 90}
-_MISSED: Final = 2e-3  # of the extent: a test encounter that the front misses by more is searched from
-_NEIGHBORS: Final = 6  # of a point of a front of three quantities, between which the front is looked at
-_MIXTURES: Final = 60  # of them
-_MOVED: Final = 24  # of all mixtures, those that are missed most, are moved onto the front
-_PULL: Final = 1e-3  # of the other quantities, where one alone is minimized: of equally good encounters the better
+_SPACING: Final = 0.03  # distance between neighbors on the front, as a share of its extent, with two quantities
+_GAP: Final = 2.5  # a distance above this multiple of the spacing separates two pieces
+_POINTS: Final = {2: 40, 3: 90}  # number of starting points, by the number of quantities
+_MISSED: Final = 2e-3  # a test encounter that is better by more than this share of the extent is a starting point
+_NEIGHBORS: Final = 6  # neighbors of a point that are mixed with it, with three quantities
+_MIXTURES: Final = 60  # mixtures per point
+_MOVED: Final = 24  # number of worst mixtures that are moved onto the front
+_PULL: Final = 1e-3  # weight of the other quantities while one is minimized: it decides between equal minima
 
 
-# A grid over all that is free says where the front runs. From points spread along it, each search goes toward less of
-# every quantity at once, as far as encounters reach; gaps are filled by searches that begin between neighbors. At last
-# the front is put to the test by encounters that had no part in finding it; those that it misses are searched from,
-# too.
+# A grid over all free parameters locates the front. From points spread along it, each search reduces all quantities
+# together. Gaps are filled by searches that start between neighbors. Finally the front is tested on independent
+# encounters; those that are better than the front become further starting points.
 def find_front(trials: Trials) -> FoundFront:
-    """Find the front of all that is free, in pieces between which nothing was found; empty if nothing is feasible."""
+    """Find the Pareto front over all free parameters, in connected pieces; empty if nothing is feasible."""
     grid = trials.freedom.lattice(_GAINS)
     grid_values = trials.values(grid)
     best = np.flatnonzero(non_dominated(grid_values))
@@ -237,28 +235,28 @@ def find_front(trials: Trials) -> FoundFront:
     if not len(best):
         return FoundFront.of(grid[:0], grid_values[:0], [], (every, every_values), every_values[:0])
     extent = extent_of(grid_values[best])
-    found = _FrontPoints(trials, extent)
+    front = _FrontPoints(trials, extent)
     for k in range(grid_values.shape[1]):
         weights = np.full(grid_values.shape[1], _PULL) / extent
         weights[k] = 1 / extent[k]
-        found.add(descend(trials, grid[best[np.argmin(grid_values[best] @ weights)]], weights))
+        front.add(descend(trials, grid[best[np.argmin(grid_values[best] @ weights)]], weights))
     for i in _spread(grid_values[best] / extent, _POINTS[grid_values.shape[1]]):
-        found.search(grid[best[i]], grid_values[best[i]])
-    found.fill()
+        front.search(grid[best[i]], grid_values[best[i]])
+    front.fill()
     for _ in range(_ROUNDS):
-        missed = shortfall(every_values / extent, found.values / extent)
+        missed = shortfall(every_values / extent, front.values / extent)
         worst = np.argsort(-missed)[: 2 * trials.freedom.size]
         worst = worst[missed[worst] > _MISSED]
         for i in worst:
-            found.search(every[i], every_values[i])
+            front.search(every[i], every_values[i])
         if not len(worst):
             break
-        found.fill()
-    return FoundFront.of(found.at, found.values, found.pieces(), (every, every_values), found.between())
+        front.fill()
+    return FoundFront.of(front.at, front.values, front.pieces(), (every, every_values), front.between())
 
 
 class _FrontPoints:
-    """The points found so far; none dominates another."""
+    """The points of the front during the search; none dominates another."""
 
     def __init__(self, trials: Trials, extent: FloatArray) -> None:
         self.trials = trials
@@ -267,7 +265,7 @@ class _FrontPoints:
         self.values = np.empty((0, len(extent)))
 
     def add(self, at: FloatArray | None) -> None:
-        """Take a point in; points that it dominates go."""
+        """Add a point unless it is dominated, and remove points that it dominates."""
         if at is None:
             return
         values = self.trials.values(at[None])
@@ -279,12 +277,12 @@ class _FrontPoints:
         self.at, self.values = at_all[best], values_all[best]
 
     def search(self, start: FloatArray, origin: FloatArray) -> None:
-        """Search from a start along the ray through a point of the plane; take the start itself where that fails."""
-        found = advance(self.trials, start, origin, self.extent)
-        self.add(start if found is None else found[0])
+        """Search from a start along the ray through a point in quantities; if it fails, add the start itself."""
+        point = advance(self.trials, start, origin, self.extent)
+        self.add(start if point is None else point[0])
 
     def fill(self) -> None:
-        """Search between neighbors that lie far apart; with three quantities points have no neighbors in a row."""
+        """Search between neighbors that lie far apart; only with two quantities, which order the points."""
         if self.values.shape[1] != 2:
             return
         for _ in range(_ROUNDS):
@@ -297,25 +295,25 @@ class _FrontPoints:
                 return
 
     def between(self) -> FloatArray:
-        """Return the quantities of encounters between neighbors that the front's points miss, as searches find them."""
+        """Return quantities of encounters that searches find between the points of the front."""
         return self._between_two() if self.values.shape[1] == 2 else self._between_many()
 
     def _between_two(self) -> FloatArray:
-        # The corner from which both neighbors lie equally far, each in the quantity that it has more of, is where the
-        # least shift with which one of them dominates is largest: the ray through it meets the worst in between.
+        # The additive epsilon of two neighbors is largest on the ray through their nadir corner, which has the larger
+        # value of each quantity. So the search along this ray finds the worst encounter between them.
         bounds = (np.abs(np.diff(self.values, axis=0)) / self.extent).min(axis=1)
-        found, most = [self.values[:0]], 0.0
+        values, most = [self.values[:0]], 0.0
         for i in np.argsort(bounds)[::-1]:
-            if bounds[i] <= most:  # no encounter between these two is missed by more
+            if bounds[i] <= most:  # no encounter between these two can have a larger epsilon
                 break
             start, corner = self.at[i : i + 2].mean(axis=0), self.values[i : i + 2].max(axis=0)
-            if (one := advance(self.trials, start, corner, self.extent)) is not None:
-                found.append(self.trials.values(one[0][None]))
-                most = max(most, self._missed(found[-1])[0])
-        return np.concatenate(found)
+            if (point := advance(self.trials, start, corner, self.extent)) is not None:
+                values.append(self.trials.values(point[0][None]))
+                most = max(most, self._missed(values[-1])[0])
+        return np.concatenate(values)
 
     def _between_many(self) -> FloatArray:
-        # Mixtures of neighbors lie near the front; those that are missed most are moved onto it.
+        # Mixtures of neighbors lie near the front; those with the largest epsilon are moved onto it.
         shares = self.values / self.extent
         near = np.argsort(np.abs(shares[:, None] - shares[None]).max(axis=2), axis=1, kind="stable")[
             :, : _NEIGHBORS + 1
@@ -326,13 +324,13 @@ class _FrontPoints:
         values = self.trials.values(mixed)
         worst = np.argsort(-self._missed(values), kind="stable")[:_MOVED]
         moved = [advance(self.trials, mixed[i], values[i], self.extent) for i in worst]
-        return np.concatenate([values, *(self.trials.values(one[0][None]) for one in moved if one is not None)])
+        return np.concatenate([values, *(self.trials.values(point[0][None]) for point in moved if point is not None)])
 
     def _missed(self, values: FloatArray) -> FloatArray:
         return shortfall(values / self.extent, self.values / self.extent)
 
     def pieces(self) -> IntArray:
-        """Number the stretches of the front between which no search has found anything."""
+        """Return the index of the connected piece of each point: pieces are separated by gaps that no search fills."""
         if self.values.shape[1] != 2:
             return np.zeros(len(self.values), dtype=np.int64)
         gap = (np.abs(np.diff(self.values, axis=0)) / self.extent).max(axis=1)
@@ -340,7 +338,7 @@ class _FrontPoints:
 
 
 def _spread(points: FloatArray, count: int) -> list[int]:
-    """Choose points that lie far apart, each the farthest from those before; the first is the lowest of all."""
+    """Choose points far apart: first the one with the lowest sum, then always the farthest from those before."""
     chosen = [int(points.sum(axis=1).argmin())]
     apart = np.abs(points - points[chosen[0]]).max(axis=1)
     while len(chosen) < min(count, len(points)):

@@ -1,4 +1,4 @@
-"""Gains that hold when inputs are not known exactly: what is not known, what of it counts, and the design."""
+"""Robust gain design for uncertain inputs: distributions, measures of the objective, chance constraints."""
 
 from pretouch.uncertainty import (
     CorrelatedNormal,

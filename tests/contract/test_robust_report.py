@@ -17,7 +17,7 @@ from pretouch._core.errors import OutputExistsError, ResultUnavailableError
 from pretouch._core.files import is_own_unchanged
 from pretouch.design import Constraint, DesignStatus, SpringImpact, Task, excursion_objective
 from pretouch.design.robust import ConditionalValueAtRisk, Quantile, Required, RobustDesign, design_robust_gain
-from pretouch.design.robust.problem import WorstEncounter
+from pretouch.design.robust.worst_case import WorstEncounter
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.report import plots, report_html, write_report
 from pretouch.sensors import ExponentialFirstOrder, InversePower

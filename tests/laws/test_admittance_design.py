@@ -24,8 +24,9 @@ from pretouch.design import (
 )
 from pretouch.design.problem import GainProblem, magnitude, merit
 from pretouch.design.search import GainAxis
+from pretouch.design.search.freedom import make_freedom
 from pretouch.design.search.local import kkt_residual
-from pretouch.design.search.trials import Trials, make_freedom
+from pretouch.design.search.trials import Trials
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.sensors import InversePower
 

@@ -11,8 +11,9 @@ import pytest
 import pretouch as pt
 from pretouch.design.problem import GainProblem, merit
 from pretouch.design.search import GainAxis
+from pretouch.design.search.freedom import make_freedom
 from pretouch.design.search.local import _settled
-from pretouch.design.search.trials import Trials, make_freedom
+from pretouch.design.search.trials import Trials
 from verification_samples import OBJECTIVE, SCENARIO, SENSOR, loop_of
 
 RNG = np.random.default_rng(7)

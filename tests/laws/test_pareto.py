@@ -25,7 +25,8 @@ from pretouch.design import (
     pareto_front,
     quantity_of,
 )
-from pretouch.design.front.fronts import non_dominated, shortfall, trace_front
+from pretouch.design.front.curve_front import trace_front
+from pretouch.design.front.dominance import non_dominated, shortfall
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder
 

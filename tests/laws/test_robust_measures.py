@@ -13,8 +13,8 @@ from scipy import optimize, stats
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import Constraint
 from pretouch.design.robust import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
-from pretouch.design.robust.measures import least_probability
-from pretouch.design.robust.problem import LimitOutcome, Validation
+from pretouch.design.robust.required import least_probability
+from pretouch.design.robust.validation import LimitOutcome, Validation
 from properties import examples
 
 VALUES = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40)

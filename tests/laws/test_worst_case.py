@@ -11,7 +11,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch.design import Constraint, Task, excursion_objective, time_objective
 from pretouch.design.objectives import Objective, Term
 from pretouch.design.robust import Expected, Required, WorstCase, design_robust_gain
-from pretouch.design.search.minima import maximize_on_box
+from pretouch.design.search.box_maximum import maximize_on_box
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, Recessed, SensorModel
 from pretouch.uncertainty import Interval, Normal, TruncatedNormal, make_ensemble

@@ -16,7 +16,7 @@ from pretouch._core.blocks import tables_of
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import Objective
 from pretouch.letter import IDS, Agreement, Reproduction, given, reproduce
-from pretouch.letter.experiment import Program
+from pretouch.letter.program import Program
 from pretouch.motion import Admittance, Scenario
 from pretouch.sensors import SensorModel
 

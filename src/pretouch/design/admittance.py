@@ -16,8 +16,9 @@ from .certificate import DesignStatus
 from .gain import GainDesign
 from .problem import GainProblem
 from .search import HELD, GainAxis
+from .search.freedom import make_freedom
 from .search.local import descend, kkt_residual
-from .search.trials import Trials, make_freedom
+from .search.trials import Trials
 from .task import Task, with_file_location
 
 _GAINS: Final = 65
@@ -191,7 +192,7 @@ class _AdmittanceSearch:
         return AdmittanceMap(natural_frequency=frequency, damping_ratio=ratio, objective=best)
 
     def best_ratio(self) -> float | None:
-        """Return the smallest value on the grid of the largest ratio |quantity| / limit; None if a point is feasible."""
+        """Return the smallest value on the grid of the largest ratio |quantity| / limit; None if one is feasible."""
         worst = self._worst()
         if not self.trials.constraints or not np.isfinite(worst).any():
             return None

@@ -18,7 +18,8 @@ from .certificate import ACTIVE, Certificate, ConstraintOutcome, DesignStatus, I
 from .constraints import Constraint
 from .problem import Answer, GainProblem
 from .search import HELD, Minimum, Scan, refine, scan
-from .search.compiled import design_many, search_compiled, settle_one
+from .search.compiled import search_compiled
+from .search.many import design_many, settle_one
 from .sensitivity import gain_sensitivities
 
 R = TypeVar("R")
@@ -233,7 +234,7 @@ class GainEvidence(Answer):
 
     @_part
     def ideal(self) -> IdealDesign | None:
-        """The design in continuous time, with its loss here; None without `evaluate`, with a course, or without a gain."""
+        """The continuous-time design, with its loss here; None without `evaluate`, with a course or without a gain."""
         p = self.problem
         if p.task.evaluate is None or p.task.scenario.obstacle.course or self.gain is None:
             return None

@@ -16,11 +16,13 @@ from pretouch.motion.contact import ContactState
 from pretouch.motion.describing import inputs_section, method_section, solved_on
 
 from .certificate import ConstraintOutcome, DesignStatus
-from .constraints import ImpactModel, impact_rows, quantity_of
+from .custom_objectives import OwnObjective
 from .drag.alternative import drag_alternative
 from .evidence_page import evidence_section, sensitivity_section
 from .gain import GainDesign
-from .objectives import Objective, OwnObjective
+from .impact import ImpactModel, impact_rows
+from .objectives import Objective
+from .quantities import quantity_of
 
 Row = tuple[Cell, ...]
 

@@ -18,8 +18,11 @@ from pretouch.motion.evaluator import NoisyEvaluator, with_noise_after
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 
-from .constraints import Constraint, ImpactModel, quantity_of
-from .objectives import OBSTACLE_SPEED, Objective, appraise
+from .constraints import Constraint
+from .custom_objectives import appraise
+from .impact import ImpactModel
+from .objectives import OBSTACLE_SPEED, Objective
+from .quantities import quantity_of
 from .search import HELD, GainAxis, Landscape
 from .task import Task
 
@@ -33,7 +36,8 @@ _WITH_GRADIENTS: Final = frozenset(
 ) | {"impact_force", "gain"}
 
 
-# All derivatives of objectives and limits by inputs are computed by this chain rule from the derivatives of the contact.
+# All derivatives of objectives and limits by inputs are computed by this chain rule from the derivatives of the
+# contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
     """A number that evaluates an encounter, such as an objective, with its derivatives by quantities at contact."""
@@ -51,7 +55,7 @@ class Criterion:
 
 
 def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
-    """Return a function from a quantity, which may be the gain or the obstacle's speed, to its derivative by an input."""
+    """Return a function from a quantity, also the gain or the obstacle's speed, to its derivative by one input."""
     # `of` returns the derivative of a quantity by an input, as `ContactGradients` does; `velocity` is that of the
     # obstacle at the start [m/s], for scales that equal its speed.
 

@@ -6,8 +6,8 @@ loop reads s = ln xi(l) + ln theta. If phi is constant, p_j, on each step j of s
     Q(l) = (1/M) sum_j p_j int_l^{l_d} [s in step j] g^2 dl
 
 is linear in p, the excursion int (e^Q - 1) dl is convex, and the limit of the contact speed, Q(0) >= ln(1/rho), is
-linear. So minimizing the largest excursion over theta is a convex problem. It is solved by Kelley's cutting planes: each
-iteration is a linear program, whose dual proves a lower bound.
+linear. So minimizing the largest excursion over theta is a convex problem. It is solved by Kelley's cutting planes:
+each iteration is a linear program, whose dual proves a lower bound.
 """
 
 from __future__ import annotations

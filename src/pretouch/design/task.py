@@ -16,15 +16,18 @@ from pretouch.motion.laws import continuous_law
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
 
-from .constraints import Constraint, ImpactModel, each_once
-from .objectives import AnyObjective, Objective, as_objective
-from .search.scan import GainAxis
+from .constraints import Constraint, each_once
+from .custom_objectives import AnyObjective, as_objective
+from .impact import ImpactModel
+from .objectives import Objective
+from .search.gain_axis import GainAxis
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
     from .drag.limits import DragEffect
-    from .robust.measures import Measure, Required
+    from .robust.measures import Measure
+    from .robust.required import Required
 
 
 P = ParamSpec("P")
@@ -240,7 +243,7 @@ class Task(Value):
         return stable
 
     def replace(self, **changes: Any) -> Task:
-        """Return a copy with other values of some fields; with another loop, the law is that of the loop's controller."""
+        """Return a copy with other values of some fields; another loop also brings the law of its controller."""
         fields = {name: value for name, value in self.__dict__.items() if name != "law" or "loop" not in changes}
         return Task(**{**fields, **changes})
 

@@ -7,8 +7,9 @@ from typing import Final
 
 from pretouch.design import Constraint, GainDesign, Task, design_gain
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
+from .program import Program
 
 PROGRAM: Final = Program(
     "Section VI-B: limits on the range of motion and on the relative velocity as inequality constraints.",
@@ -50,8 +51,8 @@ def reproduce(ran: Ran) -> Reproduction:
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
         findings=(_held(designs),),
         tables=(readings("The optimum under limits", _columns(designs)),),
-        caption="Left: the optimal gain over the largest allowed excursion. Right: the speed at contact. If the speed is "
-        "limited, too, no gain is feasible below the excursion at which the second curve begins.",
+        caption="Left: the optimal gain over the largest allowed excursion. Right: the speed at contact. If the speed "
+        "is limited, too, no gain is feasible below the excursion at which the second curve begins.",
         numbers={
             "excursion_limit": ran["limits"],
             "optimal_gain": ran["gains"],

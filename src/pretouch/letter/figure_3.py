@@ -6,8 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from .experiment import Program, Ran, Reproduction, readings
-from .given import SENSORS, sensor
+from .experiment import Ran, Reproduction, readings
+from .inputs import SENSORS, sensor
+from .program import Program
 
 CURVES: Final = {name: sensor(name) for name in ("inverse-power", "exponential-1", "exponential-2")}
 PROGRAM: Final = Program(
@@ -40,7 +41,7 @@ def reproduce(ran: Ran) -> Reproduction:
         "the wrong sign.",
         parameters=tuple(p for name in CURVES for p in SENSORS[name]),
         tables=(readings("Output ξ and slope g", columns),),
-        caption="Left: the output, as in the letter. Right: the slope of its logarithm, which the letter does not show.",
+        caption="Left: the output, as in the letter. Right: the slope of its logarithm, not shown in the letter.",
         numbers={
             "distance": ran["distance"],
             "output": {name: curve.output(ran["distance"]) for name, curve in CURVES.items()},

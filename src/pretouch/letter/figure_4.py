@@ -11,9 +11,10 @@ import numpy as np
 from pretouch.motion import find_contact
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Program, Ran, Reproduction, finding
-from .given import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, over_rounding, sensor
+from .experiment import Finding, Ran, Reproduction, finding
+from .inputs import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, over_rounding, sensor
 from .printed import Printed
+from .program import Program
 
 NAMES: Final = {
     "inverse-power": "inverse power, integrated",
@@ -63,7 +64,9 @@ def reproduce(ran: Ran) -> Reproduction:
         "letter, the first order is solved in closed form, the second order by its uniform motion.",
         parameters=PARAMETERS,
         comparisons=(
-            Printed("x at contact, experiment; computed: inverse power", "-0.132", power, "m", PLACE, lag, hardware=True),
+            Printed(
+                "x at contact, experiment; computed: inverse power", "-0.132", power, "m", PLACE, lag, hardware=True
+            ),
             Printed("x at contact, first order L(10)", "-0.135", first, "m", PLACE, over_inputs=rounded),
             Printed("x at contact, second order L(19)", SECOND, second, "m", PLACE, misprint, over_inputs=span),
             *(Printed(*fit, "", PLACE, reference, hardware=True) for fit in r_squared),
@@ -98,9 +101,9 @@ def _second_order(ours: float, low: float, high: float) -> Finding:
         4,
         "The second-order position at contact is -0.1378 m, not -0.136 m",
         "Section IV-D",
-        f"The uniform motion L(19) at l = 0 with the parameters of Table I gives {ours:.4f} m. No parameters that round "
-        "to the printed ones give -0.136 m. The general motion L(14), integrated from the letter's start, deviates even "
-        "more, in the other direction. The first-order value on the same page, -0.135 m, is right.",
+        f"The uniform motion L(19) at l = 0 with the parameters of Table I gives {ours:.4f} m. No parameters that "
+        "round to the printed ones give -0.136 m. The general motion L(14), integrated from the letter's start, "
+        "deviates even more, in the other direction. The first-order value on the same page, -0.135 m, is right.",
         ("L(19) at l = 0", ours, "m"),
         ("smallest over the rounding of b_2 and c_2", low, "m"),
         ("largest over the rounding of b_2 and c_2", high, "m"),

@@ -8,10 +8,11 @@ from typing import Final
 from pretouch.motion import find_contact
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Program, Ran, Reproduction, finding
+from .experiment import Finding, Ran, Reproduction, finding
 from .figure_4 import INPUTS, MOTIONS, NAMES, PARAMETERS
-from .given import EXPERIMENT_GAIN, approach, over_rounding
+from .inputs import EXPERIMENT_GAIN, approach, over_rounding
 from .printed import Printed
+from .program import Program
 
 PROGRAM: Final = Program(
     "Figure 5: the relative velocity until contact, D_p = -1 N s, by three ways to solve the motion.",
@@ -85,9 +86,9 @@ def _reductions(taken: dict[str, float]) -> Finding:
         "The ratio l'/v_o of Section IV-D is the reduction 1 - l'/v_o",
         "Section IV-D",
         f"The section prints {', '.join(PRINTED.values())} % as l'/v_o. In the models, {remain} % of the obstacle's "
-        f"speed remain, and the reductions are {less} %: the printed numbers are reductions. The printed relative errors, "
-        "9.74 and 4.62 %, are errors of these reductions. The errors of the remaining speeds, which determine the "
-        "impact, are 35 and 16 %.",
+        f"speed remain, and the reductions are {less} %: the printed numbers are reductions. The printed relative "
+        "errors, 9.74 and 4.62 %, are errors of these reductions. The errors of the remaining speeds, which determine "
+        "the impact, are 35 and 16 %.",
         *steps,
         ("the printed numbers are within 1 % of the reductions, and of no ratio", near),
     )

@@ -6,8 +6,9 @@ from typing import Final
 
 from pretouch.design import Constraint, GainDesign, Task, design_gain
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
+from .program import Program
 
 PROGRAM: Final = Program(
     "Section VI-B: the peak force of the impact in place of the speed, where mass and stiffness are known.",
@@ -70,8 +71,8 @@ def _shifted(by_speed: float, spring: float, hertz: float) -> Finding:
         13,
         "On a linear contact the force objective changes nothing; on a curved one it shifts the gain",
         "Section VI-B",
-        "F_typ is the peak force without mitigation. On a spring the peak is √(μ k) |l'|, so the objective equals f₁, with "
-        "the same optimum. By Hertz's law the force grows as |l'|^1.2, and the optimum moves.",
+        "F_typ is the peak force without mitigation. On a spring the peak is √(μ k) |l'|, so the objective equals f₁, "
+        "with the same optimum. By Hertz's law the force grows as |l'|^1.2, and the optimum moves.",
         ("optimal gain by speed", by_speed, "N s"),
         ("by force on the spring", spring, "N s"),
         ("by force on the sphere", hertz, "N s"),

@@ -6,8 +6,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import ADMITTANCE, F_1, SENSORS, approach, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import ADMITTANCE, F_1, SENSORS, approach, sensor
+from .program import Program
 
 PROGRAM: Final = Program(
     "One gain for all speeds: its loss compared with the best gain for each speed.",
@@ -44,15 +45,15 @@ def reproduce(ran: Ran) -> Reproduction:
     columns |= {f"contact, {name} [mm/s]": (1e3 * left[name][shown], ".1f") for name in (BEST, FAST, ALL)}
     note = "Each of the two gains minimizes the largest loss over its range of speeds."
     return Reproduction(
-        summary="The letter advises to design for a fast obstacle and to keep that gain. Here the loss of one gain in f₁ "
-        "is computed, compared with the best gain for each speed, for the inverse power curve and l'_typ equal to the "
-        f"obstacle's speed. {gain[FAST]:.3f} N s minimizes the largest loss from 0.2 to 1 m/s. Over all speeds from "
-        f"0.01 m/s on, the minimizer is {gain[ALL]:.3f} N s, which suits no range well.",
+        summary="The letter advises to design for a fast obstacle and to keep that gain. Here the loss of one gain in "
+        "f₁ is computed, compared with the best gain for each speed, for the inverse power curve and l'_typ equal to "
+        f"the obstacle's speed. {gain[FAST]:.3f} N s minimizes the largest loss from 0.2 to 1 m/s. Over all speeds "
+        f"from 0.01 m/s on, the minimizer is {gain[ALL]:.3f} N s, which suits no range well.",
         parameters=(*ADMITTANCE, *SENSORS["inverse-power"], *F_1[:3]),
         findings=(_price(gain[FAST], loss[FAST], left[FAST], speeds < 0.2),),
         tables=(readings("The loss at each speed", columns, note),),
-        caption="Left: the loss compared with the best gain for each speed. Right: the speed at contact; if the relative "
-        "loss is large, the contact is slow.",
+        caption="Left: the loss compared with the best gain for each speed. Right: the speed at contact; if the "
+        "relative loss is large, the contact is slow.",
         numbers={"speed": speeds, "gain": gain, "best_gain": best, "loss": loss, "speed_at_contact": left},
     )
 

@@ -154,7 +154,7 @@ class Printed(Value):
 
 
 def numeral(value: float, printed: str, sign: str = "") -> str:
-    """Format a number with two decimals more than a printed one, in its notation; with six digits if that is far longer.
+    """Format a number with two decimals more than a printed one, in its notation; six digits if that is far longer.
 
     Returns:
         The number as text.

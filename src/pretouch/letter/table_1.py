@@ -9,9 +9,10 @@ import numpy as np
 
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import F_1, SENSORS, best_gain, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import F_1, SENSORS, best_gain, sensor
 from .printed import Printed
+from .program import Program
 
 PROGRAM: Final = Program(
     "Table I: both exponential curves by least squares on xi, fitted to the inverse power curve over 0 to 42.2 mm.",
@@ -95,8 +96,8 @@ def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[floa
         7,
         "The exponential curves of Table I follow from its inverse power curve",
         "Table I",
-        f"Fits to the inverse power curve alone give the parameters {shown[0]} and {shown[1]}. These exponentials agree "
-        "with the printed ones to within 1 % of the output at contact, so the letter's readings are not needed to check "
-        "them. The differences change the optimal gain by less than 1 %.",
+        f"Fits to the inverse power curve alone give the parameters {shown[0]} and {shown[1]}. These exponentials "
+        "agree with the printed ones to within 1 % of the output at contact, so the letter's readings are not needed "
+        "to check them. The differences change the optimal gain by less than 1 %.",
         *steps,
     )

@@ -12,9 +12,10 @@ from pretouch._core.numbers import FloatArray
 from pretouch.motion import find_contact
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import APPROACH, F_1, ONE_APPROACH, SENSORS, approach, best_gain, f_1, over_rounding, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import APPROACH, F_1, ONE_APPROACH, SENSORS, approach, best_gain, f_1, over_rounding, sensor
 from .printed import Printed, resolution
+from .program import Program
 
 PROGRAM: Final = Program(
     "Table II: the objective f_1 of L(20) over the whole range of gains, with the gains of the table on it.",
@@ -66,14 +67,14 @@ def reproduce(ran: Ran) -> Reproduction:
     columns |= {"(x / x_typ)²": (terms[0], ".4f"), "(l' / l'_typ)²": (terms[1], ".4f"), "f₁": (values[2], ".4f")}
     return Reproduction(
         summary="The motion L(4) with the inverse power curve L(3) is integrated, as in the letter's simulation. Two "
-        "entries of the table cannot be right (findings 1 and 2); the others agree. If a computed number misses the last "
-        "digit by less than one unit, parameters that round to the printed ones reproduce it.",
+        "entries of the table cannot be right (findings 1 and 2); the others agree. If a computed number misses the "
+        "last digit by less than one unit, parameters that round to the printed ones reproduce it.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
         comparisons=(*_columns(values, ranges), *(Printed(*way, "N s", "Section V-A") for way in sought)),
         findings=(_repeated(values[:, 2], ranges[:, 2]), _misheaded(values, ranges[:, -1])),
         tables=(readings("Both terms of the objective", columns),),
-        caption="The objective and its two terms, which cross near the optimum. Circles are the gains of the table; the "
-        "letter prints the values of the last one, -10 N s, under -1.0.",
+        caption="The objective and its two terms, which cross near the optimum. Circles are the gains of the table; "
+        "the letter prints the values of the last one, -10 N s, under -1.0.",
         numbers={
             "gain": gains,
             **dict(zip(("position", "relative_velocity", "objective"), values, strict=True)),

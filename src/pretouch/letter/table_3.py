@@ -8,9 +8,10 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import DISRUPTION, F_2, SENSORS, best_gain, disruption, f_2, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import DISRUPTION, F_2, SENSORS, best_gain, disruption, f_2, sensor
 from .printed import Printed
+from .program import Program
 
 PROGRAM: Final = Program(
     "Table III: contact times and impact forces measured on hardware, and the model's contact times and speeds.",
@@ -58,9 +59,9 @@ def reproduce(ran: Ran) -> Reproduction:
     columns["model |l'| [mm/s]"] = (1e3 * speed, ".2f")
     columns["measured F_im [N]"] = ([force or "no peak" for _, force in PRINTED.values()], "")
     return Reproduction(
-        summary="The force sensor detects contact 14 to 44 % later than the model. Only the hardware has friction, servo "
-        "lag and a threshold. The ranking of the gains is the same, and the measured force is proportional to the "
-        "model's speed at contact.",
+        summary="The force sensor detects contact 14 to 44 % later than the model. Only the hardware has friction, "
+        "servo lag and a threshold. The ranking of the gains is the same, and the measured force is proportional to "
+        "the model's speed at contact.",
         parameters=(*DISRUPTION, *SENSORS["fingertip"], *F_2),
         comparisons=(
             *_measured(time, speed, float(ran["slope"])),
@@ -122,7 +123,7 @@ def _trade_off() -> Finding:
         only = abs(rounded - float(printed)) < 0.005 < abs(exact - float(printed))
         steps.append((f"{a} to {b} N s, from the printed times and forces", exact))
         steps.append((f"from {less} % and {later} %; printed {printed}", rounded))
-        steps.append(("only the second rounds to what is printed", only))
+        steps.append(("only the second rounds to the printed factor", only))
     return finding(
         8,
         "The trade-off factors 2.65 and 1.83 come from percentages that were rounded first",
@@ -145,9 +146,9 @@ def _hardware(time: FloatArray, speed: FloatArray, printed: FloatArray, ran: Ran
         "The hardware of Table III is later than the model, ranks the gains equally, and its force follows the speed",
         "Table III",
         f"Table III was measured, so it need not agree with the model. Contact is detected {late.min():.0f} to "
-        f"{late.max():.0f} % later than in the model, with the same ranking of gains. The measured force is proportional "
-        f"to the model's speed at contact: {slope:.1f} N s/m through the origin over five points. The confidence "
-        "interval is wide, because there are only four degrees of freedom.",
+        f"{late.max():.0f} % later than in the model, with the same ranking of gains. The measured force is "
+        f"proportional to the model's speed at contact: {slope:.1f} N s/m through the origin over five points. The "
+        "confidence interval is wide, because there are only four degrees of freedom.",
         ("smallest delay relative to the model", late.min(), "%"),
         ("largest delay", late.max(), "%"),
         ("contact is never earlier", bool(late.min() > 0)),

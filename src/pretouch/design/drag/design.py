@@ -16,7 +16,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
-from ..constraints import ImpactModel
+from ..impact import ImpactModel
 from ..task import Task, with_file_location
 from .limits import DragEffect
 from .result import DragDesign, predict_drag

@@ -17,7 +17,7 @@ from pretouch.motion import Admittance, ContactResult, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import SensorModel
 
-from ..constraints import ImpactModel
+from ..impact import ImpactModel
 
 _STRONGEST: Final = 1e-9  # ratio of the strongest drag that is searched; an object is practically stopped by it
 _PARTS: Final = 33
@@ -205,8 +205,8 @@ def strongest_by_excursion(  # noqa: PLR0917
     while (over := excess(excursion(high))) <= 0:
         if high == strongest:
             raise InvalidInputError(
-                f"excursion: found a limit of {limit:g} m, which even the drag of the ratio {_STRONGEST:g} meets; choose "
-                "the drag by its ratio"
+                f"excursion: found a limit of {limit:g} m, which even the drag of the ratio {_STRONGEST:g} meets; "
+                "choose the drag by its ratio"
             )
         low, under, high = high, over, min(2 * high, strongest)
     for _ in range(_PASSES):
@@ -228,9 +228,9 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
     """Find the strongest drag whose peak acceleration over v^2 meets a limit; the peak is not monotone in phi.
 
     With k = phi / M, the peak is the largest value over l of k g^2 exp(-2 k int g^2), and it grows at most
-    proportionally to k. So if a drag exceeds the limit by a factor, all drags down to this factor weaker exceed it, too.
-    The search goes down by this factor and never passes a drag that meets the limit. It starts at k = limit / g(l_d)^2,
-    because all stronger drags exceed the limit at detection.
+    proportionally to k. So if a drag exceeds the limit by a factor, all drags down to this factor weaker exceed it,
+    too. The search goes down by this factor and never passes a drag that meets the limit. It starts at k = limit /
+    g(l_d)^2, because all stronger drags exceed the limit at detection.
 
     Args:
         sensor: the sensor curve.
@@ -264,7 +264,9 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
         steps = 0.9 * excess * (1 - 0.95 * steepness) ** np.arange(_PARTS)
         grid = high * np.exp(-np.cumsum(steps))
         beyond = np.log(peaks(grid) / limit)
-        end = int(np.argmin(np.append(beyond[:-1] >= steps[1:], False)))  # up to here no drag between grid points can meet it
+        end = int(
+            np.argmin(np.append(beyond[:-1] >= steps[1:], False))
+        )  # up to here no drag between grid points can meet it
         steepness = float(np.clip((excess - beyond[end]) / math.log(high / grid[end]), 0.0, 1.0))
         high, excess = float(grid[end]), float(beyond[end])
     raise InvalidInputError(

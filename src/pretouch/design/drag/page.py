@@ -9,20 +9,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Chapter, Later, Listing, Measured, Page, Paragraph, Picture, Rows
-from pretouch._core.errors import InvalidInputError
+from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Picture, Rows
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.vocabulary import unit_of
 from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
 from pretouch.motion.describing import inputs_section, method_section
 
-from ..constraints import ImpactModel, impact_rows, quantity_of
 from ..front.physical_bound import find_physical_bound, why_no_bound
 from ..gain import GainDesign, design_gain
-from .design import why_no_drag
-from .limits import DragEffect, strongest_by_excursion
-from .result import ROUNDING, DragDesign
+from ..impact import ImpactModel, impact_rows
+from ..quantities import quantity_of
+from .limits import DragEffect
+from .result import DragDesign
 
 Row = tuple[Cell, ...]
 
@@ -30,7 +29,6 @@ _SPEEDS: Final = (0.05, 0.1, 0.3, 1.0)
 _PUSHES: Final = (0.0, 0.5, 1.0, 2.0, 5.0)
 _DISTANCES: Final = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 _SEARCHED: Final = (100.0, 1e-3)  # bounds of D_p relative to the gain whose impulse until contact is M v
-_BETTER: Final = 0.99  # largest ratio of contact speeds at which the drag is reported as better
 _COMPARED: Final = {
     "relative_velocity": "contact speed",
     "displacement": "excursion",
@@ -39,14 +37,14 @@ _COMPARED: Final = {
 }
 _OF_IMPACT: Final = {"drive_force": "drive force", "impact_force": "impact force"}
 _UNIFORM: Final = (
-    "For uniform approaches. With the drag, the share of the speed that remains and the excursion are the same at every "
-    "speed. The acceleration grows with the square of the speed."
+    "For uniform approaches. With the drag, the share of the speed that remains and the excursion are the same at "
+    "every speed. The acceleration grows with the square of the speed."
 )
 _BOUND: Final = (
-    "The bound holds for any motion of the object after detection, if it arrives there at most at the approach speed of "
-    "this encounter and its acceleration toward the plant never exceeds the limit. The acceleration of the reference, "
-    "and the return of the plant unless it is suspended, count as part of this acceleration. The bound also holds for "
-    "an object that turns around and returns."
+    "The bound holds for any motion of the object after detection, if it arrives there at most at the approach speed "
+    "of this encounter and its acceleration toward the plant never exceeds the limit. The acceleration of the "
+    "reference, and the return of the plant unless it is suspended, count as part of this acceleration. The bound also "
+    "holds for an object that turns around and returns."
 )
 _DETECTED: Final = (
     "Effects of the same drag at other detection distances. Contact is fastest for the smallest distance and the "
@@ -58,7 +56,7 @@ _DETECTED: Final = (
 def drag_page(design: DragDesign) -> Page:
     """Return the page of the drag of a task."""
     task, run = design.asked, design.result
-    acceleration = _push(design.scenario)
+    acceleration = push_of(design.scenario)
     warnings = []
     if acceleration:
         warnings.append(
@@ -137,7 +135,7 @@ def at_speeds(scenario: Scenario, speed: FloatArray) -> Scenario:
     return replace(scenario, obstacle=replace(scenario.obstacle, velocity=velocity, acceleration=acceleration))
 
 
-def _push(scenario: Scenario) -> float:
+def push_of(scenario: Scenario) -> float:
     """Return the acceleration of the object toward the plant, relative to the reference [m/s^2]."""
     return float(scenario.reference.acceleration - scenario.obstacle.acceleration)
 
@@ -154,9 +152,9 @@ def _contact(design: DragDesign, run: ContactResult) -> Chapter:
     columns = {"without mitigation": rest, DRAG.number.equals(design.drag): run}
     if letter is not None and letter.result is not None:
         columns[f"the letter's optimum, {DAMPER.number.equals(letter.gain or 0.0)}"] = letter.result
-    rows = [*_compared(design.scenario, design.asked.impact, *columns.values())]
+    rows = [*compared_rows(design.scenario, design.asked.impact, *columns.values())]
     place = ("", Measured(float(design.peak_distance), "m"), "")[: len(columns)]
-    if not _push(design.scenario):
+    if not push_of(design.scenario):
         rows.insert(4, ("distance of the largest acceleration", *place))
     note = (
         "Predicted, not measured; magnitudes. The excursion is that at contact; the plant still retreats afterwards. "
@@ -166,7 +164,7 @@ def _contact(design: DragDesign, run: ContactResult) -> Chapter:
     return Chapter(title="The contact", blocks=(Rows(head=("", *columns), rows=tuple(rows), note=note, brief=True),))
 
 
-def _compared(scenario: Scenario, impact: ImpactModel | None, *runs: ContactResult) -> Iterator[Row]:
+def compared_rows(scenario: Scenario, impact: ImpactModel | None, *runs: ContactResult) -> Iterator[Row]:
     """Yield table rows with the contact quantities of several encounters."""
     speed = abs(float(scenario.relative_velocity))
     for words, unit, values in _quantities(impact, *runs):
@@ -174,7 +172,10 @@ def _compared(scenario: Scenario, impact: ImpactModel | None, *runs: ContactResu
         if words == "contact speed":
             yield "share of the approach speed", *(f"{100 * v / speed:.3g} %" for v in values)
     if not why_no_bound(scenario):
-        yield "relative to the smallest possible excursion", *(Measured(_beyond_bound(scenario, r), "", 3) for r in runs)
+        yield (
+            "relative to the smallest possible excursion",
+            *(Measured(_beyond_bound(scenario, r), "", 3) for r in runs),
+        )
 
 
 def _quantities(impact: ImpactModel | None, *runs: ContactResult) -> Iterator[tuple[str, str, list[float]]]:
@@ -236,8 +237,8 @@ def _with_letter(
 def _figure(design: DragDesign) -> Chapter:
     caption = (
         "First: share of the speed that remains at contact over the excursion, for all drags and the chosen one. With "
-        "an objective, also for the gains of the letter's law L(2) at this approach speed and the optimal gain. Others: "
-        "effects of the chosen drag and of that gain at every approach speed."
+        "an objective, also for the gains of the letter's law L(2) at this approach speed and the optimal gain. "
+        "Others: effects of the chosen drag and of that gain at every approach speed."
     )
     name = "Remaining share of the speed over the excursion; share, excursion and acceleration over the approach speed"
     picture = Picture(figure="drag", of=design, name=name, caption=caption)
@@ -283,64 +284,3 @@ def _chosen_by(design: DragDesign) -> Row:
     name, value, unit = (design.asked.effect or DragEffect(ratio=design.ratio)).chosen
     up_to = f", up to {format_quantity(design.largest_speed, 'm/s')}" if math.isfinite(design.largest_speed) else ""
     return f"the drag is chosen by its {name.replace('_', ' ')}", Measured(float(value), unit, beside=up_to)
-
-
-def drag_alternative(design: GainDesign) -> Chapter | None:
-    """Return a section that compares an optimal gain with the virtual drag of the same excursion.
-
-    Args:
-        design: the gain design of one encounter.
-
-    Returns:
-        The section; None unless the drag gives slower contact after the same excursion and meets the limits of the
-        task. This can be predicted in continuous time, for a plant at rest at its reference and an object that does
-        not brake.
-    """
-    task, run = design.problem.task, design.result
-    if run is None or task.law != DAMPER or task.loop is not None or design.on_evaluator:
-        return None
-    scenario, sensor, push = design.scenario, design.sensor, _push(design.scenario)
-    excursion, before = -float(run.end.displacement), abs(float(run.end.relative_velocity))
-    if why_no_drag(scenario) or push < 0 or not excursion > 0 or sensor.valid_range[0] > 0:
-        return None
-    mass, distance = float(scenario.admittance.mass), float(scenario.distance)
-    speed = -float(scenario.relative_velocity)
-    try:
-        drag = strongest_by_excursion(sensor, distance, mass, excursion, speed, push)
-        with_drag = DRAG.contact(scenario, sensor, drag, horizon=task.horizon)
-    except InvalidInputError:  # the curve does not fall down to contact, or no drag has such a large excursion
-        return None
-    limits = [c for c in task.limits if c.quantity != "gain"]
-    after = abs(float(with_drag.end.relative_velocity))
-    feasible = all(c.magnitude(with_drag.end, task.impact) <= c.limit * (1 + ROUNDING) for c in limits)
-    if not (with_drag.reached and after < _BETTER * before and feasible):
-        return None
-    runs = (with_drag, run)
-    accelerations = [pretty_unit(format_quantity(float(r.end.largest_acceleration), "m/s^2")) for r in runs]
-    text = (
-        f"A virtual drag {DRAG.number.equals(drag)} would make contact at {format_quantity(after, 'm/s')} instead of "
-        f"{format_quantity(before, 'm/s')}, after the same excursion. Its largest acceleration is {accelerations[0]} "
-        f"instead of {accelerations[1]}."
-    )
-    if not push:
-        text += f" At every other approach speed, {100 * after / speed:.3g} % of the speed remains, too."
-    table = Later(make=lambda: _comparison(design, run, drag, with_drag))
-    return Chapter(title="Comparison with the virtual drag", blocks=(Paragraph(text=text, brief=True), table))
-
-
-def _comparison(design: GainDesign, run: ContactResult, drag: float, with_drag: ContactResult) -> Rows:
-    """Return a table of the optimal gain, the drag of the same excursion, and that of the same contact speed."""
-    scenario, sensor = design.scenario, design.sensor
-    columns = {"the optimal gain": run, f"same excursion, {DRAG.number.equals(drag)}": with_drag}
-    if not _push(scenario):
-        ratio = float(run.end.relative_velocity) / float(scenario.relative_velocity)
-        weak, _ = DragEffect(ratio=ratio).drag(sensor, float(scenario.distance), float(scenario.admittance.mass))
-        columns[f"same contact speed, {DRAG.number.equals(weak)}"] = DRAG.contact(scenario, sensor, weak)
-    note = (
-        "The virtual drag is another law: F = \u2212\u03c6 s\u2032\u00b2 while s = ln \u03be grows, else 0 "
-        "(docs/drag.md). It is predicted under the same assumptions, with the pull of the admittance suspended while "
-        "the object approaches. Its excursion is the same at every speed; with this gain, the plant may retreat less "
-        "from slow objects."
-    )
-    rows = tuple(_compared(scenario, design.impact, *columns.values()))
-    return Rows(head=("", *columns), rows=rows, note=note)

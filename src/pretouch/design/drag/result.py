@@ -28,11 +28,11 @@ ROUNDING: Final = 1e-9
 
 PREMISES: Final = (
     "The plant follows the virtual object of mass M exactly. Sensor and controller have no delay and no noise.",
-    "While the object approaches, the pull of the admittance toward it is suspended. At detection, the plant is at rest "
-    "at its reference or already retreats.",
+    "While the object approaches, the pull of the admittance toward it is suspended. At detection, the plant is at "
+    "rest at its reference or already retreats.",
     "The object is visible from the detection distance down to contact, and ln xi falls with the distance everywhere.",
-    "Ratio, excursion and peak acceleration are for an object in uniform motion relative to the reference. The bound of "
-    "the contact speed is for any object whose acceleration toward the plant never exceeds the given limit.",
+    "Ratio, excursion and peak acceleration are for an object in uniform motion relative to the reference. The bound "
+    "of the contact speed is for any object whose acceleration toward the plant never exceeds the given limit.",
     "The excursion is that at contact. The plant then still retreats at 1 - rho of the approach speed.",
 )
 """The assumptions of a design of a drag."""
@@ -225,8 +225,8 @@ class DragRails(Value):
             )
         if not 0 < self.weak.drag <= self.strong.drag:
             raise InvalidInputError(
-                f"rails: found {self.weak.drag:g} N*s^2 for the weak and {self.strong.drag:g} N*s^2 for the strong drag, "
-                "expected positive drags, the weak one first"
+                f"rails: found {self.weak.drag:g} N*s^2 for the weak and {self.strong.drag:g} N*s^2 for the strong "
+                "drag, expected positive drags, the weak one first"
             )
 
     @property

@@ -11,7 +11,7 @@ from pretouch._core.units import format_quantity, format_range, pretty_unit
 from pretouch._core.vocabulary import in_short, unit_of, words_for
 from pretouch.motion.describing import inputs_section, method_section
 
-from ..constraints import impact_rows
+from ..impact import impact_rows
 from .result import FrontPoint, FrontStatus, ParetoFront
 
 Row = tuple[Cell, ...]
@@ -28,9 +28,9 @@ _KNEE: Final = (
     "others. It depends on the ends of the front, and so on the bounds of the gain and the admittance."
 )
 _COMPARED: Final = (
-    "The smallest possible deviation is that of an ideal robot with the same largest acceleration and the same relative "
-    "velocity at contact. The smallest possible acceleration is the one with which an ideal robot reaches that velocity "
-    "from the same detection distance."
+    "The smallest possible deviation is that of an ideal robot with the same largest acceleration and the same "
+    "relative velocity at contact. The smallest possible acceleration is the one with which an ideal robot reaches "
+    "that velocity from the same detection distance."
 )
 _BOUND: Final = (
     "The physical bound holds for every controller and every sensor. It assumes an ideal robot: at rest at detection, "
@@ -136,7 +136,7 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
         return "The choice violates a constraint."
     if not choice.behind > _BEHIND:
         return "The choice lies on the Pareto front."
-    text = f"In every quantity, the Pareto front is better than the choice by {100 * choice.behind:.2g} % of its extent"
+    text = f"In every quantity, the front is better than the choice by {100 * choice.behind:.2g} % of its extent"
     if len(front.quantities) == 2:
         first, second = front.quantities
         least = float(front.of(first)[front.meets(**{second: choice.values[second]})].min())

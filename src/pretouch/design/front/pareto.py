@@ -13,15 +13,19 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario
 
-from ..constraints import QUANTITY_UNITS
 from ..gain import GainDesign
 from ..problem import GainProblem, magnitude
+from ..quantities import QUANTITY_UNITS
 from ..search import refine
+from ..search.freedom import make_freedom
 from ..search.local import descend
-from ..search.trials import Trials, make_freedom
+from ..search.trials import Trials
 from ..task import Choice, Task, with_file_location
-from .fronts import FoundFront, extent_of, find_front, shortfall, trace_front
-from .physical_bound import PhysicalBound, compare_with_bound, find_physical_bound, why_no_bound
+from .bound_comparison import compare_with_bound
+from .curve_front import trace_front
+from .dominance import FoundFront, extent_of, shortfall
+from .parameter_front import find_front
+from .physical_bound import PhysicalBound, find_physical_bound, why_no_bound
 from .result import FrontPoint, FrontStatus, ParetoFront
 
 _LEAST: Final = 1e-3  # depth below which a front counts as straight

@@ -11,24 +11,22 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import BoolArray, FloatArray, finite, float_or_array, nonnegative, positive
+from pretouch._core.numbers import FloatArray, finite, float_or_array, nonnegative, positive
 from pretouch._core.values import Value, check_types
-from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
-
-from ..search.trials import Trials
+from pretouch.motion import Scenario
 
 _ROUNDING: Final = 1e-9  # relative rounding error of a time
 
 
-# An obstacle at distance l0 approaches with the velocity v + a t. The robot is at rest, may accelerate by at most A, and
-# retreats without first moving toward the obstacle. Let contact be after an excursion d, with contact speed w.
+# An obstacle at distance l0 approaches with the velocity v + a t. The robot is at rest, may accelerate by at most A,
+# and retreats without first moving toward the obstacle. Let contact be after an excursion d, with contact speed w.
 #
 #     1. The obstacle passes -d with the speed |v_T| = sqrt(v^2 - 2 a (l0 + d)), for every motion of the robot.
 #     2. After its last moment at rest, the robot gains s^2 / 2 = -int x'' dx <= A d, so its speed is s <= sqrt(2 A d).
 #     3. w = |v_T| - s, and the robot needs at least the time sqrt(2 d / A) to be there.
 #
-# So w >= |v_T(d)| - sqrt(2 A d), which falls with d. A robot that waits and then retreats by A reaches equality, so this
-# is the best motion. With y = sqrt(2 d), the smallest excursion for a contact speed w solves
+# So w >= |v_T(d)| - sqrt(2 A d), which falls with d. A robot that waits and then retreats by A reaches equality, so
+# this is the best motion. With y = sqrt(2 d), the smallest excursion for a contact speed w solves
 #
 #     (A + a) y^2 + 2 w sqrt(A) y + w^2 - (v^2 - 2 a l0) = 0,
 #
@@ -76,7 +74,7 @@ class PhysicalBound(Value):
 
     @property
     def least_contact_speed(self) -> Any:
-        """The smallest contact speed that can be reached from the detection distance [m/s], of the shape of the limit."""
+        """The smallest possible contact speed [m/s], of the shape of the acceleration limit."""
         a, limit, v, room = self.acceleration, np.asarray(self.acceleration_limit), self.velocity, self.distance
         free = np.sqrt(np.maximum(v**2 - 2 * (limit + a) * room, 0.0))
         if math.isinf(self.speed_limit):
@@ -103,7 +101,9 @@ class PhysicalBound(Value):
         """
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
         limit, a = np.asarray(self.acceleration_limit), self.acceleration
-        arrival = self.velocity**2 - 2 * a * self.distance  # square of the obstacle's speed at the robot's rest position
+        arrival = (
+            self.velocity**2 - 2 * a * self.distance
+        )  # square of the obstacle's speed at the robot's rest position
         with np.errstate(invalid="ignore", divide="ignore"):
             root = np.sqrt(w**2 * limit + (limit + a) * (arrival - w**2))
             y = (arrival - w**2) / (w * np.sqrt(limit) + root)
@@ -114,7 +114,7 @@ class PhysicalBound(Value):
         return float_or_array(np.where(in_time, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
-        """Return the shortest time of contact [s] for a contact speed [m/s], with the smallest excursion; NaN as there."""
+        """Return the shortest time of contact [s] for a contact speed [m/s], that of the smallest excursion, or NaN."""
         return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
@@ -199,88 +199,3 @@ def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
     square = np.asarray(velocity**2 - 2 * acceleration * distance)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.where(square >= 0, 2 * distance / (np.sqrt(np.maximum(square, 0)) - velocity), np.inf))
-
-
-_SAMPLES: Final = 400
-_FORWARD: Final = 1e-9  # largest motion toward the obstacle, relative to the excursion, for which the bound applies
-_NOTHING: Final = 1e-9  # a smaller acceleration, relative to the deceleration that the approach needs, counts as none
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class BoundComparison(Value):
-    """Comparison of encounters with the physical bound for the same largest acceleration; floats or arrays.
-
-    Args:
-        acceleration: the largest acceleration of the encounter [m/s^2].
-        excursion: the deviation from the reference at contact, |x - x_d| [m].
-        least_excursion: the smallest excursion with which any robot with that acceleration reaches the same contact
-            speed [m]; NaN if the plant first moves toward the obstacle, because the bound then does not apply.
-        least_acceleration: the smallest acceleration with which any robot reaches that contact speed from the same
-            detection distance [m/s^2].
-    """
-
-    acceleration: Any
-    excursion: Any
-    least_excursion: Any
-    least_acceleration: Any
-
-    @property
-    def ratio(self) -> Any:
-        """The excursion relative to the smallest possible one, never below 1; NaN if the smallest is 0."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(
-                np.asarray(self.least_excursion) > 0, np.divide(self.excursion, self.least_excursion), np.nan
-            )
-        return float(ratio) if ratio.ndim == 0 else ratio
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as one JSON object, in SI; arrays as lists."""
-        others = {name: getattr(self, name) for name in ("excursion", "least_excursion", "least_acceleration")}
-        return {"largest_acceleration": self.acceleration, **others}
-
-    def __repr__(self) -> str:
-        return f"<BoundComparison: {np.size(self.acceleration)} encounters>"
-
-
-def compare_with_bound(
-    trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult
-) -> BoundComparison | None:
-    """Compare encounters with the physical bound for the same largest acceleration; None if it does not apply."""
-    original = trials.freedom.scenario
-    if not trials.encounters.is_continuous or why_no_bound(original):
-        return None
-    end = result.end
-    acceleration, speed = np.asarray(end.largest_acceleration), np.abs(end.relative_velocity)
-    approach = original.obstacle.velocity**2 / original.distance
-    still = acceleration < _NOTHING * approach
-    bound = PhysicalBound(
-        distance=original.distance,
-        velocity=original.obstacle.velocity,
-        acceleration=original.obstacle.acceleration,
-        acceleration_limit=np.where(still, approach, acceleration),
-    )
-    least = np.where(still, 0.0, bound.excursion(speed))
-    least = np.where(_only_retreats(trials, scenario, gain, result), least, np.nan)
-    return BoundComparison(
-        acceleration=float_or_array(acceleration),
-        excursion=float_or_array(np.abs(end.displacement)),
-        least_excursion=float_or_array(least),
-        least_acceleration=float_or_array(np.asarray(bound.least_acceleration(speed))),
-    )
-
-
-def _only_retreats(trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult) -> BoolArray:
-    """Return which plants never move beyond their rest position toward the obstacle; of the shape of the gain."""
-    # This is proved if the admittance is not under-damped, the gain mitigates and the obstacle does not brake
-    # (docs/fast-designs.md: l' < 0 until contact, so the force always pushes away, and the admittance does not
-    # oscillate). With a drag it is a premise of the motion (docs/drag.md). In other cases the motions are sampled.
-    a = scenario.admittance
-    damped = np.square(a.damping) >= 4 * np.multiply(a.mass, a.stiffness) * (1 - 1e-12)
-    task, braked = trials.encounters.task, trials.freedom.scenario.obstacle.acceleration > 0
-    mitigates = damped & (np.asarray(gain) <= 0) & np.logical_not(braked) & (task.law == DAMPER)
-    proved = np.asarray(mitigates | (task.law == DRAG))
-    if np.all(proved):
-        return np.ones(np.shape(gain), dtype=bool)
-    motion = task.law.motion(scenario, task.sensor, gain, method=task.method, horizon=task.horizon, samples=_SAMPLES)
-    forward = motion.displacement.max(axis=-1) <= _FORWARD * np.abs(result.end.displacement)
-    return np.asarray(proved | forward)

@@ -18,7 +18,8 @@ from pretouch.motion.contact import ContactResult
 
 from ..constraints import Constraint
 from ..problem import Answer
-from .physical_bound import BoundComparison, PhysicalBound
+from .bound_comparison import BoundComparison
+from .physical_bound import PhysicalBound
 
 
 class FrontStatus(StrEnum):

@@ -14,7 +14,8 @@ from pretouch.uncertainty import (
 )
 
 from .design import design_robust_gain
-from .measures import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
+from .measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
+from .required import Required
 from .result import RobustDesign
 
 __all__ = [

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
@@ -14,8 +13,6 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import with_kind
 from pretouch._core.numbers import FloatArray, finite, float_or_array
 from pretouch._core.values import check_types
-
-from ..constraints import Constraint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,8 +63,8 @@ def checked_measure(measure: Any) -> Measure:
             )
     if isinstance(measure, WorstCase) and home["of"] is not WorstCase:
         raise InvalidInputError(
-            f"measure: found {type(measure).__name__}, a worst case that overrides `of`, expected WorstCase itself: the "
-            "worst encounter is found by a search, not by `of`"
+            f"measure: found {type(measure).__name__}, a worst case that overrides `of`, expected WorstCase itself: "
+            "the worst encounter is found by a search, not by `of`"
         )
     return measure
 
@@ -109,7 +106,8 @@ class Expected(Measure):
         return float(differences.mean()), float(differences.std(ddof=1)) / math.sqrt(len(differences))
 
 
-def _probability(value: Any) -> float:
+def checked_probability(value: Any) -> float:
+    """Return a probability between 0 and 1, both excluded; raise an error for other numbers."""
     p = float(finite(value, "probability"))
     if not 0 < p < 1:
         raise InvalidInputError(f"probability: found {p:g}, expected a number between 0 and 1, such as 0.95")
@@ -122,7 +120,7 @@ class _AtProbability(Measure):
 
     def __post_init__(self) -> None:
         check_types(self)
-        object.__setattr__(self, "probability", _probability(self.probability))
+        object.__setattr__(self, "probability", checked_probability(self.probability))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,7 +142,7 @@ class Quantile(_AtProbability):
 
     def of(self, values: Any) -> Any:
         """Return the smallest value that at least this share of the values does not exceed."""
-        return _quantile(values, self.probability)
+        return sample_quantile(values, self.probability)
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
         """Return the quantile and an interval between order statistics, which holds for every distribution."""
@@ -180,14 +178,14 @@ class ConditionalValueAtRisk(_AtProbability):
     def of(self, values: Any) -> Any:
         """Return q + mean(max(f - q, 0)) / (1 - p) with the quantile q."""
         f = np.asarray(values, dtype=np.float64)
-        q = np.asarray(_quantile(f, self.probability))[..., None]
+        q = np.asarray(sample_quantile(f, self.probability))[..., None]
         with np.errstate(invalid="ignore"):
             beyond = np.where(f > q, f - q, 0.0).mean(axis=-1)
         return float_or_array(q[..., 0] + beyond / (1 - self.probability))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
         """Return the tail mean and its asymptotic interval: that of the mean of q + max(f - q, 0) / (1 - p)."""
-        q = _quantile(values, self.probability)
+        q = sample_quantile(values, self.probability)
         if not math.isfinite(q):
             return math.inf, -math.inf, math.inf
         return Expected().estimate(q + np.maximum(values - q, 0.0) / (1 - self.probability), confidence)
@@ -219,45 +217,8 @@ class WorstCase(Measure):
         return float(np.max(others) - np.max(values)), math.nan
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Required:
-    """A chance constraint: a constraint that must hold with a probability.
-
-    Args:
-        constraint: the constraint.
-        probability: the required probability, in (0, 1]; 1 requires it in every sampled encounter.
-
-    Examples:
-        >>> Required(constraint=Constraint(name="relative_velocity", limit=0.1), probability=0.6).share([0.5, 0.9, 1.2])
-        0.9
-    """
-
-    constraint: Constraint
-    probability: float = 1.0
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        if self.probability != 1:
-            object.__setattr__(self, "probability", _probability(self.probability))
-
-    def share(self, ratios: Any) -> Any:
-        """Return the quantile of the ratios |quantity| / limit at the required probability, along the last axis."""
-        return float_or_array(np.max(ratios, axis=-1)) if self.probability == 1 else _quantile(ratios, self.probability)
-
-
-def limits_of(constraints: Iterable[Constraint | Required]) -> tuple[Required, ...]:
-    """Return constraints with their probabilities: a plain Constraint must hold in every encounter."""
-    return tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
-
-
-def _quantile(values: Any, probability: float) -> Any:
+def sample_quantile(values: Any, probability: float) -> Any:
+    """Return the smallest value that at least this share of the values does not exceed, along the last axis."""
     f = np.asarray(values, dtype=np.float64)
     rank = min(max(math.ceil(probability * f.shape[-1] - 1e-9), 1), f.shape[-1]) - 1
     return float_or_array(np.partition(f, rank, axis=-1)[..., rank])
-
-
-def least_probability(held: int, count: int, confidence: float) -> float:
-    """Return the one-sided lower confidence bound of a probability from successes (Clopper and Pearson, 1934)."""
-    from scipy.special import betaincinv  # noqa: PLC0415 - SciPy is imported only for a validation
-
-    return 0.0 if held == 0 else float(betaincinv(held, count - held + 1, 1 - confidence))

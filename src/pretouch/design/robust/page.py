@@ -17,7 +17,7 @@ from pretouch.motion.scenario import input_units
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from ..certificate import DesignStatus
-from ..constraints import impact_rows
+from ..impact import impact_rows
 from ..page import objective_rows
 from .importance import InputImportance
 from .price import Price
@@ -84,8 +84,8 @@ _STATUS: Final = {
 }
 _ADVICE: Final = {
     DesignStatus.INFEASIBLE: (
-        "No gain within the bounds meets all constraints with their probabilities. Try a smaller probability, a relaxed "
-        "limit, a wider range of gains, earlier detection, another admittance, or less uncertain inputs."
+        "No gain within the bounds meets all constraints with their probabilities. Try a smaller probability, a "
+        "relaxed limit, a wider range of gains, earlier detection, another admittance, or less uncertain inputs."
     ),
     DesignStatus.NO_CONTACT: (
         "Some encounters that the measure includes end without contact at every gain. Use a quantile, which excludes a "
@@ -99,8 +99,8 @@ def robust_page(design: RobustDesign) -> Page:
     advice, v = _ADVICE.get(design.status), design.validation
     premise = Paragraph(
         text="The gain is optimal for a sample average with common samples. The distributions of the inputs are "
-        "assumptions, which nothing here tests. If an input is distributed differently, the probabilities and intervals "
-        "above are not valid."
+        "assumptions, which nothing here tests. If an input is distributed differently, the probabilities and "
+        "intervals above are not valid."
     )
     return Page(
         kind="Robust gain for uncertain inputs",
@@ -184,9 +184,9 @@ def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
 
 def _constraints(v: Validation) -> Chapter:
     note = (
-        '"At least" is the exact lower confidence bound (Clopper and Pearson) of the probability that the constraint is '
-        f'met, with a confidence of {100 * v.confidence:g} %. "Demonstrated": this bound is at least the required '
-        'probability. "Within chance": the result is compatible with the required probability. An optimal design often '
+        '"At least" is the exact lower confidence bound (Clopper and Pearson) of the probability that the limit is met, '
+        f'with a confidence of {100 * v.confidence:g} %. "Demonstrated": this bound is at least the '
+        'required probability. "Within chance": the result is compatible with the required probability. An optimal design often '
         "lies on a constraint, so that fresh samples meet it about as often as required and cannot demonstrate it: "
         "require a slightly larger probability."
     )
@@ -220,7 +220,9 @@ def _worst(design: RobustDesign) -> Chapter | None:
         ("lower bound for all gains", Measured(w.lower, "", 6)),
         ("boxes of inputs in the search", str(w.boxes)),
     )
-    note = "The worst encounter was searched for and bounded, not sampled: no possible encounter exceeds the upper bound."
+    note = (
+        "The worst encounter was searched for and bounded, not sampled: no possible encounter exceeds the upper bound."
+    )
     return _section("The worst encounter", (), rows, note, wraps=True)
 
 

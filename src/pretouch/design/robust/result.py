@@ -195,8 +195,8 @@ class RobustDesign(Answer):
         """
         if self.on_evaluator:
             raise ResultUnavailableError(
-                "price: found a gain that was designed with evaluate, expected one in continuous time; call design_gain "
-                "with the same evaluate at the values of interest"
+                "price: found a gain that was designed with evaluate, expected one in continuous time; call "
+                "design_gain with the same evaluate at the values of interest"
             )
         return price_of_robustness(self.problem, name, count, self.gain if gain is None else gain)
 

@@ -6,8 +6,9 @@ encounters are scanned together (`many`). Over several free parameters, `local` 
 `box_maximum` computes a certified maximum on a box.
 """
 
+from .gain_axis import GainAxis
 from .minima import Minimum, refine, search_axis
-from .scan import EXACT, HELD, RUNS, SAMPLED, Effort, GainAxis, Landscape, Scan, scan
+from .scan import EXACT, HELD, RUNS, SAMPLED, Effort, Landscape, Scan, scan
 
 __all__ = [
     "EXACT",

@@ -139,11 +139,9 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     text = f"In every quantity, the front is better than the choice by {100 * choice.behind:.2g} % of its extent"
     if len(front.quantities) == 2:
         first, second = front.quantities
-        least = float(front.of(first)[front.meets(**{second: choice.values[second]})].min())
-        text += (
-            f": with the same {in_short(second)}, the {in_short(first)} can be {format_quantity(least, unit_of(first))} "
-            f"instead of {format_quantity(choice.values[first], unit_of(first))}"
-        )
+        best = front.of(first)[front.meets(**{second: choice.values[second]})].min()
+        least, chosen = (format_quantity(float(value), unit_of(first)) for value in (best, choice.values[first]))
+        text += f": with the same {in_short(second)}, the {in_short(first)} can be {least} instead of {chosen}"
     return f"{text}."
 
 

@@ -184,11 +184,11 @@ def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
 
 def _constraints(v: Validation) -> Chapter:
     note = (
-        '"At least" is the exact lower confidence bound (Clopper and Pearson) of the probability that the limit is met, '
-        f'with a confidence of {100 * v.confidence:g} %. "Demonstrated": this bound is at least the '
-        'required probability. "Within chance": the result is compatible with the required probability. An optimal design often '
-        "lies on a constraint, so that fresh samples meet it about as often as required and cannot demonstrate it: "
-        "require a slightly larger probability."
+        '"At least" is the exact lower confidence bound (Clopper and Pearson) of the probability that the limit is '
+        f'met, with a confidence of {100 * v.confidence:g} %. "Demonstrated": this bound is at least the required '
+        'probability. "Within chance": the result is compatible with the required probability. An optimal design '
+        "often lies on a constraint, so that fresh samples meet it about as often as required and cannot demonstrate "
+        "it: require a slightly larger probability."
     )
     head = ("constraint", "limit", "required in", "met in", "at least", "quantile at the required share", "state")
     return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note)

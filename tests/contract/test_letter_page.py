@@ -134,7 +134,7 @@ def test_a_reason_that_many_share_stands_once() -> None:
     same = tuple(dataclasses.replace(comparisons()[3], name=f"time {i}") for i in range(3))
     words = parse(report_html(LetterReport(reproductions=(reproduction(given=same),)))).words
     assert words.count("friction") - words.count("friction and modeling") == 1
-    assert "all of them: friction" in words
+    assert "all numbers: friction" in words
     more = (*same[:2], comparisons()[0])
     words = parse(report_html(LetterReport(reproductions=(reproduction(given=more),)))).words
     assert "time 0; time 1: friction" in words
@@ -144,8 +144,8 @@ def test_parts_without_inputs_numbers_or_tables_have_no_empty_headings() -> None
     bare = dataclasses.replace(reproduction(given=()), parameters=(), tables=())
     page = report_html(LetterReport(reproductions=(bare,)))
     words = assert_sound(page).words
-    assert "Inputs, as the letter gives them" not in words
-    assert "Printed numbers beside ours" not in words
+    assert "Inputs, as printed in the letter" not in words
+    assert "Printed and computed numbers" not in words
     assert "Where the letter" not in words
 
 
@@ -206,7 +206,7 @@ def test_a_step_is_a_number_a_text_or_a_condition() -> None:
 def test_the_text_shows_counts_findings_and_disagreements() -> None:
     text = str(good())
     lines = text.splitlines()
-    assert lines[0].startswith("8 printed numbers of the letter beside ours. Reproduced: ")
+    assert lines[0].startswith("8 printed numbers of the letter compared. Reproduced: ")
     assert "all 2 2 2 2" in [" ".join(line.split()) for line in lines]
     for part in good().reproductions:
         assert [line.split()[-4:] for line in lines if line.startswith(f"{part.id}: ")] == [["1", "1", "1", "1"]]

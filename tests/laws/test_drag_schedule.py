@@ -103,12 +103,12 @@ def test_it_is_worth_it_where_reflectance_is_known() -> None:
     assert 0.25 < saved["10 %"] < 0.33
     for known in ("20 %", "10 %"):
         found = scheduled(known)
-        assert found.verdict.startswith("worth it:")
+        assert found.verdict.startswith("worthwhile:")
         assert found.gap < 1e-5
     assert "12 % less excursion (30.0 mm instead of 34.2 mm) at 2." in scheduled("20 %").verdict
     assert 1e3 * scheduled("20 %", rails=WIDE).largest_excursion == pytest.approx(28.3, abs=0.1)
     assert 1e3 * scheduled("10 %", rails=WIDE).largest_excursion == pytest.approx(15.4, abs=0.1)
-    assert scheduled("0.5-2", monotone=False).verdict.startswith("not worth it:")
+    assert scheduled("0.5-2", monotone=False).verdict.startswith("not worthwhile:")
 
 
 @pytest.mark.parametrize("known", RANGES)

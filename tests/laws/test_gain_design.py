@@ -136,7 +136,7 @@ def test_infeasible_names_the_constraint_and_its_nearest_value(letter_encounter:
     assert excursion.achievable
     assert speed.best_gain == -10.0
     assert speed.best_value == pytest.approx(0.0227711, rel=1e-5)
-    assert "relative_velocity cannot be held at 0.02 m/s" in str(design)
+    assert "relative_velocity cannot be limited to 0.02 m/s" in str(design)
     assert "0.02277 m/s" in str(design)
 
 
@@ -145,7 +145,7 @@ def test_constraints_that_exclude_each_other_are_reported_together(letter_encoun
     design = design_gain(Task(letter_encounter, CURVES["inverse-power"], F1, bounds=BOUNDS, constraints=limits))
     assert design.status is DesignStatus.INFEASIBLE
     assert all(o.achievable for o in design.constraints)
-    assert "relative_velocity and excursion cannot be held together" in str(design)
+    assert "relative_velocity and excursion cannot be met together" in str(design)
     # at the nearest gain both are exceeded in the same proportion
     ratios = [o.value / o.limit for o in design.constraints]
     assert ratios[0] == pytest.approx(ratios[1], rel=1e-6)

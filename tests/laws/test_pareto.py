@@ -350,7 +350,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     assert found["physical_bound"]["excursion_at_least_contact_speed"] == pytest.approx(0.3**2 / 10)
     text = str(front)
     assert "knee" in text
-    assert "The choice lies on the front." in text
+    assert "The choice lies on the Pareto front." in text
     assert "9 mm" in text
     assert "<table>" in front._repr_html_()
     assert found["knee"]["least_excursion"] == front.knee.bound.least_excursion

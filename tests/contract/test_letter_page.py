@@ -82,7 +82,7 @@ def test_a_notebook_shows_counts_and_warnings_without_links() -> None:
     shown = bad()._repr_html_()
     assert "<a " not in shown
     assert "](#" not in shown
-    assert "Warning: Does not come out here: finding 7: Column 7" in shown
+    assert "Warning: Does not hold: finding 7: Column 7" in shown
     assert "table-2: The gains of table-2" in shown
 
 
@@ -123,11 +123,10 @@ def test_what_does_not_come_out_is_loud_and_what_does_is_not(page: str) -> None:
     assert "not reproduced" in words
     assert words.count("DOES NOT HOLD") == 2  # in the list of findings, and where it stands
     assert words.count("does NOT hold") == 2  # in the warning, and where it stands
-    assert "Does not come out here: finding 7: Column 7" in words
-    assert "Does not come out here: The gains of table-2: f1 at -0.9" in words
-    assert "f1 at -0.9 disagrees, and no reason is known" in words
+    assert "Does not hold: finding 7: Column 7" in words
+    assert "Unexplained disagreement: The gains of table-2: f1 at -0.9" in words
     assert "f1 at -0.9: NO REASON KNOWN" in words
-    assert page.index("Does not come out here") < page.index("<table")
+    assert page.index("Does not hold") < page.index("<table")
 
 
 def test_a_reason_that_many_share_stands_once() -> None:
@@ -213,7 +212,7 @@ def test_the_text_shows_counts_findings_and_disagreements() -> None:
     found = [line for line in lines if re.match(r" +\d+\. ", line)]
     assert [int(line.split(".")[0]) for line in found] == [2, 3, 4]
     assert all(line.endswith(": holds") for line in found)
-    assert text.count("printed -0.082 m, ours -0.09153 m: the printed value repeats l'") == 2
+    assert text.count("printed -0.082 m, computed -0.09153 m: the printed value repeats l'") == 2
     assert "friction" not in text  # measured numbers are not claimed to agree
     assert "](#" not in text
 
@@ -224,4 +223,4 @@ def test_the_text_is_loud_about_what_does_not_come_out() -> None:
     (line,) = [line for line in lines if line.endswith("DOES NOT HOLD")]
     assert line.startswith("  7. ")
     assert any("finding 7: " in line and "the printed column is that of -10: does NOT hold" in line for line in lines)
-    assert any("printed 0.110, ours 0.25000: NO REASON KNOWN" in line for line in lines)
+    assert any("printed 0.110, computed 0.25000: NO REASON KNOWN" in line for line in lines)

@@ -147,7 +147,7 @@ def test_a_report_contains_the_numbers_of_the_design(one: RobustDesign, page: st
     assert excursion.held == 1
     cells = row(page, "largest excursion max |x \u2212 x_d|", "Constraints")
     assert cells[1:3] == ["every sample", "100 %"]
-    assert cells[-1] == "held in every sample"
+    assert cells[-1] == "met in every sample"
     assert row(page, "gain: bounds") == ["-10 N s to -0.01 N s"]
     tiles = parse(page).words
     for number in (f"{one.gain:.4g} N s robust gain D_p", f"{one.nominal_gain:.4g} N s nominal gain D_p"):
@@ -158,7 +158,7 @@ def test_text_and_page_say_the_same(one: RobustDesign, page: str) -> None:
     text = str(one)
     for label in ("end in contact", "time of contact, median", "scan", "seed"):
         assert line(text, label) == " ".join(row(page, label))
-    assert "What knowing one input" not in text  # which takes its time
+    assert "Value of knowing one input" not in text  # which takes its time
 
 
 def test_a_new_distribution_is_one_class() -> None:
@@ -184,7 +184,7 @@ def test_a_report_tells_what_the_objective_varies_with(one: RobustDesign, page: 
         cells = row(page, share.name, "Importance of the uncertain inputs")
         assert cells[0] == f"{100 * share.alone:.1f} % \u00b1 {100 * share.alone_error:.1f}"
     alone = design()  # a single input has all of the variance
-    assert "what the objective varies with" not in str(alone)
+    assert "importance of the uncertain inputs" not in str(alone)
 
 
 def test_a_report_tells_what_knowing_an_input_would_gain(one: RobustDesign, page: str) -> None:
@@ -211,7 +211,7 @@ def test_a_worst_encounter_is_shown_where_there_is_one(one: RobustDesign, page: 
     text = str(shown).partition("\nthe worst encounter\n")[2]
     assert text.split("\n")[0].split(maxsplit=1) == [
         "obstacle.velocity",
-        "-0.6 m/s, with which the objective only falls",
+        "-0.6 m/s (the objective decreases with it)",
     ]
     assert line(text, "upper bound for all encounters") == "0.3101"
     assert line(text, "boxes of inputs in the search") == "17"
@@ -227,7 +227,7 @@ def test_what_fresh_samples_refuse_is_a_warning(one: RobustDesign) -> None:
     warned = replace(one, validation=replace(v, limits=(missed,), reached=0.75))
     assert [text[:30] for text in warned.warnings] == [
         "25 % of the fresh encounters e",
-        "the fresh samples hold relativ",
+        "the fresh samples meet relativ",
     ]
     assert all(f"warning: {text}\n" in str(warned) for text in warned.warnings)
     assert line(str(warned), "relative velocity at contact").endswith(" missed")

@@ -87,7 +87,7 @@ def test_the_numbers_in_the_text_of_the_page_hold(problem):
 def test_pareto_prints_the_knee_and_where_the_report_is(run):
     code, out, err = run("pareto", "approach.toml")
     assert (code, err) == (0, "")
-    assert out.startswith("The knee of deviation from the reference and relative velocity lies at D_p = ")
+    assert out.startswith("The Pareto front of deviation from the reference and relative velocity has its knee at D_p = ")
     told = strict(run("pareto", "approach.toml", "--json")[1])
     ratios = [told[point]["excursion"] / told[point]["least_excursion"] for point in ("knee", "choice")]
     assert line(out, "relative to the smallest possible deviation").split()[-2:] == [f"{ratio:.3g}" for ratio in ratios]
@@ -308,4 +308,4 @@ def test_what_cannot_be_drawn_is_refused(problem):
     )
     with pytest.raises(InvalidInputError, match="no admittance that will do"):
         plots.admittance(design)
-    assert "as it is" in parse(report_html(design)).words
+    assert "unchanged" in parse(report_html(design)).words

@@ -73,7 +73,7 @@ def test_a_program_holds_its_inputs_as_the_calls_that_make_them() -> None:
     lines = program("attraction").text.splitlines()
     assert "admittance = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)" in lines
     assert "obstacle = pt.Obstacle(position=0.0422, velocity=-0.3)" in lines
-    assert "own = pt.Scenario(admittance=admittance, obstacle=obstacle)" in lines  # what is known goes by its name
+    assert "scenario = pt.Scenario(admittance=admittance, obstacle=obstacle)" in lines  # earlier inputs by their names
     assert "gain = -1.0" in lines
     assert "import numpy as np" in lines
     assert "import numpy as np" not in program("figure-4").text  # which needs none

@@ -126,8 +126,8 @@ def _sentences(front: ParetoFront) -> Iterator[str]:
         limit = pretty_unit(format_quantity(float(front.bound.acceleration_limit), "m/s^2"))
         after = format_quantity(float(front.bound.excursion(least)), "m")
         yield (
-            f"With an acceleration limit of {limit}, no robot reaches a contact speed below "
-            f"{format_quantity(least, 'm/s')}; the excursion is then {after}."
+            f"The smallest contact speed of any robot with an acceleration limit of {limit} is "
+            f"{format_quantity(least, 'm/s')}, with an excursion of {after}."
         )
 
 

@@ -87,7 +87,7 @@ def test_the_numbers_in_the_text_of_the_page_hold(problem):
 def test_pareto_prints_the_knee_and_where_the_report_is(run):
     code, out, err = run("pareto", "approach.toml")
     assert (code, err) == (0, "")
-    assert out.startswith("The Pareto front of deviation from the reference and relative velocity has its knee at D_p = ")
+    assert out.startswith("The Pareto front of deviation from the reference and relative velocity has its knee at D_p")
     told = strict(run("pareto", "approach.toml", "--json")[1])
     ratios = [told[point]["excursion"] / told[point]["least_excursion"] for point in ("knee", "choice")]
     assert line(out, "relative to the smallest possible deviation").split()[-2:] == [f"{ratio:.3g}" for ratio in ratios]
@@ -181,7 +181,7 @@ def test_what_only_the_search_finds_out_is_placed_too(run):
     for verb in ("design", "pareto"):
         code, out, err = run(verb, "wrong.toml")
         assert (code, out) == (2, "")
-        assert err.startswith("pretouch: wrong.toml, line 9: admittance.damping_ratio_bounds: found it free")
+        assert err.startswith("pretouch: wrong.toml, line 9: admittance.damping_ratio_bounds: found bounds")
 
 
 # --- figures and reports

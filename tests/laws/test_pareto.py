@@ -332,7 +332,7 @@ def test_a_users_own_evaluator_is_traded_with(letter_encounter: Scenario) -> Non
     plain = pareto_front(Task(letter_encounter, sensor, bounds=(-20.0, -0.02)))
     assert front.knee.gain == pytest.approx(plain.knee.gain / 2, rel=1e-5)
     assert front.comparison is None
-    assert "is not that of L(1) from rest" in front.no_bound
+    assert "motions in continuous time, L(1), from the given state" in front.no_bound
 
 
 def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> None:
@@ -355,7 +355,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     assert "<table>" in front._repr_html_()
     assert found["knee"]["least_excursion"] == front.knee.bound.least_excursion
     assert found["knee"]["relative_velocity"] == front.knee.values["relative_velocity"]
-    assert repr(front).startswith("<ParetoFront: The Pareto front of deviation from the reference and relative velocity")
+    assert repr(front).startswith("<ParetoFront: The Pareto front of deviation from the reference and relative")
     assert repr(front.knee).startswith("<FrontPoint knee")
 
 

@@ -350,7 +350,7 @@ def test_what_is_shown_is_what_was_designed() -> None:
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ({"uncertainty": {"obstacle.velocity": Interval(low=-0.4, high=-0.2)}}, "which says nothing about"),
+        ({"uncertainty": {"obstacle.velocity": Interval(low=-0.4, high=-0.2)}}, "which has no probabilities"),
         ({"uncertainty": {}}, "uncertainty: found none"),
         ({"uncertainty": {"obstacle.speed": Uniform(low=0.1, high=0.2)}}, "which is no input; did you mean"),
         ({"uncertainty": {"admittance.mass": Normal(mean=0.3, deviation=0.2)}}, "by a truncated normal distribution"),

@@ -302,7 +302,7 @@ def test_a_plant_in_motion_has_a_front_but_no_bound(letter_encounter: Scenario) 
     moving = replace(letter_encounter, plant=Plant(velocity=0.05))
     front = pareto_front(Task(moving, CURVES["inverse-power"], bounds=BOUNDS))
     assert front.comparison is None
-    assert "does not rest at its reference" in str(front)
+    assert "is not at rest at its reference" in str(front)
 
 
 def test_forces_are_traded_with_the_physical_mass(letter_encounter: Scenario) -> None:

@@ -86,7 +86,7 @@ class GainEvidence(Answer):
 
     @_part
     def scanned(self) -> Scan:
-        """The scan of the whole range, refined until neighbors predict each other."""
+        """The scan of the whole range, refined until the objective is well interpolated."""
         return scan(self.problem.landscape, *self.problem.axis.span)
 
     @_part

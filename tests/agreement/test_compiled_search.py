@@ -10,7 +10,8 @@ from pretouch.design.evidence import GainEvidence
 from pretouch.design.objectives import Objective, excursion_objective, time_objective
 from pretouch.design.problem import GainProblem
 from pretouch.design.search import GainAxis
-from pretouch.design.search.compiled import find_family, search_compiled
+from pretouch.design.search.compiled import search_compiled
+from pretouch.design.search.family import find_family
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import (
     CustomSensor,

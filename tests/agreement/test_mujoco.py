@@ -15,7 +15,7 @@ import pretouch as pt
 from loop_samples import BareLaw
 from pretouch import control
 from pretouch._core.errors import InvalidInputError, MissingExtraError
-from pretouch.letter.given import approach, disruption, f_1, f_2, sensor
+from pretouch.letter.inputs import approach, disruption, f_1, f_2, sensor
 from pretouch.simulation.mujoco import WitnessResult, witness_encounter
 
 STEPS = (1e-4, 5e-5, 2.5e-5)

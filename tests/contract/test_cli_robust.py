@@ -85,7 +85,7 @@ def test_an_answer_that_is_no_ends_with_1_and_its_object(run, old, new, status):
 @pytest.mark.parametrize(
     ("file", "says"),
     [
-        ("approach.toml", "approach.toml: uncertainty: found none, expected what is known of inputs"),
+        ("approach.toml", "approach.toml: uncertainty: found none, expected distributions of inputs"),
         ("wrong.toml", "wrong.toml, line 21: uncertainty.obstacle.velocity.uniform[0]: found "),
         ("wide.toml", "wide.toml, line 20: uncertainty: mass: found -"),
     ],

@@ -109,7 +109,7 @@ def test_the_contact_stands_beside_none_and_the_letters_optimum(design: Any, pag
     assert shown(row(page, "largest acceleration", "The contact")) == near(*peaks)
     assert row(page, "distance of the largest acceleration") == ["", "42.2 mm", ""]
     assert shown(row(page, "time", "The contact")) == near(L_D / V, followed(PHI, 0.0)[1], gain.time)
-    ratios = row(page, "times the least excursion of any robot")
+    ratios = row(page, "relative to the smallest possible excursion")
     runs = ((0.15 * V, excursion(PHI), peaks[1]), (-gain.relative_velocity, -gain.displacement, peaks[2]))
     least = [e / ((V - w) ** 2 / (2 * a)) for w, e, a in runs]  # (|v| - w)^2 / 2A: docs/trade-offs.md
     assert ratios[0] == "\u2013"
@@ -117,7 +117,7 @@ def test_the_contact_stands_beside_none_and_the_letters_optimum(design: Any, pag
 
 
 def test_every_speed_has_its_row(page: str) -> None:
-    head, *rows = table(page, "Every speed")
+    head, *rows = table(page, "Effect at every approach speed")
     assert head[1:5] == ["contact speed", "excursion", "largest acceleration", "time"]
     assert [si(cells[0]) for cells in rows] == [0.05, 0.1, 0.3, 1.0]
     for cells in rows:
@@ -129,7 +129,7 @@ def test_every_speed_has_its_row(page: str) -> None:
 
 
 def test_the_guarantee_is_met_with_equality_by_the_worst_object(page: str) -> None:
-    _, *rows = table(page, "The guarantee")
+    _, *rows = table(page, "Guaranteed contact speed")
     assert [si(cells[0]) for cells in rows] == [0.0, 0.5, 1.0, 2.0, 5.0]
     for cells in rows:
         push, bound, free = shown(cells)
@@ -138,7 +138,7 @@ def test_the_guarantee_is_met_with_equality_by_the_worst_object(page: str) -> No
 
 
 def test_what_is_seen_nearer_is_touched_faster(page: str) -> None:
-    _, *rows = table(page, "Seen nearer or farther")
+    _, *rows = table(page, "Other detection distances")
     assert [si(cells[0]) / L_D for cells in rows] == near(0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
     for cells, part in zip(rows, (0.5, 0.75, 1.0, 1.25, 1.5, 2.0), strict=True):
         far = part * L_D
@@ -272,7 +272,7 @@ def test_a_drag_keeps_the_limit_that_it_is_made_for(effect: str, name: str, limi
     cells = row(report_html(found), name, "Constraints")
     assert shown(cells[:2]) == near(limit, limit)
     assert cells[2] == "met"
-    assert row(report_html(found), "gain", "Constraints") == ["", "0.1 N s", "of D_p, no drag"]
+    assert row(report_html(found), "gain", "Constraints") == ["", "0.1 N s", "does not apply: a limit of D_p"]
 
 
 @pytest.mark.parametrize(
@@ -313,7 +313,7 @@ def test_a_gain_says_what_a_drag_would_do() -> None:
     own = design.result.contact
     phi = brentq(lambda phi: excursion(phi) + own.displacement, 1e-4, 0.1, xtol=1e-16, rtol=1e-14)
     found = report_html(design)
-    title = "The virtual drag beside it"
+    title = "Comparison with the virtual drag"
     weak = np.log(-V / own.relative_velocity) / (N**2 * (1 / L_0 - U_OF))
     speeds, ways = (-own.relative_velocity, V * share(phi)), (-own.displacement, excursion(weak))
     assert shown(row(found, "contact speed", title)) == near(speeds[0], speeds[1], speeds[0])
@@ -322,10 +322,10 @@ def test_a_gain_says_what_a_drag_would_do() -> None:
     assert shown(row(found, "largest acceleration", title)) == peaks
     (said,) = re.findall("^A virtual drag.*$", str(design), re.MULTILINE)
     assert said == (
-        f"A virtual drag \u03c6 = {phi:.4g} N s\u00b2 would touch at {speeds[1]:.4g} m/s instead of {speeds[0]:.4g} "
-        f"m/s after the same excursion, with a largest acceleration of {peak(phi) * V**2:.4g} m/s\u00b2 instead of "
-        f"{own.largest_acceleration:.4g} m/s\u00b2, and leave {100 * share(phi):.3g} % of any other approach speed as "
-        "well."
+        f"A virtual drag \u03c6 = {phi:.4g} N s\u00b2 would make contact at {speeds[1]:.4g} m/s instead of "
+        f"{speeds[0]:.4g} m/s, after the same excursion. Its largest acceleration is {peak(phi) * V**2:.4g} "
+        f"m/s\u00b2 instead of {own.largest_acceleration:.4g} m/s\u00b2. At every other approach speed, "
+        f"{100 * share(phi):.3g} % of the speed remains, too."
     )
 
 
@@ -338,9 +338,9 @@ def test_an_object_that_accelerates_is_compared_as_it_does() -> None:
         return V * time + 0.25 * time**2 - L_D + own.displacement  # where the object is, behind the start
 
     phi = brentq(gone, 1e-3, 0.1, xtol=1e-12)
-    speed = shown(row(report_html(design), "contact speed", "The virtual drag beside it"))
+    speed = shown(row(report_html(design), "contact speed", "Comparison with the virtual drag"))
     assert speed == near(-own.relative_velocity, followed(phi, 0.5)[0])
-    assert "any other approach speed" not in str(design)
+    assert "every other approach speed" not in str(design)
 
 
 SILENT = {

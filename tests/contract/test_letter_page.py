@@ -82,7 +82,7 @@ def test_a_notebook_shows_counts_and_warnings_without_links() -> None:
     shown = bad()._repr_html_()
     assert "<a " not in shown
     assert "](#" not in shown
-    assert "Warning: Does not come out here: finding 7: Column 7" in shown
+    assert "Warning: Does not hold: finding 7: Column 7" in shown
     assert "table-2: The gains of table-2" in shown
 
 
@@ -123,18 +123,17 @@ def test_what_does_not_come_out_is_loud_and_what_does_is_not(page: str) -> None:
     assert "not reproduced" in words
     assert words.count("DOES NOT HOLD") == 2  # in the list of findings, and where it stands
     assert words.count("does NOT hold") == 2  # in the warning, and where it stands
-    assert "Does not come out here: finding 7: Column 7" in words
-    assert "Does not come out here: The gains of table-2: f1 at -0.9" in words
-    assert "f1 at -0.9 disagrees, and no reason is known" in words
+    assert "Does not hold: finding 7: Column 7" in words
+    assert "Unexplained disagreement: The gains of table-2: f1 at -0.9" in words
     assert "f1 at -0.9: NO REASON KNOWN" in words
-    assert page.index("Does not come out here") < page.index("<table")
+    assert page.index("Does not hold") < page.index("<table")
 
 
 def test_a_reason_that_many_share_stands_once() -> None:
     same = tuple(dataclasses.replace(comparisons()[3], name=f"time {i}") for i in range(3))
     words = parse(report_html(LetterReport(reproductions=(reproduction(given=same),)))).words
     assert words.count("friction") - words.count("friction and modeling") == 1
-    assert "all of them: friction" in words
+    assert "all numbers: friction" in words
     more = (*same[:2], comparisons()[0])
     words = parse(report_html(LetterReport(reproductions=(reproduction(given=more),)))).words
     assert "time 0; time 1: friction" in words
@@ -144,8 +143,8 @@ def test_parts_without_inputs_numbers_or_tables_have_no_empty_headings() -> None
     bare = dataclasses.replace(reproduction(given=()), parameters=(), tables=())
     page = report_html(LetterReport(reproductions=(bare,)))
     words = assert_sound(page).words
-    assert "Inputs, as the letter gives them" not in words
-    assert "Printed numbers beside ours" not in words
+    assert "Inputs, as printed in the letter" not in words
+    assert "Printed and computed numbers" not in words
     assert "Where the letter" not in words
 
 
@@ -206,14 +205,14 @@ def test_a_step_is_a_number_a_text_or_a_condition() -> None:
 def test_the_text_shows_counts_findings_and_disagreements() -> None:
     text = str(good())
     lines = text.splitlines()
-    assert lines[0].startswith("8 printed numbers of the letter beside ours. Reproduced: ")
+    assert lines[0].startswith("8 printed numbers of the letter compared. Reproduced: ")
     assert "all 2 2 2 2" in [" ".join(line.split()) for line in lines]
     for part in good().reproductions:
         assert [line.split()[-4:] for line in lines if line.startswith(f"{part.id}: ")] == [["1", "1", "1", "1"]]
     found = [line for line in lines if re.match(r" +\d+\. ", line)]
     assert [int(line.split(".")[0]) for line in found] == [2, 3, 4]
     assert all(line.endswith(": holds") for line in found)
-    assert text.count("printed -0.082 m, ours -0.09153 m: the printed value repeats l'") == 2
+    assert text.count("printed -0.082 m, computed -0.09153 m: the printed value repeats l'") == 2
     assert "friction" not in text  # measured numbers are not claimed to agree
     assert "](#" not in text
 
@@ -224,4 +223,4 @@ def test_the_text_is_loud_about_what_does_not_come_out() -> None:
     (line,) = [line for line in lines if line.endswith("DOES NOT HOLD")]
     assert line.startswith("  7. ")
     assert any("finding 7: " in line and "the printed column is that of -10: does NOT hold" in line for line in lines)
-    assert any("printed 0.110, ours 0.25000: NO REASON KNOWN" in line for line in lines)
+    assert any("printed 0.110, computed 0.25000: NO REASON KNOWN" in line for line in lines)

@@ -87,10 +87,14 @@ def test_a_robust_report_names_the_ideal_design() -> None:
         pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), uncertainty={}, evaluate=LOOP, samples=32)
     )
     page = report_html(found)
-    assert table(page, "What the gain leads to")[0][1:] == ["robust gain", "gain of the ideal design", "no mitigation"]
+    assert table(page, "Results on fresh samples")[0][1:] == [
+        "robust gain",
+        "gain of the ideal design",
+        "no mitigation",
+    ]
     assert row(page, "noise") == ["that of the sampled loop, another run in each encounter"]
-    assert row(page, "encounters run on")[0].startswith("the sampled loop, with the same noise for every gain")
-    assert "Simulation of the sampled loop: sensor chain" in page
+    assert row(page, "encounters solved by")[0].startswith("the sampled loop, with the same noise for every gain")
+    assert "The sampled loop: sensor chain" in page
     assert "nominal gain" not in page
     assert "Price of robustness" not in page  # it is known in continuous time only
     assert found.to_dict()["method"] == "loop"

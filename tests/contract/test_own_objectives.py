@@ -138,7 +138,7 @@ def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
         )
     )
     assert robust.to_dict()["objective_name"] == robust.definition.name == name
-    assert row(page(write_report, robust, tmp_path), f"{name}: an objective of the user's own") == ["", ""]
+    assert row(page(write_report, robust, tmp_path), f"{name}: a user-defined objective") == ["", ""]
     assert str(robust).startswith("Robust gain")
     together = pt.design_admittance(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS, damping_ratio=(0.7, 1.3)))
     assert together.to_dict()["objective_name"] == name
@@ -158,7 +158,7 @@ def test_a_verdict_is_given_by_the_same_objective(name: str, tmp_path: Path) -> 
     assert found.loss.predicted == pytest.approx(found.design.objective, rel=1e-9)
     assert found.to_dict()["objective_name"] == called
     assert f"objective ({called})" in str(found)
-    assert row(page(write_report, found, tmp_path), f"{called}: an objective of the user's own") == ["", ""]
+    assert row(page(write_report, found, tmp_path), f"{called}: a user-defined objective") == ["", ""]
 
 
 def test_a_sum_of_terms_stays_what_it_was(tmp_path: Path) -> None:
@@ -225,7 +225,7 @@ def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) ->
         (None, "found None, expected an Objective"),
         (lambda state: -state.time, "gave -.* expected a number that is not negative"),
         (lambda state: math.nan * state.time, "gave nan"),
-        (lambda state: max(state.time, 0.1), "asked for many at once"),
+        (lambda state: max(state.time, 0.1), "called with many contacts at once"),
         (lambda state: np.ones(3), "gave the shape \\(3,\\)"),  # noqa: ARG005
         (lambda: 1.0, "failed on contacts"),
     ],
@@ -264,7 +264,9 @@ class OwnWorst(pt.robust.WorstCase):
     estimate = pt.robust.WorstCase.estimate
 
 
-@pytest.mark.parametrize(("measure", "message"), [(OwnMean(), "its own `label`"), (OwnWorst(), "WorstCase itself")])
+@pytest.mark.parametrize(
+    ("measure", "message"), [(OwnMean(), "override `label`, too"), (OwnWorst(), "WorstCase itself")]
+)
 def test_a_measure_that_would_be_told_as_another_is_refused(measure: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         pt.robust.design_robust_gain(

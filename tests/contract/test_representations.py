@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import pretouch as pt
-from pretouch.design.robust.beside import RobustTradeOff
+from pretouch.design.robust.outcomes import RobustTradeOff
 from verification_samples import NOISY, velocity_limit, verdict
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -17,7 +17,7 @@ from pretouch._core.errors import OutputExistsError, ResultUnavailableError
 from pretouch._core.files import is_own_unchanged
 from pretouch.design import Constraint, DesignStatus, SpringImpact, Task, excursion_objective
 from pretouch.design.robust import ConditionalValueAtRisk, Quantile, Required, RobustDesign, design_robust_gain
-from pretouch.design.robust.problem import WorstEncounter
+from pretouch.design.robust.worst_case import WorstEncounter
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.report import plots, report_html, write_report
 from pretouch.sensors import ExponentialFirstOrder, InversePower
@@ -122,32 +122,32 @@ def test_reports_are_sound_for_every_status(found: RobustDesign) -> None:
     assert "Method and assumptions" in words
     status = {"optimal": "robust gain found", "infeasible": "infeasible", "no-contact": "no contact"}
     assert status[found.status.value] in words
-    inputs = {cells[0] for cells in table(page, "What is uncertain")}
+    inputs = {cells[0] for cells in table(page, "Uncertain inputs")}
     assert inputs == {"uncertain input", *(m for n, k in found.uncertainty.items() for m in getattr(k, "names", (n,)))}
-    assert ("What knowing one input would gain" in words) == (found.gain is not None)
-    assert ("What encounters come to" in words) == (found.status is not DesignStatus.NO_CONTACT)
+    assert ("Value of knowing one input exactly" in words) == (found.gain is not None)
+    assert ("Distributions of contact quantities" in words) == (found.status is not DesignStatus.NO_CONTACT)
 
 
 def test_a_report_contains_the_numbers_of_the_design(one: RobustDesign, page: str) -> None:
     v = one.validation
     assert v is not None
     assert v.loss is not None
-    head = table(page, "What the gain leads to")[0]
+    head = table(page, "Results on fresh samples")[0]
     assert head == ["on 256 fresh samples (95 % confidence)", "robust gain", "nominal gain", "no mitigation"]
     measure = row(page, "mean of the worst 10 % of the objective")
     assert measure[:2] == [f"{v.value:.4g} ({v.low:.4g} to {v.high:.4g})", f"{v.nominal:.4g}"]
-    assert row(page, "more than with the robust gain")[1].startswith(f"{100 * v.loss.relative:+.3g} \u00b1 ")
+    assert row(page, "increase over the robust gain")[1].startswith(f"{100 * v.loss.relative:+.3g} \u00b1 ")
     own = np.abs(one.outcomes().state.relative_velocity)
     assert row(page, "relative velocity at contact, median")[0] == f"{np.sort(own)[127]:.3g} m/s"
-    told = row(page, "sensor.exponent", "What is uncertain")
-    assert told == ["normal, 3.32 with a standard deviation of 0.1, jointly with the other inputs of calibration"]
+    told = row(page, "sensor.exponent", "Uncertain inputs")
+    assert told == ["normal, 3.32 with a standard deviation of 0.1, together with the others of calibration"]
     (speed, excursion) = v.limits
     cells = row(page, "relative velocity at contact |l\u2032|", "Constraints")
     assert cells[:4] == ["0.1 m/s", "95 %", share_in_words(speed.held), share_in_words(speed.low)]
     assert excursion.held == 1
     cells = row(page, "largest excursion max |x \u2212 x_d|", "Constraints")
     assert cells[1:3] == ["every sample", "100 %"]
-    assert cells[-1] == "held in every sample"
+    assert cells[-1] == "met in every sample"
     assert row(page, "gain: bounds") == ["-10 N s to -0.01 N s"]
     tiles = parse(page).words
     for number in (f"{one.gain:.4g} N s robust gain D_p", f"{one.nominal_gain:.4g} N s nominal gain D_p"):
@@ -158,7 +158,7 @@ def test_text_and_page_say_the_same(one: RobustDesign, page: str) -> None:
     text = str(one)
     for label in ("end in contact", "time of contact, median", "scan", "seed"):
         assert line(text, label) == " ".join(row(page, label))
-    assert "What knowing one input" not in text  # which takes its time
+    assert "Value of knowing one input" not in text  # which takes its time
 
 
 def test_a_new_distribution_is_one_class() -> None:
@@ -181,20 +181,20 @@ def test_a_new_distribution_is_one_class() -> None:
 
 def test_a_report_tells_what_the_objective_varies_with(one: RobustDesign, page: str) -> None:
     for share in one.importance:
-        cells = row(page, share.name, "What the objective varies with")
+        cells = row(page, share.name, "Importance of the uncertain inputs")
         assert cells[0] == f"{100 * share.alone:.1f} % \u00b1 {100 * share.alone_error:.1f}"
     alone = design()  # a single input has all of the variance
-    assert "what the objective varies with" not in str(alone)
+    assert "importance of the uncertain inputs" not in str(alone)
 
 
 def test_a_report_tells_what_knowing_an_input_would_gain(one: RobustDesign, page: str) -> None:
     assert [price.name for price in one.prices] == [
-        cells[0] for cells in table(page, "What knowing one input would gain")[1:]
+        cells[0] for cells in table(page, "Value of knowing one input exactly")[1:]
     ]
     dearest = one.prices[0]
     most = float(np.nanmax(dearest.loss))
     assert most == max(float(np.nanmax(price.loss)) for price in one.prices)
-    assert row(page, dearest.name, "What knowing one input would gain")[2].startswith(f"{100 * most:.3g} % at ")
+    assert row(page, dearest.name, "Value of knowing one input exactly")[2].startswith(f"{100 * most:.3g} % at ")
 
 
 def test_a_worst_encounter_is_shown_where_there_is_one(one: RobustDesign, page: str) -> None:
@@ -211,11 +211,11 @@ def test_a_worst_encounter_is_shown_where_there_is_one(one: RobustDesign, page: 
     text = str(shown).partition("\nthe worst encounter\n")[2]
     assert text.split("\n")[0].split(maxsplit=1) == [
         "obstacle.velocity",
-        "-0.6 m/s, with which the objective only falls",
+        "-0.6 m/s (the objective decreases with it)",
     ]
-    assert line(text, "none exceeds") == "0.3101"
-    assert line(text, "boxes of inputs that were told apart") == "17"
-    assert line(text, "no gain gets below") == "0.29"
+    assert line(text, "upper bound for all encounters") == "0.3101"
+    assert line(text, "boxes of inputs in the search") == "17"
+    assert line(text, "lower bound for all gains") == "0.29"
     assert table(page, "The worst encounter") == []
 
 
@@ -227,7 +227,7 @@ def test_what_fresh_samples_refuse_is_a_warning(one: RobustDesign) -> None:
     warned = replace(one, validation=replace(v, limits=(missed,), reached=0.75))
     assert [text[:30] for text in warned.warnings] == [
         "25 % of the fresh encounters e",
-        "the fresh samples hold relativ",
+        "the fresh samples meet relativ",
     ]
     assert all(f"warning: {text}\n" in str(warned) for text in warned.warnings)
     assert line(str(warned), "relative velocity at contact").endswith(" missed")

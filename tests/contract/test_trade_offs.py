@@ -87,10 +87,10 @@ def test_the_numbers_in_the_text_of_the_page_hold(problem):
 def test_pareto_prints_the_knee_and_where_the_report_is(run):
     code, out, err = run("pareto", "approach.toml")
     assert (code, err) == (0, "")
-    assert out.startswith("The knee of deviation from the reference and relative velocity lies at D_p = ")
+    assert out.startswith("The Pareto front of deviation from the reference and relative velocity has its knee at D_p")
     told = strict(run("pareto", "approach.toml", "--json")[1])
     ratios = [told[point]["excursion"] / told[point]["least_excursion"] for point in ("knee", "choice")]
-    assert line(out, "times the least deviation").split()[-2:] == [f"{ratio:.3g}" for ratio in ratios]
+    assert line(out, "relative to the smallest possible deviation").split()[-2:] == [f"{ratio:.3g}" for ratio in ratios]
     assert out.splitlines()[-1] == "Report with figures: approach-pareto.html"
     assert is_own_unchanged("approach-pareto.html")
 
@@ -181,7 +181,7 @@ def test_what_only_the_search_finds_out_is_placed_too(run):
     for verb in ("design", "pareto"):
         code, out, err = run(verb, "wrong.toml")
         assert (code, out) == (2, "")
-        assert err.startswith("pretouch: wrong.toml, line 9: admittance.damping_ratio_bounds: found it free")
+        assert err.startswith("pretouch: wrong.toml, line 9: admittance.damping_ratio_bounds: found bounds")
 
 
 # --- figures and reports
@@ -235,12 +235,12 @@ def check_printed_points(front, text):
     def cells(name):
         words = QUANTITIES[name].words
         symbol = QUANTITIES[name].symbol
-        return row(text, f"{words} {symbol if '|' in symbol else f'|{symbol}|'}", "The front")
+        return row(text, f"{words} {symbol if '|' in symbol else f'|{symbol}|'}", "The Pareto front")
 
-    inputs = {"gain": [printed_number(cell) for cell in row(text, "gain D_p", "The front")]}
+    inputs = {"gain": [printed_number(cell) for cell in row(text, "gain D_p", "The Pareto front")]}
     for name, words in (("natural_frequency", "natural frequency"), ("damping_ratio", "damping ratio")):
         if name in front.free:
-            inputs[name] = [printed_number(cell) for cell in row(text, words, "The front")]
+            inputs[name] = [printed_number(cell) for cell in row(text, words, "The Pareto front")]
     method = "uniform-motion" if front.result.method == "uniform-motion" else "auto"
     for k in range(len(inputs["gain"])):
 
@@ -271,16 +271,16 @@ def test_reports_of_fronts_are_whole_pages(front):
         q = QUANTITIES[name]
         symbol = q.symbol if "|" in q.symbol else f"|{q.symbol}|"
         shown = [pretty_unit(format_quantity(p.values[name], unit)) for p in points]
-        assert row(text, f"{q.words} {symbol}", "The front") == shown
+        assert row(text, f"{q.words} {symbol}", "The Pareto front") == shown
     if front.comparison is not None:
         ratios = ["\u2013" if np.isnan(p.bound.ratio) else f"{p.bound.ratio:.3g}" for p in points]
-        assert row(text, "times the least deviation") == ratios
+        assert row(text, "relative to the smallest possible deviation") == ratios
     check_printed_points(front, text)
     for constraint in front.constraints:
         assert constraint.limit == 5.0
         words = QUANTITIES[constraint.quantity].words
         assert row(text, f"limit of {words}", "Encounter") == ["5 m/s\u00b2"]
-    heads = table(text, "The front")[0]
+    heads = table(text, "The Pareto front")[0]
     assert heads[1 + len(front.ends) :] == [p.name for p in (front.knee, front.choice) if p is not None]
     assert len(str(front).splitlines()) > len(front.quantities) + 4
 
@@ -308,4 +308,4 @@ def test_what_cannot_be_drawn_is_refused(problem):
     )
     with pytest.raises(InvalidInputError, match="no admittance that will do"):
         plots.admittance(design)
-    assert "as it is" in parse(report_html(design)).words
+    assert "unchanged" in parse(report_html(design)).words

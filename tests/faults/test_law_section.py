@@ -36,7 +36,7 @@ MISTAKES = [
     (WHOLE + '[law]\nkind = "virtual-damper"\nratio = 0.15\n', "ratio", "law.ratio",
      'found a key of "virtual-drag", which "virtual-damper" does not have; expected only kind'),
     (ALONE + LAW + "ratoi = 0.15\n", "ratoi", "law.ratoi", 'found an unknown key, expected "ratio"'),
-    (ALONE + LAW + "ratio = 1.5\n", "ratio", "law.ratio", "found 1.5, which must lie in (0, 1]"),
+    (ALONE + LAW + "ratio = 1.5\n", "ratio", "law.ratio", "found 1.5, expected a number in (0, 1]"),
     (ALONE + LAW + "ratio = 0\n", "ratio", "law.ratio", "expected a positive number"),
     (ALONE + LAW + 'excursion = "60 N"\n', "excursion", "law.excursion", 'found "60 N", expected a quantity in m'),
     (ALONE + LAW + 'ratio = 0.1\nexcursion = "60 mm"\n', "excursion", "law.excursion", "found both ratio and ex"),

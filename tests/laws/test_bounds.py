@@ -11,8 +11,9 @@ import pytest
 import pretouch as pt
 from pretouch.design.problem import GainProblem, merit
 from pretouch.design.search import GainAxis
-from pretouch.design.search.local import _settled
-from pretouch.design.search.trials import Trials, make_freedom
+from pretouch.design.search.freedom import make_freedom
+from pretouch.design.search.local import _to_feasible
+from pretouch.design.search.trials import Trials
 from verification_samples import OBJECTIVE, SCENARIO, SENSOR, loop_of
 
 RNG = np.random.default_rng(7)
@@ -100,7 +101,7 @@ def test_a_solver_that_stops_a_rounding_before_a_bound_is_put_on_it() -> None:
 
     best = np.array([0.0, 1.0])  # the strongest gain of those that are too weak, and much damping
     assert value(best) < value(np.array([0.01, 0.99]))
-    assert _settled(trials, np.array([1e-15, 1 - 2**-52]), value).tolist() == [0.0, 1.0]
+    assert _to_feasible(trials, np.array([1e-15, 1 - 2**-52]), value).tolist() == [0.0, 1.0]
     inside = np.array([0.4, 0.6])
-    assert _settled(trials, inside, value) is not None
-    assert _settled(trials, inside, value).tolist() == inside.tolist()
+    assert _to_feasible(trials, inside, value) is not None
+    assert _to_feasible(trials, inside, value).tolist() == inside.tolist()

@@ -90,7 +90,7 @@ def test_a_limit_below_all_bounds_is_infeasible_by_name() -> None:
     found = design([limited(0.005)])
     assert found.status is pt.DesignStatus.INFEASIBLE
     assert found.nearest.gain == pytest.approx(-0.01)
-    assert "gain cannot be held at 0.005 N s" in str(found)
+    assert "gain cannot be limited to 0.005 N s" in str(found)
 
 
 def test_bounds_on_both_sides_of_zero_are_limited_on_both() -> None:
@@ -130,7 +130,7 @@ def test_a_robust_gain_keeps_the_limit_in_every_sample() -> None:
     infeasible = pt.robust.design_robust_gain(
         pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, constraints=[limited(0.005)], **options)
     )
-    assert "gain cannot be held at 0.005 N s" in str(infeasible)
+    assert "gain cannot be limited to 0.005 N s" in str(infeasible)
     worst = pt.robust.design_robust_gain(
         pt.Task(
             SCENARIO,

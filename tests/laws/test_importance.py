@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from pretouch.design import Task, excursion_objective
-from pretouch.design.robust.beside import rank_uncertain_inputs
+from pretouch.design.robust.importance import rank_uncertain_inputs
 from pretouch.design.robust.problem import RobustProblem
 from pretouch.design.search import GainAxis
 from pretouch.motion import Admittance, Obstacle, Scenario

@@ -291,7 +291,7 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
                     evaluate=NOISY,
                 )
             ),
-            "WorstCase beside evaluate",
+            "WorstCase with evaluate",
         ),
         (
             lambda: pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={})),

@@ -25,7 +25,8 @@ from pretouch.design import (
     pareto_front,
     quantity_of,
 )
-from pretouch.design.front.fronts import non_dominated, shortfall, trace_front
+from pretouch.design.front.curve_front import trace_front
+from pretouch.design.front.dominance import non_dominated, shortfall
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder
 
@@ -301,7 +302,7 @@ def test_a_plant_in_motion_has_a_front_but_no_bound(letter_encounter: Scenario) 
     moving = replace(letter_encounter, plant=Plant(velocity=0.05))
     front = pareto_front(Task(moving, CURVES["inverse-power"], bounds=BOUNDS))
     assert front.comparison is None
-    assert "does not rest at its reference" in str(front)
+    assert "is not at rest at its reference" in str(front)
 
 
 def test_forces_are_traded_with_the_physical_mass(letter_encounter: Scenario) -> None:
@@ -331,7 +332,7 @@ def test_a_users_own_evaluator_is_traded_with(letter_encounter: Scenario) -> Non
     plain = pareto_front(Task(letter_encounter, sensor, bounds=(-20.0, -0.02)))
     assert front.knee.gain == pytest.approx(plain.knee.gain / 2, rel=1e-5)
     assert front.comparison is None
-    assert "is not that of L(1) from rest" in front.no_bound
+    assert "motions in continuous time, L(1), from the given state" in front.no_bound
 
 
 def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> None:
@@ -349,12 +350,12 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     assert found["physical_bound"]["excursion_at_least_contact_speed"] == pytest.approx(0.3**2 / 10)
     text = str(front)
     assert "knee" in text
-    assert "The choice lies on the front." in text
+    assert "The choice lies on the Pareto front." in text
     assert "9 mm" in text
     assert "<table>" in front._repr_html_()
     assert found["knee"]["least_excursion"] == front.knee.bound.least_excursion
     assert found["knee"]["relative_velocity"] == front.knee.values["relative_velocity"]
-    assert repr(front).startswith("<ParetoFront: The knee of deviation from the reference and relative velocity")
+    assert repr(front).startswith("<ParetoFront: The Pareto front of deviation from the reference and relative")
     assert repr(front.knee).startswith("<FrontPoint knee")
 
 
@@ -385,9 +386,9 @@ def test_arrays_and_admittances_without_a_ratio_are_refused(letter_encounter: Sc
         pareto_front(Task(many, sensor, bounds=BOUNDS))
     free = replace(letter_encounter, admittance=Admittance(mass=1.0, damping=1.0, stiffness=0.0))
     assert pareto_front(Task(free, sensor, bounds=BOUNDS)).status is FrontStatus.FOUND
-    with pytest.raises(InvalidInputError, match="no damping ratio to keep"):
+    with pytest.raises(InvalidInputError, match="no damping ratio exists to keep"):
         pareto_front(Task(free, sensor, bounds=BOUNDS, natural_frequency=(1.0, 2.0)))
-    with pytest.raises(InvalidInputError, match="no such ratio"):
+    with pytest.raises(InvalidInputError, match="no damping ratio exists; add bounds"):
         pareto_front(Task(free, sensor, bounds=BOUNDS, damping_ratio=(1.0, 2.0)))
     designs = design_gain(Task(many, sensor, F1, bounds=BOUNDS))
     with pytest.raises(InvalidInputError, match="array of designs"):

@@ -138,9 +138,9 @@ def test_where_nothing_needs_to_be_done_the_excursion_is_zero() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"plant": Plant(velocity=-0.1)}, "does not rest at its reference"),
-        ({"plant": Plant(position=-0.01)}, "does not rest at its reference"),
-        ({"reference": Reference(velocity=0.1)}, "does not rest at its reference"),
+        ({"plant": Plant(velocity=-0.1)}, "is not at rest at its reference"),
+        ({"plant": Plant(position=-0.01)}, "is not at rest at its reference"),
+        ({"reference": Reference(velocity=0.1)}, "is not at rest at its reference"),
         ({"obstacle": Obstacle(position=0.04, velocity=0.1)}, "does not approach"),
         ({"obstacle": Obstacle(position=0.04, velocity=[-0.1, -0.2])}, "array of encounters"),
     ],
@@ -155,9 +155,9 @@ def test_encounters_that_the_bound_does_not_speak_of_are_refused(change: dict, m
     ("change", "message"),
     [
         ({"distance": 0.0}, "must be positive"),
-        ({"velocity": 0.0}, "must be negative"),
+        ({"velocity": 0.0}, "expected a negative number"),
         ({"acceleration_limit": 0.0}, "must be positive"),
-        ({"speed_limit": -1.0}, "must be positive"),
+        ({"speed_limit": -1.0}, "expected a positive number"),
     ],
 )
 def test_a_bound_that_makes_no_sense_is_refused(change: dict, message: str) -> None:

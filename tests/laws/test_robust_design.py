@@ -182,7 +182,7 @@ def test_a_constraint_that_must_always_hold_holds_in_every_sample() -> None:
 def test_what_no_gain_holds_is_infeasible(size: float) -> None:
     found = design(constraints=[limit("relative_velocity", size, 0.9), limit("excursion", 0.1, 0.9)])
     assert (found.status, found.gain, found.value, found.validation) == (DesignStatus.INFEASIBLE, None, None, None)
-    assert str(found).startswith("Infeasible: relative_velocity cannot be held at ")
+    assert str(found).startswith("Infeasible: relative_velocity cannot be limited to ")
     told = found.to_dict()
     assert told["status"] == "infeasible"
     least = next(entry for entry in told["reachable"] if entry["name"] == "relative_velocity")
@@ -350,7 +350,7 @@ def test_what_is_shown_is_what_was_designed() -> None:
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ({"uncertainty": {"obstacle.velocity": Interval(low=-0.4, high=-0.2)}}, "which says nothing about"),
+        ({"uncertainty": {"obstacle.velocity": Interval(low=-0.4, high=-0.2)}}, "which has no probabilities"),
         ({"uncertainty": {}}, "uncertainty: found none"),
         ({"uncertainty": {"obstacle.speed": Uniform(low=0.1, high=0.2)}}, "which is no input; did you mean"),
         ({"uncertainty": {"admittance.mass": Normal(mean=0.3, deviation=0.2)}}, "by a truncated normal distribution"),

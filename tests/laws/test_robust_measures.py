@@ -13,8 +13,8 @@ from scipy import optimize, stats
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import Constraint
 from pretouch.design.robust import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
-from pretouch.design.robust.measures import least_probability
-from pretouch.design.robust.problem import LimitOutcome, Validation
+from pretouch.design.robust.required import least_probability
+from pretouch.design.robust.validation import LimitOutcome, Validation
 from properties import examples
 
 VALUES = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40)
@@ -131,13 +131,15 @@ def test_what_fresh_samples_say_of_a_limit_is_what_their_number_of_hits_allows(p
         outcome = LimitOutcome(required=required, held=hits / n, low=low, magnitude=1.0)
         nothing = {"value": 1.0, "low": 1.0, "high": 1.0, "nominal": None, "loss": None, "nominal_breaks": ()}
         fresh = Validation(samples=n, confidence=0.95, limits=(outcome,), reached=1.0, **nothing)
-        said.append(fresh.says_of(outcome))
+        said.append(fresh.state_of(outcome))
         many, few = stats.binom.sf(hits - 1, n, p), stats.binom.cdf(hits, n, p)
         if hits / n >= p:
-            assert said[-1] == ("shown" if many <= 0.05 else "held in every sample" if hits == n else "held, not shown")
+            assert said[-1] == (
+                "demonstrated" if many <= 0.05 else "met in every sample" if hits == n else "met, not demonstrated"
+            )
         else:
             assert said[-1] == ("missed" if few < 0.05 else "missed, within chance")
-    assert {"missed", "missed, within chance", "held, not shown", "shown"} <= set(said)
+    assert {"missed", "missed, within chance", "met, not demonstrated", "demonstrated"} <= set(said)
 
 
 def test_the_lower_bound_of_a_probability_holds_as_often_as_it_claims() -> None:

@@ -11,7 +11,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch.design import Constraint, Task, excursion_objective, time_objective
 from pretouch.design.objectives import Objective, Term
 from pretouch.design.robust import Expected, Required, WorstCase, design_robust_gain
-from pretouch.design.search.minima import maximize_on_box
+from pretouch.design.search.box_maximum import maximize_on_box
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, Recessed, SensorModel
 from pretouch.uncertainty import Interval, Normal, TruncatedNormal, make_ensemble
@@ -156,12 +156,12 @@ def test_slopes_of_an_ensemble_are_differences_of_it(sensor: SensorModel) -> Non
     [
         ({"obstacle.velocity": Normal(mean=-0.3, deviation=0.1)}, WorstCase(), [], "which has no bounds"),
         ({"obstacle.velocity": TruncatedNormal(location=-0.3, deviation=0.1, high=0)}, WorstCase(), [], "no bounds"),
-        (BOX, Expected(), [], "found an interval, which says nothing about what is likely"),
+        (BOX, Expected(), [], "found an interval, which has no probabilities"),
         (
             BOX,
             WorstCase(),
             [Required(constraint=Constraint(name="time", limit=1.0), probability=0.9)],
-            "beside a worst case, which knows none",
+            "with a worst case, which has no probabilities",
         ),
     ],
 )

@@ -15,7 +15,7 @@ from pretouch.letter import (
     figure_4,
     figure_5,
     figure_6,
-    given,
+    inputs,
     reproduce,
     table_1,
     table_2,
@@ -88,10 +88,10 @@ def test_factors_from_unrounded_percentages_would_not_be_corrected(monkeypatch: 
 def test_other_parameters_are_not_recovered(monkeypatch: pytest.MonkeyPatch) -> None:
     steeper = tuple(
         Parameter(p.name, p.symbol, "-66.0", p.unit, p.place) if p.name == "rate" else p
-        for p in given.SENSORS["exponential-1"]
+        for p in inputs.SENSORS["exponential-1"]
     )
-    changed: Mapping[str, tuple[Parameter, ...]] = {**given.SENSORS, "exponential-1": steeper}
-    monkeypatch.setattr(given, "SENSORS", changed)
+    changed: Mapping[str, tuple[Parameter, ...]] = {**inputs.SENSORS, "exponential-1": steeper}
+    monkeypatch.setattr(inputs, "SENSORS", changed)
     monkeypatch.setattr(table_1, "SENSORS", changed)
     assert not finding("table-1", 7).holds
 
@@ -137,8 +137,8 @@ def test_the_resolution_is_the_last_printed_place() -> None:
 def test_the_range_over_the_rounding_holds_every_sensor_that_rounds_to_the_printed_one() -> None:
     """100 sensors inside the box, against its corners: the slope is monotone in both parameters."""
     rng = np.random.default_rng(3)
-    low, high = given.over_rounding("inverse-power", lambda s: s.log_slope(np.array([0.0, 0.02]))).T
+    low, high = inputs.over_rounding("inverse-power", lambda s: s.log_slope(np.array([0.0, 0.02]))).T
     for n, l_0 in zip(3.32 + 0.005 * rng.uniform(-1, 1, 100), 0.0419 + 5e-5 * rng.uniform(-1, 1, 100), strict=True):
-        slope = given.sensor("inverse-power", [1.3e-5, l_0, n]).log_slope(np.array([0.0, 0.02]))
+        slope = inputs.sensor("inverse-power", [1.3e-5, l_0, n]).log_slope(np.array([0.0, 0.02]))
         assert (low <= slope).all()
         assert (slope <= high).all()

@@ -15,8 +15,8 @@ from figure_checks import assert_legible
 from pretouch._core.blocks import tables_of
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import Objective
-from pretouch.letter import IDS, Agreement, Reproduction, given, reproduce
-from pretouch.letter.experiment import Program
+from pretouch.letter import IDS, Agreement, Reproduction, inputs, reproduce
+from pretouch.letter.program import Program
 from pretouch.motion import Admittance, Scenario
 from pretouch.sensors import SensorModel
 
@@ -73,7 +73,7 @@ def test_a_program_holds_its_inputs_as_the_calls_that_make_them() -> None:
     lines = program("attraction").text.splitlines()
     assert "admittance = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)" in lines
     assert "obstacle = pt.Obstacle(position=0.0422, velocity=-0.3)" in lines
-    assert "own = pt.Scenario(admittance=admittance, obstacle=obstacle)" in lines  # what is known goes by its name
+    assert "scenario = pt.Scenario(admittance=admittance, obstacle=obstacle)" in lines  # earlier inputs by their names
     assert "gain = -1.0" in lines
     assert "import numpy as np" in lines
     assert "import numpy as np" not in program("figure-4").text  # which needs none
@@ -94,11 +94,11 @@ def test_a_program_works_on_the_printed_inputs(name: str) -> None:
     variables = program(name).run()
     found = [v for key, value in variables.items() if not key.startswith("__") for v in _values(value)]
     curves = [s for s in found if isinstance(s, SensorModel)]
-    printed = [given.sensor(key) for key in given.SENSORS]
+    printed = [inputs.sensor(key) for key in inputs.SENSORS]
     fitted = variables.get("fitted", {})
     assert curves
     assert all(curve in printed or curve in fitted.values() for curve in curves)
-    encounters = [given.approach(), given.disruption()]
+    encounters = [inputs.approach(), inputs.disruption()]
     for scenario in (s for s in found if isinstance(s, Scenario)):
         same = [e for e in encounters if e.obstacle == scenario.obstacle]
         assert same

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from pretouch._core.errors import InvalidInputError
 from pretouch.design.constraints import Constraint
-from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
+from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
+from pretouch.design.robust.required import Required
 from pretouch.motion.scenario import Scenario, sensor_inputs
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import (

@@ -11,7 +11,9 @@ from itertools import pairwise
 from typing import Any, Final
 
 from pretouch._core.units import written_unit
-from pretouch.design.constraints import CONSTRAINT_NAMES, QUANTITY_UNITS, HertzImpact, SpringImpact
+from pretouch.design.constraints import CONSTRAINT_NAMES
+from pretouch.design.impact import HertzImpact, SpringImpact
+from pretouch.design.quantities import QUANTITY_UNITS
 from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
 from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
 from pretouch.motion.scenario import Admittance

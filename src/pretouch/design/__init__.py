@@ -1,26 +1,20 @@
-"""Gain design: what is minimized, what must hold, the gain that is optimal, and the evidence."""
+"""Gain design: tasks, objectives, constraints, optimal gains and the evidence for them."""
 
 from pretouch.motion.evaluator import Evaluator
 
 from .admittance import design_admittance
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
-from .constraints import (
-    CONSTRAINT_NAMES,
-    QUANTITY_UNITS,
-    Constraint,
-    ElasticImpact,
-    HertzImpact,
-    ImpactModel,
-    SpringImpact,
-    quantity_of,
-)
+from .constraints import CONSTRAINT_NAMES, Constraint
 from .drag import DragDesign, DragEffect, design_drag
+from .front.bound_comparison import BoundComparison
 from .front.pareto import pareto_front
-from .front.physical_bound import BoundComparison, PhysicalBound, find_physical_bound
+from .front.physical_bound import PhysicalBound, find_physical_bound
 from .front.result import FrontPoint, FrontStatus, ParetoFront
 from .gain import GainDesign, design_gain
+from .impact import ElasticImpact, HertzImpact, ImpactModel, SpringImpact
 from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, time_objective
+from .quantities import QUANTITY_UNITS, quantity_of
 from .task import Task
 
 __all__ = [

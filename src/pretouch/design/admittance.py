@@ -1,4 +1,4 @@
-"""Gain and admittance designed together: natural frequency and damping ratio are free, the mass is kept."""
+"""Joint design of gain and admittance: natural frequency and damping ratio may be free, the mass is fixed."""
 
 from __future__ import annotations
 
@@ -16,38 +16,39 @@ from .certificate import DesignStatus
 from .gain import GainDesign
 from .problem import GainProblem
 from .search import HELD, GainAxis
+from .search.freedom import make_freedom
 from .search.local import descend, kkt_residual
-from .search.trials import Trials, make_freedom
-from .task import Task, placed
+from .search.trials import Trials
+from .task import Task, with_file_location
 
 _GAINS: Final = 65
 _STARTS: Final = 8
-_HOPELESS: Final = 10.0  # times a limit: what misses one by so much on the whole grid meets it nowhere between
-_TESTS: Final = 2048  # encounters
-_SAME: Final = 1e-3  # of the range of each coordinate: minima closer than this are one
-_BETTER: Final = 1e-9  # relative: an objective that is lower by less is the same
+_HOPELESS: Final = 10.0  # a grid point that exceeds a limit by this factor is no starting point
+_TESTS: Final = 2048  # number of test encounters
+_SAME: Final = 1e-3  # minima closer than this share of the range in each coordinate are the same
+_BETTER: Final = 1e-9  # smallest relative improvement of the objective that counts
 _ROUNDS: Final = 4
-_NARROW: Final = (1e-2, 1e-3, 1e-4)  # of the gains, around the one that was found
+_NARROW: Final = (1e-2, 1e-3, 1e-4)  # half widths of narrow ranges around the best gain, as shares of its range
 _NEAR: Final = np.linspace(-1.0, 1.0, 17)
 _ZOOMS: Final = 3
 _ONE: Final = np.ones(1)
 
 
 @check_arguments
-@placed
+@with_file_location
 def design_admittance(task: Task) -> AdmittanceDesign:
     """Find the gain D_p together with the natural frequency, the damping ratio or both that minimize an objective.
 
-    A grid over all that is free shows where the minima lie; from each, SciPy's SLSQP goes to the minimum, with exact
-    gradients where the objective is made of quantities at contact. The answer is tested by encounters that had no part
-    in finding it, and by a whole design of the gain at the admittance that was found.
+    A grid over all free parameters locates the minima. SciPy's SLSQP refines each one, with exact gradients if the
+    objective depends only on quantities at contact. The result is tested on independent encounters, and by a complete
+    design of the gain at the optimal admittance.
 
     Args:
-        task: one encounter, the objective, the bounds, which of natural frequency and damping ratio is free, and where
-            given constraints, impact, method, horizon and `evaluate`.
+        task: one encounter, the objective, the bounds, and bounds of natural frequency, damping ratio or both;
+            optionally constraints, impact, method, horizon and `evaluate`.
 
     Returns:
-        The design, with that of the gain at the chosen admittance; infeasible and no-contact are statuses of it.
+        The design, with the design of the gain at the optimal admittance; infeasible and no-contact are statuses.
 
     Raises:
         InvalidInputError: neither natural frequency nor damping ratio is free, or a request makes no sense.
@@ -74,8 +75,8 @@ def design_admittance(task: Task) -> AdmittanceDesign:
     """
     if not task.is_admittance_free:
         raise InvalidInputError(
-            "natural_frequency: found neither it nor damping_ratio free, expected bounds of at least one; "
-            "use design_gain for the gain alone"
+            "natural_frequency: found no bounds of natural_frequency or damping_ratio, expected bounds of at least "
+            "one; use design_gain for the gain alone"
         )
     free = task.natural_frequency, task.damping_ratio
     freedom = make_freedom(task.scenario, task.stable_bounds(), *free, law=task.law)
@@ -86,26 +87,27 @@ def design_admittance(task: Task) -> AdmittanceDesign:
         return GainDesign.of(GainProblem(task=task.replace(scenario=encounter), axis=axis))
 
     search = _AdmittanceSearch(trials)
-    found = search.minima()
-    for _ in range(_ROUNDS if found else 0):
-        chosen = gain_at(freedom.choice(found[0].at)[0])
-        if chosen.gain is None or chosen.objective > found[0].objective * (1 - _BETTER):
+    minima = search.minima()
+    for _ in range(_ROUNDS if minima else 0):
+        chosen = gain_at(freedom.choice(minima[0].at)[0])
+        if chosen.gain is None or chosen.objective > minima[0].objective * (1 - _BETTER):
             break
-        found = search.also(np.append(freedom.coordinate(chosen.gain), found[0].at[1:]))
-    if not found:
+        minima = search.add_start(np.append(freedom.coordinate(chosen.gain), minima[0].at[1:]))
+    if not minima:
         return search.answer(gain_at(task.scenario), None)
-    best, _ = freedom.choice(found[0].at)
+    best, _ = freedom.choice(minima[0].at)
     chosen = gain_at(best)
     for share in _NARROW:
         if chosen.status is DesignStatus.OPTIMAL:
             break
-        ends = np.clip(found[0].at[0] + np.array([-share, share]), 0.0, 1.0)  # feasible where the scan has no gain
+        # The feasible range may lie between two gains of the scan.
+        ends = np.clip(minima[0].at[0] + np.array([-share, share]), 0.0, 1.0)
         chosen = gain_at(best, GainAxis.between(freedom.gain(ends[:, None]).tolist()))
     return search.answer(gain_at(task.scenario), chosen)
 
 
 class _AdmittanceSearch:
-    """The grid, the tests, and the minima found from them."""
+    """Search from a grid, with the test encounters and the local minima."""
 
     def __init__(self, trials: Trials) -> None:
         self.trials = trials
@@ -114,33 +116,35 @@ class _AdmittanceSearch:
         self.values = np.where(trials.feasible(self.rows), self.rows[:, 0], np.inf)
         self.tests: FloatArray = trials.freedom.spread(_TESTS)
         self.test_values = trials.values(self.tests)[:, 0]
-        self.known: list[AdmittanceMinimum] = []
+        self.local_minima: list[AdmittanceMinimum] = []
 
     def minima(self) -> list[AdmittanceMinimum]:
-        """Search from the lowest places of the grid, then from each test that is better than what was found."""
+        """Search from the lowest points of the grid, then from each test that is better than the best minimum."""
         for i in self._starts():
-            self.also(self.grid[i])
+            self.add_start(self.grid[i])
         for _ in range(_ROUNDS):
             best = int(self.test_values.argmin())
-            if not self.test_values[best] < (self.known[0].objective if self.known else np.inf):
+            if not self.test_values[best] < (self.local_minima[0].objective if self.local_minima else np.inf):
                 break
-            before = self.known[0].objective if self.known else np.inf
-            self.also(self.tests[best])
-            if not self.known or self.known[0].objective >= before:
+            before = self.local_minima[0].objective if self.local_minima else np.inf
+            self.add_start(self.tests[best])
+            if not self.local_minima or self.local_minima[0].objective >= before:
                 break
-        return self.known
+        return self.local_minima
 
-    def also(self, start: FloatArray) -> list[AdmittanceMinimum]:
-        """Search from one more start; return all minima, best first."""
+    def add_start(self, start: FloatArray) -> list[AdmittanceMinimum]:
+        """Search from one more starting point; return all minima, best first."""
         trials = self.trials
         descended = descend(trials, start, _ONE)
         tried = [start] if descended is None else [descended, start]
         values = trials.values(np.stack(tried))[:, 0]
         at, value = tried[int(values.argmin())], float(values.min())
-        if np.isfinite(value) and not any(np.abs(m.at - at).max() < _SAME and m.objective <= value for m in self.known):
-            self.known = [m for m in self.known if np.abs(m.at - at).max() >= _SAME]
+        if np.isfinite(value) and not any(
+            np.abs(m.at - at).max() < _SAME and m.objective <= value for m in self.local_minima
+        ):
+            self.local_minima = [m for m in self.local_minima if np.abs(m.at - at).max() >= _SAME]
             frequency, ratio = (float(v[0]) for v in trials.freedom.admittance(at[None]))
-            self.known.append(
+            self.local_minima.append(
                 AdmittanceMinimum(
                     gain=trials.freedom.choice(at)[1],
                     natural_frequency=frequency,
@@ -149,11 +153,11 @@ class _AdmittanceSearch:
                     at=at,
                 )
             )
-            self.known.sort(key=lambda m: m.objective)
-        return self.known
+            self.local_minima.sort(key=lambda m: m.objective)
+        return self.local_minima
 
     def _starts(self) -> IntArray:
-        """Return the grid's local minima, best first; where nothing is feasible, the places that miss limits least."""
+        """Return the grid's local minima, best first; without feasible points, those that exceed the limits least."""
         from scipy.ndimage import minimum_filter  # noqa: PLC0415
 
         shape = self._shape()
@@ -173,7 +177,7 @@ class _AdmittanceSearch:
         return tuple(len(np.unique(column)) for column in self.grid.T)
 
     def map(self) -> AdmittanceMap:
-        """Return the best objective over the gains, for each admittance of the grid: that of the grid, zoomed in on."""
+        """Return the best objective over the gains for each admittance of the grid, refined in the gain."""
         shape = self._shape()
         grid, values = self.grid.reshape(*shape, -1), self.values.reshape(shape)
         best, middle = values.min(axis=0), np.take_along_axis(grid[..., 0], values.argmin(axis=0)[None], axis=0)[0]
@@ -181,30 +185,30 @@ class _AdmittanceSearch:
         for _ in range(_ZOOMS):
             near = np.repeat(grid[:1], len(_NEAR), axis=0)
             near[..., 0] = np.clip(middle + half * _NEAR.reshape(-1, *[1] * middle.ndim), 0.0, 1.0)
-            found = self.trials.values(near.reshape(-1, near.shape[-1]))[:, 0].reshape(near.shape[:-1])
-            middle = np.take_along_axis(near[..., 0], found.argmin(axis=0)[None], axis=0)[0]
-            best, half = np.minimum(best, found.min(axis=0)), 2 * half / (len(_NEAR) - 1)
+            refined = self.trials.values(near.reshape(-1, near.shape[-1]))[:, 0].reshape(near.shape[:-1])
+            middle = np.take_along_axis(near[..., 0], refined.argmin(axis=0)[None], axis=0)[0]
+            best, half = np.minimum(best, refined.min(axis=0)), 2 * half / (len(_NEAR) - 1)
         frequency, ratio = (v.reshape(shape)[0] for v in self.trials.freedom.admittance(self.grid))
         return AdmittanceMap(natural_frequency=frequency, damping_ratio=ratio, objective=best)
 
     def best_ratio(self) -> float | None:
-        """Return by how much, at best, the worst limit is missed on the grid: |quantity| / limit."""
+        """Return the smallest value on the grid of the largest ratio |quantity| / limit; None if one is feasible."""
         worst = self._worst()
         if not self.trials.constraints or not np.isfinite(worst).any():
             return None
         return float(worst.min()) if worst.min() > HELD else None
 
     def answer(self, as_it_is: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
-        """Put the answer together with its evidence: the gain with the admittance as it is, and with the chosen one."""
+        """Return the result from the gain designs with the unchanged and with the optimal admittance."""
         freedom, certificate = self.trials.freedom, None
         status = DesignStatus.INFEASIBLE if np.isfinite(self.rows).all(axis=1).any() else DesignStatus.NO_CONTACT
         if chosen is not None:
             status = chosen.status
-            residual, active, multipliers = kkt_residual(self.trials, self.known[0].at, _ONE)
+            residual, active, multipliers = kkt_residual(self.trials, self.local_minima[0].at, _ONE)
             certificate = AdmittanceCertificate(
                 grid=len(self.grid),
                 tests=len(self.tests),
-                local_minima=tuple(self.known),
+                local_minima=tuple(self.local_minima),
                 residual=residual,
                 active=tuple(zip(active, (float(m) for m in multipliers), strict=True)),
             )

@@ -1,4 +1,4 @@
-"""How a design ended, its constraints and trade-off, and why it is believed: no stronger gain does better."""
+"""Parts of a gain design: status, constraint outcomes, trade-off, certificate, sensitivities and ideal design."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
-from pretouch.motion import ContactState, Scenario
-from pretouch.motion.curve import farthest
-from pretouch.sensors import SensorModel
-from pretouch.sensors.model import cache_by_curve
+from pretouch.motion import ContactState
 
-from .objectives import Objective
+ACTIVE: Final = 1e-6
+"""Relative distance from its limit within which a constraint is active."""
 
 
 class DesignStatus(StrEnum):
-    """How a design ended."""
+    """Status of a design: an optimal gain, no feasible gain, or no gain that ends in contact."""
 
     OPTIMAL = "optimal"
     INFEASIBLE = "infeasible"
@@ -35,11 +33,12 @@ class ConstraintOutcome(Value):
         quantity: the quantity that is limited.
         unit: its SI unit.
         limit: the largest allowed magnitude.
-        value: the magnitude at the chosen gain, or at the nearest one where infeasible; None without contact.
-        margin: limit - value; negative where the limit is exceeded.
-        active: whether the optimum sits on this limit.
-        best_value: the smallest magnitude that any gain within the bounds reaches, this constraint taken alone.
-        best_gain: the gain that reaches it [N s].
+        value: the magnitude at the chosen gain; if infeasible, at the gain that exceeds the limits least; None without
+            contact.
+        margin: limit - value; negative if the limit is exceeded.
+        active: whether the optimum lies on this limit.
+        best_value: the smallest magnitude that any gain within the bounds reaches, without regard to other constraints.
+        best_gain: the gain that reaches it: the law's number, such as D_p [N s].
     """
 
     name: str
@@ -54,7 +53,7 @@ class ConstraintOutcome(Value):
 
     @property
     def achievable(self) -> bool:
-        """Whether some gain within the bounds meets this constraint, taken alone."""
+        """Whether some gain within the bounds meets this constraint, without regard to other constraints."""
         return self.best_value is not None and self.best_value <= self.limit
 
     def to_dict(self) -> dict[str, Any]:
@@ -64,13 +63,13 @@ class ConstraintOutcome(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TradeOff(Value):
-    """Objective and contact over the whole range of gains: the scan that the optimum was chosen from.
+    """Objective and contact over the whole range of gains, from the scan of the search.
 
     Args:
-        gain: D_p [N s], ascending, shape (n,).
-        objective: the objective; infinite where there is no contact.
-        reached: where the encounter ends in contact.
-        feasible: where it ends in contact and every constraint holds.
+        gain: the law's number, such as D_p [N s], ascending, shape (n,).
+        objective: the objective; infinite without contact.
+        reached: whether the encounter ends in contact.
+        feasible: whether it ends in contact and meets every constraint.
         state: the state at the end of each run, fields of shape (n,).
     """
 
@@ -81,11 +80,11 @@ class TradeOff(Value):
     state: ContactState
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scan as columns; what there is not without contact is infinite, which JSON writes as null."""
+        """Return the scan as columns; values without contact are infinite, which JSON writes as null."""
         state = {name: getattr(self.state, name) for name in ("time", "displacement", "relative_velocity")}
-        known = {"objective": self.objective, **state}
-        found = {name: np.where(self.reached, values, np.inf) for name, values in known.items()}
-        return {"gain": self.gain, "feasible": self.feasible, **found}
+        columns = {"objective": self.objective, **state}
+        finite = {name: np.where(self.reached, values, np.inf) for name, values in columns.items()}
+        return {"gain": self.gain, "feasible": self.feasible, **finite}
 
     def __repr__(self) -> str:
         return f"<TradeOff: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g}>"
@@ -93,17 +92,17 @@ class TradeOff(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate(Value):
-    """Why the gain is believed to be the global optimum within the bounds.
+    """Evidence that the gain is the global optimum within the bounds.
 
     Args:
-        scanned: how many gains the scan that covers the bounds came to.
-        resolution: largest error of predicting a scanned objective from its neighbors, relative to the range of the
-            objective there: how well the scan resolves the curve.
-        local_minima: the local minima found by the scan and refined, as (gain, objective), best first.
-        bracket: the gains around the optimum between which it is enclosed.
-        stationarity: |df/d ln|D_p|| at the optimum over the objective, where it lies inside; None on a limit.
-        at: "interior", "bound", "edge of contact", "corner" (inside, where the objective has a corner or a jump, as
-            that of a sampled loop may have) or the name of the active constraint.
+        scanned: number of gains of the scan, which covers the bounds.
+        resolution: largest error of interpolating a scanned objective from its neighbors, relative to the objective:
+            how well the scan resolves the curve.
+        local_minima: all local minima, refined, as (gain, objective), best first.
+        bracket: two gains that enclose the optimum.
+        stationarity: |df/d ln|D_p|| / f at an optimum inside the bounds, where it should be 0; None on a limit.
+        at: location of the optimum: "interior", "bound", "edge of contact", "corner" (inside, at a corner or a jump of
+            the objective, as a sampled loop may have) or the name of the active constraint.
     """
 
     scanned: int
@@ -116,15 +115,16 @@ class Certificate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensitivity(Value):
-    """How the optimum follows one input.
+    """Sensitivity of the optimal gain to one input.
 
     Args:
         name: the input, such as `obstacle.velocity` or `sensor.exponent`.
         value: its value in SI.
         unit: its SI unit.
-        gain_derivative: d D_p / d input, in N s per unit of the input.
+        gain_derivative: d gain / d input, in the unit of the law's number (such as N s) per unit of the input.
         objective_derivative: d f / d input at the optimum, per unit of the input.
-        gain_change_per_percent: change of the optimal gain when the input grows by 1 % of its magnitude [N s].
+        gain_change_per_percent: change of the optimal gain if the magnitude of the input grows by 1 %, in the unit of
+            the law's number.
     """
 
     name: str
@@ -137,56 +137,17 @@ class Sensitivity(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdealDesign(Value):
-    """The gain that is optimal in continuous time, where another was designed on a sampled loop.
+    """The gain that is optimal in continuous time, compared with the gain that was designed on a sampled loop.
 
     Args:
-        gain: the optimal gain of L(1) with a perfect sensor [N s].
-        objective: what it comes to on the loop; infinite where it ends without contact.
-        loss: by how much that exceeds the objective of the design on the loop, as a share of the latter; below 0 only
-            where it breaks a limit.
-        feasible: whether it keeps the limits on the loop.
+        gain: the optimal gain in continuous time, L(1), with a perfect sensor: the law's number, such as D_p [N s].
+        objective: its objective on the loop; infinite without contact.
+        loss: relative increase of that objective over the one of the gain designed on the loop; negative only if the
+            ideal gain violates a constraint.
+        feasible: whether it meets the constraints on the loop.
     """
 
     gain: float
     objective: float
     loss: float
     feasible: bool
-
-
-_PROBES: Final = 257
-
-
-def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
-    """Tell for which encounters a stronger mitigating gain is known to touch later (docs/fast-designs.md)."""
-    known = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
-    return np.asarray(premises_hold(scenario) & known)
-
-
-def premises_hold(scenario: Scenario) -> BoolArray:
-    """Tell for which encounters the premises of the same proof hold, but that ln xi falls with the distance."""
-    m, d, k, x0, u0, _, v, a, _, _ = scenario.relative_columns()
-    room = np.asarray(d) * d - 4.0 * np.asarray(m) * k
-    sigma = 0.5 * (d - np.sqrt(np.maximum(room, 0.0)))
-    holds = (room >= 0) & (v < 0) & (np.asarray(a) <= 0) & (np.asarray(u0) > v) & (-d * v - k * x0 >= sigma * (u0 - v))
-    return np.asarray(np.broadcast_to(holds, scenario.shape))
-
-
-def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
-    """Bound an objective of every stronger gain from below where that touches later, given any state at contact."""
-    # It is the part that time can only enlarge; obstacle_speed is |x_o'| at the start [m/s].
-    total = np.zeros(np.shape(state.time))
-    if type(objective) is not Objective:
-        return total
-    for term in objective.terms:
-        if term.quantity not in {"time", "displacement"}:
-            continue
-        value = getattr(state, term.quantity)
-        counts = value if term.quantity == "time" else np.minimum(value, 0.0)
-        total = total + term.weight * (counts / term.scale_for(obstacle_speed)) ** 2
-    return np.asarray(total)
-
-
-@cache_by_curve(256)
-def falls(sensor: SensorModel, reach: float) -> bool:
-    """Tell whether ln xi falls with the distance, from contact to a distance [m]."""
-    return bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, _PROBES))) < 0).all())

@@ -1,4 +1,4 @@
-"""What is known of a design beside its gain: each part is computed when it is first asked for."""
+"""Evidence of a gain design, computed lazily: scan, minima, constraints, certificate, sensitivities."""
 
 from __future__ import annotations
 
@@ -14,27 +14,29 @@ from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import ContactResult
 
-from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
+from .certificate import ACTIVE, Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import Constraint
 from .problem import Answer, GainProblem
 from .search import HELD, Minimum, Scan, refine, scan
-from .search.compiled import design_many, search_compiled, settle_one
+from .search.compiled import search_compiled
+from .search.many import design_many, settle_one
 from .sensitivity import gain_sensitivities
 
 R = TypeVar("R")
 
-_ACTIVE = 1e-6
-_SMOOTH = 1e-2  # |df/du| / f over 0.2 of u around the optimum on a loop: ripples of r displace it to sqrt(2 r f_uu / f)
+# Largest |df/du| / f at the optimum of a smooth objective on a loop, by differences over 0.2 of u: relative ripples r
+# of the objective make it sqrt(2 r f_uu / f).
+_SMOOTH = 1e-2
 
 
 def _part(make: Callable[[Any], R]) -> cached_property[R]:
-    """Compute a part when it is first read, of one design: an array of designs has none."""
+    """Make a cached property of one design; reading it from an array of designs raises an error."""
 
     @wraps(make)
     def part(evidence: GainEvidence) -> R:
         if evidence.scenario.shape:
             raise ResultUnavailableError(
-                f"{make.__name__}: found an array of designs, of which each has its own; choose one with .at(index)"
+                f"{make.__name__}: found an array of designs, expected one; select it with .at(index)"
             )
         return make(evidence)
 
@@ -43,11 +45,11 @@ def _part(make: Callable[[Any], R]) -> cached_property[R]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class GainEvidence(Answer):
-    """The scan and the minima of a design, and what follows from them.
+    """The scan of a design, its minima, and all results that are computed from them.
 
     Args:
-        settled: status, optimal gain [N s] and the objective there, where these were settled without the whole scan of
-            one encounter; arrays for an array of encounters.
+        settled: status, optimal gain and objective, if a fast search has found them without the whole scan; arrays for
+            an array of encounters.
     """
 
     settled: tuple[Any, Any, Any] | None
@@ -66,39 +68,39 @@ class GainEvidence(Answer):
 
     @property
     def status(self) -> Any:
-        """How the design ended: optimal, infeasible (a constraint cannot be met) or no-contact (no gain is in contact).
+        """The status: optimal, infeasible (no gain meets all constraints) or no-contact (no gain ends in contact).
 
-        For an array of encounters an array of these words.
+        For an array of encounters it is an array of these words.
         """
         return self.answer[0]
 
     @property
     def gain(self) -> Any:
-        """The optimal gain D_p [N s]; None unless optimal, NaN in an array."""
+        """The optimal gain: the law's number, such as D_p [N s]; None unless optimal, NaN in an array."""
         return self.answer[1]
 
     @property
     def objective(self) -> Any:
-        """The objective there; None unless optimal, NaN in an array."""
+        """The objective at the optimal gain; None unless optimal, NaN in an array."""
         return self.answer[2]
 
     @_part
     def scanned(self) -> Scan:
-        """The scan of the whole range, refined until neighbors predict each other."""
+        """The scan of the whole range, refined until the objective is well interpolated."""
         return scan(self.problem.landscape, *self.problem.axis.span)
 
     @_part
     def minima(self) -> tuple[Minimum, ...]:
         """All local minima of the objective, refined, best first."""
-        found = self.scanned
-        minima = refine(self._merit, found.coordinate, found.landscape.merit)
+        scanned = self.scanned
+        minima = refine(self._merit, scanned.coordinate, scanned.landscape.merit)
         return tuple(minima or self._between_gains())
 
     def _merit(self, coordinate: FloatArray) -> FloatArray:
         return self.problem.landscape(coordinate).merit
 
     def _between_gains(self) -> list[Minimum]:
-        """Return the minima within feasible gains that lie between those of the scan: limits may leave that little."""
+        """Return minima in a feasible range so narrow that it lies between two gains of the scan."""
         near = self._least_excess
         if near is None or near.value > HELD:
             return []
@@ -110,14 +112,14 @@ class GainEvidence(Answer):
 
     @_part
     def _least_excess(self) -> Minimum | None:
-        """The gain at which the worst ratio of quantity and limit is least; None where none makes contact."""
-        found, problem = self.scanned, self.problem
-        near = refine(lambda u: problem.landscape(u).worst_ratio, found.coordinate, found.landscape.worst_ratio)
+        """The gain at which the largest ratio |quantity| / limit is smallest; None if no gain makes contact."""
+        scanned, problem = self.scanned, self.problem
+        near = refine(lambda u: problem.landscape(u).worst_ratio, scanned.coordinate, scanned.landscape.worst_ratio)
         return near[0] if near else None
 
     @_part
     def nearest_gain(self) -> float | None:
-        """Where no gain is feasible, the one that exceeds the limits least; None where none makes contact."""
+        """If no gain is feasible, the gain that exceeds the limits least; None if no gain makes contact."""
         if self.minima or self._least_excess is None:
             return None
         return float(self.problem.axis.gain(self._least_excess.coordinate))
@@ -129,14 +131,14 @@ class GainEvidence(Answer):
 
     @_part
     def nearest(self) -> ContactResult | None:
-        """Where infeasible, the encounter at the gain that exceeds the constraints least; else None."""
+        """If infeasible, the encounter at the gain that exceeds the limits least; else None."""
         if self.gain is not None or self.nearest_gain is None:
             return None
         return self.problem.run(self.nearest_gain)
 
     @_part
     def no_mitigation(self) -> ContactResult:
-        """The encounter with D_p = 0."""
+        """The encounter without mitigation: the law's number is 0."""
         return self.problem.run(0.0)
 
     @_part
@@ -146,7 +148,7 @@ class GainEvidence(Answer):
 
     @_part
     def trade_off(self) -> TradeOff:
-        """Objective and contact over the bounds."""
+        """Objective and contact over the range of gains."""
         return TradeOff(
             gain=self.problem.axis.gain(self.scanned.coordinate),
             objective=self.scanned.landscape.objective,
@@ -157,7 +159,7 @@ class GainEvidence(Answer):
 
     @_part
     def constraints(self) -> tuple[ConstraintOutcome, ...]:
-        """Each constraint at the chosen or nearest gain, and the smallest magnitude that any gain reaches."""
+        """Each constraint at the optimal or nearest gain, and the smallest magnitude that any gain reaches."""
         shown = self.result or self.nearest
         return tuple(self._outcome(i, constraint, shown) for i, constraint in enumerate(self.problem.task.limits))
 
@@ -174,14 +176,14 @@ class GainEvidence(Answer):
             limit=constraint.limit,
             value=value,
             margin=None if value is None else constraint.limit - value,
-            active=value is not None and abs(value / constraint.limit - 1) < _ACTIVE,
+            active=value is not None and abs(value / constraint.limit - 1) < ACTIVE,
             best_value=best[0].value * constraint.limit if best else None,
             best_gain=float(problem.axis.gain(best[0].coordinate)) if best else None,
         )
 
     @_part
     def place(self) -> str:
-        """Where the optimum sits, as in Certificate."""
+        """The location of the optimum, as `Certificate.at`."""
         if self.settled is not None or not self.minima or not self.minima[0].edge:
             return "interior"
         best = self.minima[0]
@@ -195,7 +197,7 @@ class GainEvidence(Answer):
 
     @_part
     def certificate(self) -> Certificate | None:
-        """Why the gain is believed to be the optimum; None unless optimal."""
+        """Evidence that the gain is the global optimum; None unless optimal."""
         if not self.minima:
             return None
         axis, best = self.problem.axis, self.minima[0]
@@ -205,19 +207,19 @@ class GainEvidence(Answer):
             resolution=self.scanned.resolution,
             local_minima=tuple((float(axis.gain(m.coordinate)), m.value) for m in self.minima),
             bracket=(float(axis.gain(low)), float(axis.gain(high))),
-            stationarity=_stationarity(self.problem, self._as_answered(best)) if self.place == "interior" else None,
+            stationarity=_stationarity(self.problem, self._at_answer(best)) if self.place == "interior" else None,
             at=self.place,
         )
 
-    def _as_answered(self, best: Minimum) -> Minimum:
-        """Return the best minimum of the scan at the gain of the answer, which the compiled search may have found."""
+    def _at_answer(self, best: Minimum) -> Minimum:
+        """Return the best minimum of the scan, moved to the gain of the answer if a fast search has found it."""
         if self.settled is None:
             return best
         return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))
 
     @_part
     def sensitivities(self) -> tuple[Sensitivity, ...]:
-        """The derivative of the optimum with respect to each input; none where it has none."""
+        """The derivative of the optimum with respect to each input; empty if the optimum is not differentiable."""
         if self.gain is None or self.place == "corner":
             return ()
         p = self.problem
@@ -226,37 +228,37 @@ class GainEvidence(Answer):
         return gain_sensitivities(p, self.gain, self.place)
 
     def _is_smooth(self) -> bool:
-        """Tell whether the objective of somebody else's encounters is smooth as far as differences reach."""
+        """Return whether the objective of a user-defined evaluator is smooth over the steps of the differences."""
         slope = _stationarity(self.problem, self.minima[0]) if self.minima else None
         return slope is not None and slope < _SMOOTH
 
     @_part
     def ideal(self) -> IdealDesign | None:
-        """What the ideal design, of continuous time, loses here; None for itself, for a course, or without a gain."""
+        """The continuous-time design, with its loss here; None without `evaluate`, with a course or without a gain."""
         p = self.problem
         if p.task.evaluate is None or p.task.scenario.obstacle.course or self.gain is None:
             return None
-        ideal = p.changed(evaluate=None)
-        found = GainEvidence(problem=ideal, settled=settle(ideal))
-        if found.gain is None:
+        continuous = p.changed(evaluate=None)
+        ideal = GainEvidence(problem=continuous, settled=settle(continuous))
+        if ideal.gain is None:
             return None
-        both = p.landscape(p.axis.coordinate(np.array([found.gain, self.gain])))
-        value, own = map(float, both.objective)
-        loss = value / own - 1 if own > 0 else math.inf if value > 0 else 0.0
-        return IdealDesign(gain=found.gain, objective=value, loss=loss, feasible=bool(both.feasible[0]))
+        both = p.landscape(p.axis.coordinate(np.array([ideal.gain, self.gain])))
+        value, best = map(float, both.objective)
+        loss = value / best - 1 if best > 0 else math.inf if value > 0 else 0.0
+        return IdealDesign(gain=ideal.gain, objective=value, loss=loss, feasible=bool(both.feasible[0]))
 
 
 def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
-    """Design one encounter by the search of many, or each of an array; None for one that this does not settle."""
+    """Design one encounter, or each of an array, by the fast searches; None if they give no certain answer for one."""
     if problem.task.scenario.shape:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()
-    found = search_compiled(free)
-    gain, value, known = (math.nan, math.nan, 0.0) if found is None else found[:, 0].tolist()
-    if known:
+    result = search_compiled(free)
+    gain, value, certain = (math.nan, math.nan, 0.0) if result is None else result[:, 0].tolist()
+    if certain:
         return DesignStatus.OPTIMAL, gain, value
-    one = settle_one(free)
-    return None if one is None else (DesignStatus.OPTIMAL, *one)
+    optimum = settle_one(free)
+    return None if optimum is None else (DesignStatus.OPTIMAL, *optimum)
 
 
 def _search_one(problem: GainProblem) -> tuple[Any, Any, Any]:
@@ -264,10 +266,10 @@ def _search_one(problem: GainProblem) -> tuple[Any, Any, Any]:
 
 
 def _stationarity(problem: GainProblem, best: Minimum) -> float | None:
-    """Return |df/du| / f at an interior optimum, by a five-point difference that the search did not use."""
+    """Return |df/du| / f at an interior optimum by a five-point difference, independently of the search."""
     narrow = min(1e-2, 0.1 * (best.bracket[1] - best.bracket[0]))  # a sharp minimum has a narrow bracket
-    step = narrow if problem.task.evaluate is None else 0.05  # which reaches over the ripples of a loop that samples
+    step = narrow if problem.task.evaluate is None else 0.05  # wider than the ripples of a sampled loop
     f = problem.landscape(best.coordinate + step * np.array([-2.0, -1.0, 1.0, 2.0])).objective
-    if best.value == 0 or not np.isfinite(f).all():  # the optimum lies that close to where contact ends, or is nothing
+    if best.value == 0 or not np.isfinite(f).all():  # the objective is 0, or contact ends within the steps
         return None
     return abs(float(f @ np.array([1.0, -8.0, 8.0, -1.0]) / (12 * step))) / best.value

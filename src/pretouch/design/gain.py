@@ -1,4 +1,4 @@
-"""The gain that is optimal within its bounds and constraints, and what it leads to."""
+"""Design of the optimal gain within bounds and constraints."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ from .evidence import GainEvidence, settle
 from .problem import GainProblem
 from .search import GainAxis
 from .sensitivity import gain_gradient
-from .task import Task, placed
+from .task import Task, with_file_location
 
-_RESIDUAL: Final = 1e-9  # of the impulse balance: what is above it is told
+_RESIDUAL: Final = 1e-9  # a larger residual of the impulse balance gives a warning
 _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 
 def designed_number(task: Task) -> float | None:
-    """Choose the number of a task's law: by the effect that is asked of a drag, else by the objective.
+    """Design the number of a task's law: by the effect of a drag if the task has one, else by the objective.
 
     Returns:
-        The number, such as D_p [N s] or phi [N s^2]; None where no gain meets the constraints or ends in contact.
+        The number, such as D_p [N s] or phi [N s^2]; None if no gain meets the constraints or ends in contact.
     """
     if task.effect is None:
-        found: float | None = design_gain(task.replace(evaluate=None)).gain
-        return found
+        gain: float | None = design_gain(task.replace(evaluate=None)).gain
+        return gain
     return chosen_drag(task, task.effect)[0]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class GainDesign(GainEvidence):
-    """What `design_gain` returns: the gain at once, its evidence when it is first read.
+    """Result of `design_gain`: the optimal gain, and its evidence, which is computed when it is first read.
 
     Args:
-        problem: the task, and the gains between which the optimum was sought.
-        settled: status, gain [N s] and objective, as far as these were settled without the whole scan.
+        problem: the task and the bounds of the gain.
+        settled: status, gain and objective, if a fast search has found them without the whole scan.
     """
 
     page: ClassVar[str] = "pretouch.design.page:gain_page"
@@ -55,24 +55,24 @@ class GainDesign(GainEvidence):
     @classmethod
     def of(cls, problem: GainProblem) -> GainDesign:
         """Design the gain of a problem, or of each encounter of an array."""
-        found = cls(problem=problem, settled=settle(problem))
-        _ = found.answer  # is searched for now, and not when it is read
-        return found
+        design = cls(problem=problem, settled=settle(problem))
+        _ = design.answer  # searches now instead of when the gain is first read
+        return design
 
     def at(self, *index: int) -> GainDesign:
-        """Return the design of one encounter of an array, at one integer per axis, with its evidence."""
+        """Return the design of one encounter of an array, with its evidence; `index` has one integer per axis."""
         return GainDesign.of(self.problem.at(index)) if self.scenario.shape else self
 
     @property
     def method(self) -> str:
-        """How the encounters were solved: "closed-form", "integration", "uniform-motion", or "loop" by a ClosedLoop."""
+        """Solution method of the encounters: "closed-form", "integration", "uniform-motion", or "loop" (ClosedLoop)."""
         return self.no_mitigation.method
 
     @property
     def objective_parts(self) -> dict[str, float]:
-        """The terms of the objective by quantity, which add up to it; empty unless optimal.
+        """The terms of the objective by quantity, which add up to the objective; empty unless optimal.
 
-        Of an objective of a user's own what it declares by `parts`; empty where that does not add up to its value.
+        For a user-defined objective, the parts that it declares by `parts`; empty if they do not add up to its value.
         """
         if self.result is None:
             return {}
@@ -81,9 +81,9 @@ class GainDesign(GainEvidence):
 
     @property
     def damping_at_contact(self) -> Any:
-        """D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact; an array for an array.
+        """The damping D_p g(0) [N s/m] of the virtual force at contact; an array for an array of encounters.
 
-        Of another law its damping dF/dl' there; NaN where that is not known.
+        For other laws, the damping dF/dl' at contact; NaN if the law does not give it.
         """
         if self.gain is None:
             return None
@@ -93,53 +93,54 @@ class GainDesign(GainEvidence):
         return float_or_array(law.damping(self.gain, slope, self.problem.run(self.gain).end.relative_velocity))
 
     def gradient(self, by: str) -> Any:
-        """Return how the optimal gain follows one input, exact where objective and limits are those of the contact.
+        """Return the derivative of the optimal gain by one input, exact if objective and limits are taken at contact.
 
         Args:
-            by: the input, such as `obstacle.velocity` or `sensor.exponent`: one of `ContactGradients.inputs`, the gain
-                excepted.
+            by: the input, such as `obstacle.velocity` or `sensor.exponent`: one of `ContactGradients.inputs`, except
+                the gain.
 
         Returns:
-            d D_p / d input, in N s per unit of the input: a float, or an array of the scenario's shape. NaN where there
-            is no optimal gain, beside an edge of contact, and where the objective has a corner or a jump.
+            d gain / d input, in the unit of the law's number (such as N s) per unit of the input: a float, or an array
+            of the scenario's shape. NaN if there is no optimal gain, next to an edge of contact, and at a corner or a
+            jump of the objective.
         """
         if self.gain is None:
             return math.nan
-        found = gain_gradient(self.problem, self.gain, by, lambda index: self.at(*index))
-        return found if self.scenario.shape else float(found)
+        derivative = gain_gradient(self.problem, self.gain, by, lambda index: self.at(*index))
+        return derivative if self.scenario.shape else float(derivative)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences that a user should read before relying on the gain, in order of weight."""
+        """Warnings to read before relying on the gain, most important first."""
         return tuple(_warnings(self, self.scan_result))
 
     @property
     def headline(self) -> str:
         """The answer in one or two sentences."""
         if self.result is not None and self.gain is not None:
-            left = abs(self.result.end.relative_velocity)
+            speed = abs(self.result.end.relative_velocity)
             n = self.number
-            text = f"Optimal {n.name} {n.equals(self.gain)}: contact at {format_quantity(left, 'm/s')}"
+            text = f"Optimal {n.name} {n.equals(self.gain)}: contact at {format_quantity(speed, 'm/s')}"
             before = self.no_mitigation
             if before.reached.all():
-                speed = abs(before.end.relative_velocity)
-                change = f"{100 * abs(1 - left / speed):.1f} % {'less' if left <= speed else 'more'}"
-                text += f" instead of {format_quantity(speed, 'm/s')} without mitigation ({change})"
+                free = abs(before.end.relative_velocity)
+                change = f"{100 * abs(1 - speed / free):.1f} % {'less' if speed <= free else 'more'}"
+                text += f" instead of {format_quantity(free, 'm/s')} without mitigation ({change})"
             return text + f", after an excursion of {format_quantity(self.result.end.largest_excursion, 'm')}."
         if self.nearest is not None:
             return "Infeasible: " + _conflict(self)
         return "No gain within the bounds ends in contact."
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the design as one JSON object: numbers in SI, None where there is none."""
-        known = {"status": self.status, "gain": self.gain, "objective": self.objective}
+        """Return the design as one JSON object: numbers in SI, None for missing ones."""
+        answer = {"status": self.status, "gain": self.gain, "objective": self.objective}
         if self.scenario.shape:
-            return known
+            return answer
         names = ("method", "objective_parts", "result", "no_mitigation", "nearest", "ideal", "damping_at_contact")
         more = ("bounds", "constraints", "certificate", "sensitivities", "sensor", "trade_off", "warnings")
-        found = {_KEYS.get(name, name): getattr(self, name) for name in (*names, *more)}
-        told: dict[str, Any] = plain({**known, "objective_name": self.definition.name, **found})
-        return told
+        details = {_KEYS.get(name, name): getattr(self, name) for name in (*names, *more)}
+        document: dict[str, Any] = plain({**answer, "objective_name": self.definition.name, **details})
+        return document
 
     def __str__(self) -> str:
         return repr(self) if self.scenario.shape else super().__str__()
@@ -154,11 +155,11 @@ class GainDesign(GainEvidence):
 
 
 def _conflict(design: GainDesign) -> str:
-    """Name the constraint that cannot be met and its nearest achievable value, or those that exclude each other."""
+    """Name the constraints that no gain meets, with their nearest achievable values, or those that conflict."""
     impossible = [o for o in design.constraints if not o.achievable]
     if impossible:
         return "; ".join(
-            f"{o.name} cannot be held at {format_quantity(o.limit, o.unit)}: the nearest achievable value is "
+            f"{o.name} cannot be limited to {format_quantity(o.limit, o.unit)}: the nearest achievable value is "
             f"{format_quantity(o.best_value or 0.0, o.unit)}, at {design.number.equals(o.best_gain or 0.0)}"
             for o in impossible
         )
@@ -168,28 +169,28 @@ def _conflict(design: GainDesign) -> str:
         for o in design.constraints
     )
     gain = design.number.equals(float(design.nearest.gain) if design.nearest else 0.0)
-    return f"{names} cannot be held together; nearest, at {gain}: {nearest}"
+    return f"{names} cannot be met together; nearest, at {gain}: {nearest}"
 
 
 def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
-    """Yield what should be read before relying on a design, in order of weight."""
+    """Yield warnings to read before relying on a design, most important first."""
     yield from _about_contact(design, scanned)
     if design.certificate is not None and design.certificate.at == "bound":
         yield (
             f"the optimum lies on the bound {design.number.text(design.gain or 0.0)}: a wider range of gains may "
-            "hold a better one"
+            "contain a better one"
         )
     if design.certificate is not None and design.certificate.at == "edge of contact":
-        yield "the optimum lies where contact is just still made: a slightly larger gain misses the object"
+        yield "the optimum lies at the edge of contact: a slightly stronger gain misses the object"
     if design.method == "uniform-motion":
         yield (
             "the uniform motion L(16)-(19) is one particular motion that does not start from the given state; it "
             "shifts the optimal gain by about 10 %: compare with method 'integration'"
         )
-    if _is_luck(design):
+    if _depends_on_noise(design):
         yield (
-            "the gain is optimal for one run and its noise: another run has another optimum; design_robust_gain with "
-            "the same evaluate averages over runs"
+            "the gain is optimal for one run with its noise, and another run has another optimum: use "
+            "design_robust_gain with the same evaluate, which averages over runs"
         )
     n = design.number
     if design.gain is not None and n.sign * design.gain < 0:
@@ -198,20 +199,23 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     if design.result is not None:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:
-            yield f"the impulse balance of the motion is met to {residual:.0e} only: its numbers are less certain"
+            yield (
+                f"the impulse balance of the motion has a residual of {residual:.0e}, expected at most "
+                f"{_RESIDUAL:.0e}: the numbers of the motion are less certain"
+            )
 
 
-def _is_luck(design: GainDesign) -> bool:
-    """Tell whether the encounter at the optimum comes out otherwise with the noise of another run."""
+def _depends_on_noise(design: GainDesign) -> bool:
+    """Return whether the encounter at the optimum changes with the noise of another run."""
     evaluator = design.problem.task.evaluate
     if design.result is None or not isinstance(evaluator, NoisyEvaluator):
         return False
-    again = evaluator.after(1)(design.scenario, design.sensor, design.gain)
-    return bool(again.end.time != design.result.end.time)
+    rerun = evaluator.after(1)(design.scenario, design.sensor, design.gain)
+    return bool(rerun.end.time != design.result.end.time)
 
 
 def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
-    """Yield what became of the gains without contact."""
+    """Yield warnings about gains that end without contact."""
     status = np.asarray(scanned.status)
     for kind in ContactStatus:
         count = int((status == kind).sum())
@@ -228,28 +232,29 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
         if kind is ContactStatus.LEFT_RANGE and low > 0 and not recedes:
             text += (
                 f" The curve starts at {format_quantity(low, 'm')}: mount the sensor that far behind the contact "
-                "surface and give this as its recess."
+                "surface and set this distance as its recess."
             )
         yield text
     if design.gain is not None and not design.no_mitigation.reached.all():
-        yield "without mitigation the encounter would not end in contact at all"
+        yield "without mitigation the encounter does not end in contact"
 
 
 @check_arguments
-@placed
+@with_file_location
 def design_gain(task: Task) -> GainDesign:
-    """Find the gain D_p that minimizes an objective like L(20) or L(22) at contact, L(21), L(23), within constraints.
+    """Find the gain D_p that minimizes an objective at contact within constraints, as in the letter's L(20) to L(23).
 
-    The whole range of gains is scanned until neighbors predict each other, each local minimum is refined, and the
-    best one is the answer; nothing depends on a starting point.
+    The whole range of gains is scanned until each gain is well interpolated from its neighbors. Then each local
+    minimum is refined, and the best one is the answer. The result does not depend on a starting point. With another
+    law, the number of that law is designed in the same way.
 
     Args:
-        task: the encounter, or an array of them, the objective, the bounds, and where given constraints, impact,
+        task: one encounter or an array of encounters, the objective and the bounds; optionally constraints, impact,
             method, horizon and `evaluate`.
 
     Returns:
-        The design; infeasible and no-contact are statuses of it, not errors. For an array of encounters, status,
-        gain and objective are arrays, and `at` gives a single design with its evidence.
+        The design; infeasible and no-contact are statuses, not errors. For an array of encounters, status, gain and
+        objective are arrays, and `at` returns a single design with its evidence.
 
     Examples:
         >>> from pretouch.design import excursion_objective

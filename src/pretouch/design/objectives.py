@@ -1,21 +1,21 @@
-"""What is minimized: L(20), L(22), any weighted combination of contact quantities, and objectives of a user's own."""
+"""Objectives: weighted sums of squared contact quantities, such as the letter's L(20) and L(22)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import partial
-from typing import Any, Final, Literal, Protocol, TypeAlias
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
-from pretouch._core.numbers import BoolArray, FloatArray, finite, nonnegative
+from pretouch._core.numbers import FloatArray, finite, nonnegative
 from pretouch.motion.contact import ContactState
 
-from .constraints import QUANTITY_UNITS, ImpactModel, quantity_of
+from .impact import ImpactModel
+from .quantities import QUANTITY_UNITS, quantity_of
 
 OBSTACLE_SPEED = "obstacle speed"
 Scale: TypeAlias = float | Literal["obstacle speed"]
@@ -27,8 +27,8 @@ class Term:
 
     Args:
         quantity: a key of QUANTITY_UNITS, such as `displacement`, `relative_velocity`, `time`, `impact_force`.
-        scale: the typical value, in SI, not 0; its sign is of no consequence. Or `"obstacle speed"`: the obstacle's
-            own speed in each scenario, for velocities only.
+        scale: the typical value, in SI, not 0; its sign has no effect. Or `"obstacle speed"`: the speed of the
+            obstacle in each scenario, for velocities only.
         weight: w >= 0.
     """
 
@@ -47,32 +47,32 @@ class Term:
             if "velocity" not in self.quantity and "speed" not in self.quantity:
                 raise InvalidInputError(f"scale: {OBSTACLE_SPEED!r} scales velocities, not {self.quantity!r}")
         elif finite(self.scale, "scale") == 0:
-            raise InvalidInputError("scale: found 0, which must not be zero")
+            raise InvalidInputError("scale: found 0, expected a typical value other than 0")
 
     def scale_for(self, obstacle_speed: Any) -> Any:
-        """Return the typical value in SI, where it follows the obstacle for the given speed [m/s]."""
+        """Return the typical value in SI; for `"obstacle speed"` the magnitude of the argument [m/s]."""
         if not isinstance(self.scale, str):
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
             raise InvalidInputError(
-                f"scale: {OBSTACLE_SPEED!r} cannot scale the {self.quantity} of an obstacle at rest; give a velocity"
+                f"scale: {OBSTACLE_SPEED!r} cannot scale the {self.quantity} of an obstacle at rest; use a number [m/s]"
             )
         return np.abs(obstacle_speed)
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Any:
-        """Return weight * (quantity / scale)^2 at a contact, with |x_o'| at the start [m/s]."""
+        """Return weight * (quantity / scale)^2 at a contact; `obstacle_speed` is |x_o'| at the start [m/s]."""
         return self.weight * (quantity_of(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Objective:
-    """A sum of squared, scaled contact quantities to be minimized.
+    """An objective to minimize: the sum of weighted squares of scaled contact quantities.
 
-    A subclass that computes `value` otherwise goes by the name of its class, and needs no terms.
+    A subclass with another `value` needs no terms; reports call it by the name of its class.
 
     Args:
         terms: the terms, at least one with a positive weight.
-        name: what it is called in reports.
+        name: its name in reports.
 
     Examples:
         >>> Objective(terms=(Term(quantity="largest_acceleration", scale=10.0),), name="gentle").name
@@ -84,8 +84,8 @@ class Objective:
 
     def __post_init__(self) -> None:
         check_types(self)
-        own = type(self).value is not Objective.value or type(self).parts is not Objective.parts
-        if not own and not any(term.weight > 0 for term in self.terms):
+        custom = type(self).value is not Objective.value or type(self).parts is not Objective.parts
+        if not custom and not any(term.weight > 0 for term in self.terms):
             raise InvalidInputError("terms: found none with a positive weight, expected one or more")
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> FloatArray:
@@ -93,8 +93,8 @@ class Objective:
 
         Args:
             state: the state at contact.
-            obstacle_speed: |x_o'| at the start [m/s], for scales that follow it.
-            impact: the physical properties, where a term needs them.
+            obstacle_speed: |x_o'| at the start [m/s], for scales that equal it.
+            impact: the physical properties, for terms with forces.
 
         Returns:
             The objective, of the shape of the state.
@@ -102,25 +102,25 @@ class Objective:
         return np.asarray(sum(self.parts(state, obstacle_speed, impact).values()), dtype=np.float64)
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return weight * (quantity / scale)^2 by quantity, added up where several terms have the same."""
-        found: dict[str, Any] = {}
+        """Return weight * (quantity / scale)^2 by quantity; terms of the same quantity are added."""
+        parts: dict[str, Any] = {}
         for term in self.terms:
             part = term.value(state, obstacle_speed, impact)
-            found[term.quantity] = found[term.quantity] + part if term.quantity in found else part
-        return found
+            parts[term.quantity] = parts[term.quantity] + part if term.quantity in parts else part
+        return parts
 
 
 @check_arguments
 def excursion_objective(
     *, position_scale: float, velocity_scale: Scale, position_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the objective f_1 of L(20): the range of motion that mitigation takes against the speed that is left.
+    """Make the letter's objective f_1, L(20): a trade-off of the range of motion and the relative velocity at contact.
 
     Args:
         position_scale: x_typ [m]; x is the deviation from the reference at contact, x - x_d.
-        velocity_scale: l'_typ [m/s], or `"obstacle speed"`. The choice matters where speeds are compared: in the
-            letter's case (Fig. 6) the optimal |D_p| grows from 0.05 to 1 m/s with a scale fixed at 0.3 m/s, and falls
-            up to 0.5 m/s with one that follows the obstacle.
+        velocity_scale: l'_typ [m/s], or `"obstacle speed"`. The choice matters if speeds are compared. In the letter's
+            Fig. 6, the optimal |D_p| grows with the obstacle speed from 0.05 to 1 m/s if the scale is fixed at
+            0.3 m/s; it falls up to 0.5 m/s if the scale equals the obstacle speed.
         position_weight: w_1 >= 0.
         velocity_weight: w_2 >= 0.
 
@@ -140,7 +140,7 @@ def excursion_objective(
 def time_objective(
     *, time_scale: float, velocity_scale: Scale, time_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the objective f_2 of L(22): the time that mitigation takes against the speed that is left.
+    """Make the letter's objective f_2, L(22): a trade-off of the time of contact and the relative velocity at contact.
 
     Args:
         time_scale: t_typ [s].
@@ -158,135 +158,3 @@ def time_objective(
     price = Term(quantity="time", scale=time_scale, weight=time_weight)
     speed = Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight)
     return Objective(terms=(price, speed), name="time")
-
-
-_SUM: Final = 1e-9  # of the value, to which items must add up to it: far above rounding, far below what is read
-
-
-class Valued(Protocol):
-    """An object of a user's own that says what a contact is worth; it may have `parts` with the same arguments."""
-
-    def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None) -> Any:
-        """Return a number >= 0 of the shape of the state, the less the better."""
-
-
-AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
-"""An objective, or what a user hands over in its place."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OwnObjective(Objective):
-    """What a user has handed over in the place of an Objective, under its own name.
-
-    Its items are those that it declares by `parts`, where they add up to the value; else it is known as a whole only.
-
-    Args:
-        terms: none, for it may compute anything.
-        name: that of its class, or of the function.
-        given: what was handed over.
-    """
-
-    terms: tuple[Term, ...] = field(default=(), repr=False)
-    given: Any
-
-    def __post_init__(self) -> None:
-        pass
-
-    def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> FloatArray:
-        """Ask it for the objective, of the shape of the state."""
-        try:
-            if callable(getattr(self.given, "value", None)):
-                found = self.given.value(state, obstacle_speed, impact)
-            else:
-                found = self.given(state)
-            numbers = np.asarray(found, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InvalidInputError(
-                f"objective: {self.name} failed on contacts of the shape {np.shape(state.time)} ({error}); it is asked "
-                "for many at once, so that it needs functions of arrays, such as those of NumPy"
-            ) from error
-        if numbers.ndim and numbers.shape != np.shape(state.time):
-            raise InvalidInputError(
-                f"objective: {self.name} gave the shape {numbers.shape} for contacts of the shape "
-                f"{np.shape(state.time)}, expected the same"
-            )
-        return np.broadcast_to(numbers, np.shape(state.time))
-
-    def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Ask it for its items; none where it declares none, or such as do not add up to the value."""
-        if not _declares_parts(self.given):
-            return {}
-        found: Mapping[str, Any] = self.given.parts(state, obstacle_speed, impact)
-        whole = self.value(state, obstacle_speed, impact)
-        with np.errstate(invalid="ignore"):
-            missed = np.abs(np.asarray(sum(found.values()), dtype=np.float64) - whole)
-        known = np.isfinite(whole)
-        return found if found and np.all(missed[known] <= _SUM * np.abs(whole[known])) else {}
-
-
-def as_objective(given: AnyObjective) -> Objective:
-    """Take an objective, or what a user hands over in its place.
-
-    Args:
-        given: an Objective; an object with `value(state, obstacle_speed, impact)` and, if its items are to be told,
-            `parts` with the same arguments; or a function of the state at contact.
-
-    Returns:
-        The objective itself where it is the sum of its terms and nothing else, otherwise an OwnObjective.
-
-    Raises:
-        InvalidInputError: it is none of these.
-
-    Examples:
-        >>> def gentle(state):
-        ...     return state.time**2 + 40 * state.relative_velocity**2
-        >>> as_objective(gentle).name
-        'gentle'
-    """
-    if type(given) is OwnObjective or (type(given) is Objective and all(type(t) is Term for t in given.terms)):
-        return given
-    if isinstance(given, type) or not (callable(getattr(given, "value", None)) or callable(given)):
-        raise InvalidInputError(
-            f"objective: found {given!r}, expected an Objective, an object with value(state, obstacle_speed, impact), "
-            "or a function of the state at contact"
-        )
-    return OwnObjective(name=_name_of(given), given=given)
-
-
-def appraise(
-    objective: Objective,
-    state: ContactState,
-    reached: BoolArray,
-    obstacle_speed: Any,
-    impact: ImpactModel | None,
-) -> FloatArray:
-    """Evaluate an objective, infinite without contact; refuse one of a user's own that is negative or no number."""
-    value = objective.value(state, obstacle_speed, impact)
-    if type(objective) is OwnObjective:
-        wrong = np.asarray(reached) & ~(value >= 0)
-        if wrong.any():
-            time = np.broadcast_to(np.asarray(state.time), wrong.shape)[wrong]
-            raise InvalidInputError(
-                f"objective: {objective.name} gave {float(value[wrong][0]):g} for a contact after "
-                f"{float(time[0]):g} s, expected a number that is not negative: what is lost is told as a share of it; "
-                "add a constant"
-            )
-    return np.where(reached, value, np.inf)
-
-
-def _declares_parts(given: Any) -> bool:
-    """Tell whether items are its own: those of a sum of terms say nothing of a value that is computed otherwise."""
-    if not callable(getattr(given, "parts", None)):
-        return False
-    if not isinstance(given, Objective):
-        return True
-    return type(given).parts is not Objective.parts or type(given).value is Objective.value
-
-
-def _name_of(given: Any) -> str:
-    if type(given) is Objective:
-        return given.name
-    if isinstance(given, partial):
-        return _name_of(given.func)
-    name = getattr(given, "__name__", type(given).__name__)
-    return "a function without a name" if name == "<lambda>" else str(name)

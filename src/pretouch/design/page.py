@@ -1,4 +1,4 @@
-"""What a design says: the answer, the contact that it leads to, and why it is believed."""
+"""Report page of a gain design: the gain, the contact that it leads to, and the evidence."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from pretouch.motion.contact import ContactState
 from pretouch.motion.page_sections import inputs_section, method_section, solved_on
 
 from .certificate import ConstraintOutcome, DesignStatus
-from .constraints import ImpactModel, impact_rows, quantity_of
-from .drag.page import drag_beside
+from .custom_objectives import OwnObjective
+from .drag.alternative import drag_alternative
 from .evidence_page import evidence_section, sensitivity_section
 from .gain import GainDesign
-from .objectives import Objective, OwnObjective
+from .impact import ImpactModel, impact_rows
+from .objectives import Objective
+from .quantities import quantity_of
 
 Row = tuple[Cell, ...]
 
@@ -29,31 +31,30 @@ _STATUS: Final = {
     DesignStatus.INFEASIBLE: "infeasible: no gain within the bounds meets every constraint",
     DesignStatus.NO_CONTACT: "no contact: no gain within the bounds ends in contact",
 }
-_NO_WAY_OUT: Final = {
+_ADVICE: Final = {
     DesignStatus.INFEASIBLE: (
-        "No gain within the bounds holds all of them. The value column is at the gain that exceeds the limits least. "
-        "What can be tried: a wider range of gains, a limit relaxed toward what is reachable, an earlier detection (a "
-        "sensor that reaches farther), or another admittance."
+        "No gain within the bounds meets all constraints. The value column is for the gain that exceeds the limits "
+        "least. Try a wider range of gains, a relaxed limit, earlier detection (a sensor with a longer range), or "
+        "another admittance."
     ),
     DesignStatus.NO_CONTACT: (
-        "Without contact there is nothing to mitigate and no gain to choose. Check the signs (an approaching obstacle "
-        "has a negative velocity, the plant's is positive), the reference, and the range in which the sensor curve "
-        "holds."
+        "Without contact there is no impact to mitigate. Check the signs: an approaching obstacle has a negative "
+        "velocity, an approaching plant a positive one. Check the reference and the valid range of the sensor curve."
     ),
 }
 _NOT_AT_CONTACT: Final = ("closest_distance", "settling_distance", "impulse_residual", "distance", "gain", "objective")
-_NOT_OURS: Final = "An objective of the user's own, with the items that it declares."
-_WHOSE_MOTION: Final = {
-    "loop": " One run of the sampled loop, with the noise that all gains met.",
-    "other": " These motions are those of L(1) in continuous time: the function that the design was handed gives none.",
+_CUSTOM_OBJECTIVE: Final = "A user-defined objective, with the parts that it declares."
+_MOTION_NOTES: Final = {
+    "loop": " One run of the sampled loop, with the same noise for every gain.",
+    "other": " These are motions in continuous time, L(1): the user-defined evaluator returns no motions.",
 }
 
 
 def gain_page(design: GainDesign) -> Page:
-    """Describe a design of any status; refuse that of many encounters, each of which has a page of its own."""
+    """Return the page of a design of one encounter, whatever its status."""
     if design.scenario.shape:
-        raise ResultUnavailableError("page: found designs of many encounters; choose one with .at(index)")
-    way_out = _NO_WAY_OUT.get(design.status)
+        raise ResultUnavailableError("page: found an array of designs, expected one; select it with .at(index)")
+    advice = _ADVICE.get(design.status)
     return Page(
         kind="Gain of preemptive impact mitigation",
         headline=design.headline,
@@ -64,11 +65,11 @@ def gain_page(design: GainDesign) -> Page:
         blocks=(
             _contact(design),
             _constraints(design) if design.constraints else None,
-            None if way_out is None else Paragraph(text=way_out),
-            drag_beside(design),
+            None if advice is None else Paragraph(text=advice),
+            drag_alternative(design),
             _trade_off(design),
             _motion(design),
-            _together(design),
+            _gain_and_sensor(design),
             evidence_section(design),
             sensitivity_section(design) if design.sensitivities else None,
             inputs_section(design.scenario, design.sensor, *_searched(design)),
@@ -105,8 +106,8 @@ def _contact(design: GainDesign) -> Chapter:
         gain = design.number.equals(float(run.gain))
         head = (*head, f"{'optimal' if design.result else 'nearest'}, {gain}", "change")
     note = (
-        "Predicted, not measured; x points away from the sensor, so an approach has a negative relative velocity "
-        'l\u2032, and mitigation withdraws the plant toward negative x. "Largest" means over the whole motion until '
+        "Predicted, not measured. x points away from the sensor: an approach has a negative relative velocity "
+        'l\u2032, and mitigation moves the plant toward negative x. "Largest" means over the whole motion until '
         "contact. Changes compare magnitudes."
     )
     table = Rows(head=head, rows=tuple(_contact_rows(runs, design.impact)), note=note, brief=True)
@@ -141,7 +142,7 @@ def _change(before: float, value: float) -> str:
 
 
 def _constraints(design: GainDesign) -> Chapter:
-    head = ("constraint", "value", "limit", "margin", "state", "least that any gain reaches")
+    head = ("constraint", "value", "limit", "margin", "state", "smallest value of any gain")
     rows = tuple(_constraint_row(o, design.number) for o in design.constraints)
     return Chapter(title="Constraints", blocks=(Rows(head=head, rows=rows, brief=True),))
 
@@ -160,19 +161,22 @@ def _constraint_row(o: ConstraintOutcome, number: LawNumber) -> Row:
 def _trade_off(design: GainDesign) -> Chapter:
     itemized = bool(design.objective_parts or not isinstance(design.definition, OwnObjective))
     caption = (
-        f"Left: {'the objective and its terms' if itemized else 'the objective'} over the range of gains that was "
-        "searched; hatched gains break the named limit or end without contact. Right: what each gain leads to."
+        f"Left: {'the objective and its terms' if itemized else 'the objective'} over the searched range of gains; "
+        "hatched gains exceed the named limit or end without contact. Right: the contact that each gain leads to."
     )
     if shows_equals(design):
         caption += (
-            " No gain reaches inside the thin line of equal objective; the chosen one touches it unless a limit "
-            "holds it back."
+            " The thin line is the contour of the optimal objective: no gain reaches inside it, and the chosen gain "
+            "touches it unless a limit is active."
         )
     if not design.trade_off.reached.any():
-        caption = "How near to contact each gain comes."
-    name = "Objective over the gain, and relative velocity at contact against its price"
-    own = isinstance(design.definition, OwnObjective)
-    note = _NOT_OURS if own else "Each term is weight \u00d7 (quantity / typical value)\u00b2, as in L(20) and L(22)."
+        caption = "Closest distance over the gain."
+    name = "Objective over the gain, and relative velocity at contact over the quantity it is traded for"
+    custom = isinstance(design.definition, OwnObjective)
+    formula = (
+        "Each term is weight \u00d7 (quantity / typical value)\u00b2, as in the letter's objectives L(20) and L(22)."
+    )
+    note = _CUSTOM_OBJECTIVE if custom else formula
     terms = Rows(
         head=("term of the objective", "typical value", "weight", "value"),
         rows=(
@@ -198,18 +202,18 @@ def _valued_terms(design: GainDesign) -> Iterator[Row]:
 
 
 def objective_rows(objective: Objective) -> Iterator[Row]:
-    """Yield quantity, typical value and weight of each term; one row for an objective of a user's own."""
+    """Yield quantity, typical value and weight of each term; one row for a user-defined objective."""
     if isinstance(objective, OwnObjective):
-        yield f"{objective.name}: an objective of the user's own", "", ""
+        yield f"{objective.name}: a user-defined objective", "", ""
         return
     for term in objective.terms:
-        own = words_for(term.scale) if isinstance(term.scale, str) else None
-        scale = own or Measured(abs(float(term.scale)), QUANTITIES[term.quantity].unit)
+        label = words_for(term.scale) if isinstance(term.scale, str) else None
+        scale = label or Measured(abs(float(term.scale)), QUANTITIES[term.quantity].unit)
         yield words_for(term.quantity), scale, Measured(term.weight)
 
 
 def traded_quantity(design: GainDesign) -> str:
-    """Return the quantity that the objective pays for a lower speed: its first term that is none."""
+    """Return the quantity that the objective trades for a lower contact speed: its first term that is not a speed."""
     for term in design.definition.terms:
         if term.quantity not in {"relative_velocity", "impact_force"} and term.weight > 0:
             return term.quantity
@@ -217,19 +221,19 @@ def traded_quantity(design: GainDesign) -> str:
 
 
 def shows_equals(design: GainDesign) -> bool:
-    """Tell whether the objective is of the two quantities of the plane alone, so that it is the same along a curve."""
+    """Return whether the objective depends only on the two plotted quantities, so that it has contour lines there."""
     quantities = sorted(t.quantity for t in design.definition.terms if t.weight > 0)
     return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
 
 
 def _motion(design: GainDesign) -> Chapter:
-    caption = "The motion until contact (dot), with the gain and without mitigation. Dotted lines are limits."
+    caption = "The motion until contact (dot), with the optimal gain and without mitigation. Dotted lines are limits."
     name = "Distance, position, relative velocity and virtual force over time"
-    caption += _WHOSE_MOTION.get(solved_on(design), "")
+    caption += _MOTION_NOTES.get(solved_on(design), "")
     return Chapter(title="The motion", blocks=(Picture(figure="motion", of=design, name=name, caption=caption),))
 
 
-_FELT: Final = {
+_FORCE_LAWS: Final = {
     1: (
         "The virtual force is F_p = D_p g(l) l\u2032: a damper between plant and obstacle whose coefficient is D_p g.",
         "damping D_p g",
@@ -242,15 +246,15 @@ _FELT: Final = {
         "four times",
     ),
 }
-"""By the power of s' in the force: what the motion feels, its name, and what half the slope asks for."""
+"""Force law, name of its coefficient, and factor on the number for half the slope; keys: the power of s' = g l'."""
 
 
-def _together(design: GainDesign) -> Chapter | None:
-    """Say what the motion feels of gain and sensor together."""
+def _gain_and_sensor(design: GainDesign) -> Chapter | None:
+    """Return the coefficient of the force law at contact and at the start: the product of gain and sensor slope."""
     run, n, power = _shown(design), design.number, design.problem.task.law.degree
-    if run is None or power not in _FELT:
+    if run is None or power not in _FORCE_LAWS:
         return None
-    (felt, coefficient, times), unit = _FELT[power], f"{n.unit}/m" if power == 1 else f"{n.unit}/m^{power}"
+    (force, coefficient, times), unit = _FORCE_LAWS[power], f"{n.unit}/m" if power == 1 else f"{n.unit}/m^{power}"
     gain, (low, high) = float(run.gain), design.sensor.valid_range
     rows = []
     for name, distance in (("at contact", 0.0), ("at the start", float(design.scenario.distance))):
@@ -259,9 +263,9 @@ def _together(design: GainDesign) -> Chapter | None:
             place = f"{name}, l = {format_quantity(distance, 'm')}"
             rows.append((place, Measured(gain, n.unit), Measured(slope, "1/m"), Measured(gain * slope**power, unit)))
     note = (
-        f"{felt} This is what the motion feels. A {n.name} alone says nothing across sensors: on a sensor with half "
-        f"the slope, the same motion needs about {times} the {n.name}. A no-object offset left in the output lowers g "
-        "and so weakens the force."
+        f"{force} Only this product acts on the motion, so a {n.name} cannot be compared between sensors: on a sensor "
+        f"with half the slope, the same motion needs about {times} the {n.name}. A no-object offset that remains in "
+        "the output lowers g and weakens the force."
     )
     head = ("distance", n.label, "sensor slope g", coefficient)
     table = Rows(head=head, rows=tuple(rows), note=note, brief=True)

@@ -1,4 +1,4 @@
-"""A task with the coordinate of its gain, what its encounters are appraised by, and what every answer to it holds."""
+"""Gain problem: a task with the search coordinate of its gain, its criteria with gradients, and the base of results."""
 
 from __future__ import annotations
 
@@ -18,13 +18,16 @@ from pretouch.motion.evaluator import NoisyEvaluator, with_noise_after
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 
-from .constraints import Constraint, ImpactModel, quantity_of
-from .objectives import OBSTACLE_SPEED, Objective, appraise
+from .constraints import Constraint
+from .custom_objectives import appraise
+from .impact import ImpactModel
+from .objectives import OBSTACLE_SPEED, Objective
+from .quantities import quantity_of
 from .search import HELD, GainAxis, Landscape
 from .task import Task
 
 Slope: TypeAlias = Callable[[str], Any]
-"""From a quantity at contact to its derivative by some input."""
+"""From a quantity at contact to its derivative by one input."""
 
 Rates: TypeAlias = list[tuple[str, Any]]
 
@@ -33,18 +36,18 @@ _WITH_GRADIENTS: Final = frozenset(
 ) | {"impact_force", "gain"}
 
 
-# Every derivative of an objective or a limit, by whatever input, is this chain rule with the derivatives of the
+# All derivatives of objectives and limits by inputs are computed by this chain rule from the derivatives of the
 # contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """A number of an encounter, from a result; and its derivative by each quantity that it is made of, from a state."""
+    """A number that evaluates an encounter, such as an objective, with its derivatives by quantities at contact."""
 
     value: Callable[[ContactResult], Any]
     rates: Callable[[ContactState], Rates]
-    has_gradients: bool  # of all of these: not where one needs the whole motion, or a class of the user's computes it
+    has_gradients: bool  # False if a quantity needs the whole motion, or if a user-defined class computes the number
 
     def slope(self, state: ContactState, of: Slope) -> FloatArray:
-        """Differentiate the number by an input, which `along` follows: in SI, of the shape of the state."""
+        """Return the derivative of the number by the input of `of` (from `along`): in SI, of the shape of the state."""
         total = np.zeros(np.shape(state.time))
         for quantity, rate in self.rates(state):
             total = total + rate * np.asarray(of(quantity))
@@ -52,9 +55,9 @@ class Criterion:
 
 
 def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
-    """Follow one input: from a quantity to its derivative by it, the gain and the obstacle's speed among them."""
-    # `of` is the derivative of a quantity by an input, as `ContactGradients` has it; `velocity` is that of the obstacle
-    # at the start [m/s], for what follows its speed.
+    """Return a function from a quantity, also the gain or the obstacle's speed, to its derivative by one input."""
+    # `of` returns the derivative of a quantity by an input, as `ContactGradients` does; `velocity` is that of the
+    # obstacle at the start [m/s], for scales that equal its speed.
 
     def slope(quantity: str) -> Any:
         if quantity == "gain":
@@ -67,12 +70,12 @@ def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
 
 
 def ratio(constraint: Constraint, impact: ImpactModel | None) -> Criterion:
-    """Make the criterion |quantity| / limit."""
+    """Return the criterion |quantity| / limit of a constraint."""
     return magnitude(constraint.quantity, impact, constraint.limit)
 
 
 def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> Criterion:
-    """Make the criterion |quantity|, by a unit of it."""
+    """Return the criterion |quantity| / unit."""
 
     def rates(state: ContactState) -> Rates:
         return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)) / unit, state, impact)]
@@ -85,42 +88,44 @@ def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> C
 
 
 def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None) -> Criterion:
-    """Make the criterion that an objective is: the sum of weight (q / s)^2; s may be the obstacle's speed [m/s]."""
+    """Return the criterion of an objective: the sum of weight (q / s)^2; s may be the obstacle's speed [m/s]."""
 
     def rates(state: ContactState) -> Rates:
-        found = []
+        rates_by_quantity = []
         for term in objective.terms:
             value, scale = quantity_of(term.quantity, state, impact), term.scale_for(obstacle_speed)
             rate = 2 * term.weight * value / np.square(scale)
-            found.append(_at_contact(term.quantity, rate, state, impact))
+            rates_by_quantity.append(_at_contact(term.quantity, rate, state, impact))
             if term.scale == OBSTACLE_SPEED:
-                found.append((OBSTACLE_SPEED, -rate * value / scale))
-        return found
+                rates_by_quantity.append((OBSTACLE_SPEED, -rate * value / scale))
+        return rates_by_quantity
 
-    own = type(objective) is not Objective  # a class of the user's may compute anything
+    custom = type(objective) is not Objective  # a user-defined class may compute anything
     return Criterion(
         value=lambda result: appraise(objective, result.end, result.reached, obstacle_speed, impact),
         rates=rates,
-        has_gradients=not own and all(term.quantity in _WITH_GRADIENTS for term in objective.terms),
+        has_gradients=not custom and all(term.quantity in _WITH_GRADIENTS for term in objective.terms),
     )
 
 
 def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactModel | None) -> tuple[str, Any]:
-    """Return a rate as one by a quantity that has gradients: an impact force follows the relative velocity."""
+    """Return a quantity with gradients and the rate by it: an impact force is replaced by the relative velocity."""
     if quantity != "impact_force":
         return quantity, rate
     if impact is None:
-        raise ResultUnavailableError("impact_force: needs the physical properties of robot and obstacle")
+        raise ResultUnavailableError(
+            "impact_force: needs the physical properties of robot and obstacle; pass an impact model"
+        )
     return "relative_velocity", rate * impact.peak_force_slope(state.relative_velocity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainProblem(Value):
-    """A task for a search over gains: of one encounter, or of an array of them that share all else.
+    """A task for a search over gains, with one encounter or an array of encounters.
 
     Args:
         task: the task.
-        axis: the coordinate of the gain, with its bounds.
+        axis: the search coordinate of the gain, with its bounds.
     """
 
     task: Task
@@ -128,17 +133,17 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """Whether its encounters have gradients by all inputs: under the virtual damper, but for the uniform motion."""
+        """Whether encounters have gradients by all inputs: with the virtual damper, except for the uniform motion."""
         return self.is_continuous and self.task.law == DAMPER
 
     @property
     def is_continuous(self) -> bool:
-        """Whether its motions are those of a law in continuous time, from the given state."""
+        """Whether motions are solved in continuous time from the given state."""
         return self.task.evaluate is None and self.task.method != "uniform-motion"
 
     @property
     def is_noisy(self) -> bool:
-        """Whether each of its encounters meets noise of its own, which belongs to its place among all of them."""
+        """Whether each encounter has different noise, which depends on its position in the array."""
         return isinstance(self.task.evaluate, NoisyEvaluator)
 
     @property
@@ -147,22 +152,22 @@ class GainProblem(Value):
         return merit(self.task.goal, abs(self.task.scenario.obstacle.velocity), self.task.impact)
 
     def changed(self, **changes: Any) -> GainProblem:
-        """Return the problem with other values of some fields of its task."""
+        """Return a copy with other values of some fields of the task."""
         return GainProblem(task=self.task.replace(**changes), axis=self.axis)
 
     def solve(self, scenario: Scenario, gain: Any) -> ContactResult:
-        """Solve other encounters as these are solved."""
+        """Solve encounters by the evaluator of the task, or in continuous time without one."""
         task = self.task
         if task.evaluate is not None:
             return task.evaluate(scenario, task.sensor, gain)
         return task.law.contact(scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
 
     def run(self, gain: Any) -> ContactResult:
-        """Solve the encounters with one gain or several."""
+        """Solve the encounters of the task with one gain or several."""
         return self.solve(self.task.scenario, gain)
 
     def at(self, index: tuple[int, ...]) -> GainProblem:
-        """Return the problem of one encounter of an array, with the noise that it meets there."""
+        """Return the problem of one encounter of an array, with the same noise as in the array."""
         shape, evaluate = self.task.scenario.shape, self.task.evaluate
         if evaluate is not None:
             evaluate = with_noise_after(evaluate, int(np.ravel_multi_index(index, shape, mode="wrap")))
@@ -170,10 +175,10 @@ class GainProblem(Value):
         return self.changed(scenario=one, evaluate=evaluate)
 
     def within_gain_limit(self) -> GainProblem:
-        """Return the problem whose bounds keep what its constraints say of the gain, without these constraints.
+        """Return the problem with its constraints on the gain replaced by narrower bounds.
 
-        An optimum inside such bounds is that of the problem itself. Where nothing is left between them, or a bound
-        alone would be left, the problem is returned as it is.
+        An optimum inside these bounds is an optimum of the problem itself. If no interval remains, the problem is
+        returned unchanged.
         """
         limits = [c.limit for c in self.task.limits if c.quantity == "gain"]
         if not limits:
@@ -186,16 +191,16 @@ class GainProblem(Value):
         return GainProblem(task=self.task.replace(constraints=others), axis=GainAxis(low=low, high=high))
 
     def column(self, which: IntArray) -> GainProblem:
-        """Return the problem of the encounters at flat places, each a column with which a row of gains broadcasts."""
+        """Return the problem of the encounters at flat indices as a column, which broadcasts with a row of gains."""
         shape = self.task.scenario.shape
 
-        def taken(value: Any) -> Any:
+        def select(value: Any) -> Any:
             return value if np.ndim(value) == 0 else np.broadcast_to(value, shape).reshape(-1)[which][:, None]
 
-        return self.changed(scenario=map_fields(self.task.scenario, taken))
+        return self.changed(scenario=map_fields(self.task.scenario, select))
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Appraise gains by their coordinates."""
+        """Evaluate objective and constraints of gains, which are passed as coordinates of the axis."""
         task, result = self.task, self.run(self.axis.gain(coordinate))
         reached, speed = result.reached, abs(task.scenario.obstacle.velocity)
         ratios = [c.magnitude(result.end, task.impact) / c.limit for c in task.limits]
@@ -207,17 +212,17 @@ class GainProblem(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Answer(Described, Value):
-    """What a verb returns: it holds what was asked.
+    """Base class of the results of design verbs, which keep the problem that they answer.
 
     Args:
-        problem: the task and the gains between which the answer was sought.
+        problem: the task and the bounds of the gain.
     """
 
     problem: GainProblem
 
     @property
     def headline(self) -> str:
-        """The answer in a sentence or two; of what is no whole answer, none."""
+        """The answer in one or two sentences; empty in this base class."""
         return ""
 
     def __repr__(self) -> str:
@@ -225,7 +230,7 @@ class Answer(Described, Value):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The gains between which the answer was sought, in the unit of the law's number."""
+        """The bounds of the gain, in the unit of the law's number."""
         return self.problem.axis.ends
 
     @property
@@ -235,12 +240,12 @@ class Answer(Described, Value):
 
     @property
     def number(self) -> LawNumber:
-        """What the gain is: name, symbol and unit of the number of the law."""
+        """Name, symbol and unit of the law's number, which the gain is."""
         return self.law.number
 
     @property
     def scenario(self) -> Scenario:
-        """The encounter as it was given."""
+        """The encounter of the task."""
         return self.problem.task.scenario
 
     @property
@@ -250,7 +255,7 @@ class Answer(Described, Value):
 
     @property
     def impact(self) -> ImpactModel | None:
-        """The physical properties, where given."""
+        """The impact model with the physical properties, or None."""
         return self.problem.task.impact
 
     @property
@@ -260,5 +265,5 @@ class Answer(Described, Value):
 
     @property
     def on_evaluator(self) -> bool:
-        """Whether encounters were solved by what was given as `evaluate`, such as a ClosedLoop."""
+        """Whether encounters were solved by the task's `evaluate`, such as a ClosedLoop."""
         return self.problem.task.evaluate is not None

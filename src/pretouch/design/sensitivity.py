@@ -1,4 +1,4 @@
-"""How optimal gains follow each input, by the implicit function theorem: exactly, or by differences."""
+"""Sensitivities of optimal gains to inputs, by the implicit function theorem, exactly or by differences."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from pretouch.motion.gradients import input_names
 from pretouch.motion.scenario import SCENARIO_INPUTS, scenario_with, sensor_inputs, sensor_with
 from pretouch.sensors import Recessed
 
-from .certificate import Sensitivity
+from .certificate import ACTIVE, Sensitivity
 from .constraints import Constraint
 from .problem import Criterion, GainProblem, along, ratio
 
 _BASIS: Final = chebyshev_basis(9)
-_HALF: Final = 0.08  # of u, from the optimum to the outermost samples: its eighth power is below the rounding of those
-_BESIDE: Final = 0.5  # of that: no search is this far from its optimum
+_HALF: Final = 0.08  # half width in u of the sampled interval around the optimum: its eighth power is below rounding
+_FARTHEST: Final = 0.5  # of that half width: no search misses its optimum by more
 
 
-# Gradients of contacts go through the objective term by term. Along the coordinate u of the gain they are sampled at
-# Chebyshev's nodes beside the optimum, which gives f_up and f_uu as first derivatives of what is exact: no difference
-# is formed by any input.
+# The gradients of contacts are combined by the chain rule, term by term of the objective. They are sampled at Chebyshev
+# nodes in the coordinate u of the gain around the optimum. Differentiating these polynomials by u gives f_up and f_uu,
+# so that no finite difference by an input is needed.
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
-    """Tell whether encounters, objective and the active constraint, if any, have gradients."""
+    """Return whether the encounters, the objective and the active constraint (if any) have exact gradients."""
     limited = constraint is None or ratio(constraint, problem.task.impact).has_gradients
     return problem.is_differentiable and problem.merit.has_gradients and limited
 
@@ -39,11 +39,11 @@ def follow_optimum(
     names: tuple[str, ...],
     held: bool = False,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Differentiate optimal gains, shape (n,), and their objectives by inputs, as `ContactGradients` names them."""
-    # Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
-    # so du/dp = -G_p / G_u; on a bound, where it is held, the gain stays. Each field of the scenario is a number or of
-    # shape (n, 1). By name d D_p / d input [N s per unit] and d f / d input at the optimum, shape (n,); NaN where a
-    # sample does not end in contact.
+    """Return derivatives of optimal gains, shape (n,), and of their objectives, by input (`ContactGradients` names)."""
+    # At an interior optimum f_u = 0 stays true under every change, so du/dp = -f_up / f_uu. On an active constraint
+    # G = limit stays true, so du/dp = -G_p / G_u. On a bound (held=True) the gain stays. Each field of the scenario is
+    # a number or of shape (n, 1). The result holds d gain / d input and d f / d input, shape (n,); NaN if a sample does
+    # not end in contact.
     axis = problem.axis
     center = axis.coordinate(gain)
     gains = axis.scale * np.sinh(center[:, None] + _HALF * _BASIS.nodes)
@@ -58,7 +58,7 @@ def follow_optimum(
     slope = by("gain", merit) * stretch  # f_u
     free = limited is None and not held
     place = _root(slope) if free else np.zeros(len(gain))
-    found = {}
+    derivatives = {}
     for name in names:
         by_input = by(name, merit)
         if limited is not None and not held:
@@ -69,8 +69,8 @@ def follow_optimum(
             shift = -_rise(by_input, place) / _rise(slope, place)
         total = _value(by_input, place) + _value(slope, place) * shift
         at = np.hypot(axis.scale * np.sinh(center + _HALF * place), axis.scale)
-        found[name] = shift * at, total
-    return found
+        derivatives[name] = shift * at, total
+    return derivatives
 
 
 def _value(samples: FloatArray, place: FloatArray) -> FloatArray:
@@ -78,30 +78,29 @@ def _value(samples: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _rise(samples: FloatArray, place: FloatArray) -> FloatArray:
-    """Return the derivative by u of what was sampled at the nodes, at a place in [-1, 1]."""
+    """Return the derivative by u of a function sampled at the nodes, at a place in [-1, 1]."""
     return chebyshev_sum(_BASIS.to_slope @ samples.T, place) / _HALF
 
 
 def _root(slope: FloatArray) -> FloatArray:
-    """Return where f_u = 0, in [-1, 1] about the gain that the search has found, to more digits than it has."""
+    """Return the root of f_u in [-1, 1] around the searched gain, which is more precise than that gain."""
     place = np.zeros(len(slope))
     for _ in range(4):
         step = _value(slope, place) / _rise(slope, place) / _HALF
         place = np.clip(place - np.where(np.isfinite(step), step, 0.0), -1.0, 1.0)
-    return np.where(np.abs(place) < _BESIDE, place, np.nan)
+    return np.where(np.abs(place) < _FARTHEST, place, np.nan)
 
 
 _NODES: Final = np.arange(-2, 3)
 _FIRST: Final = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
 _SECOND: Final = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12
-_BLOCK: Final = 4096  # designs at a time: nine encounters each
-_ACTIVE: Final = 1e-6  # of a limit, as in Certificate
+_BLOCK: Final = 4096  # designs per block, with nine encounters each
 _INSIDE, _BOUND, _UNKNOWN = -1, -2, -3
 
 
-# steps of the five-point differences: of u between the nodes, and of an input, in parts of its magnitude
+# Steps of the five-point differences: in u, and in an input relative to its magnitude.
 _SMOOTH: Final = (0.02, 1e-4)
-# a loop that samples has ripples over gain and inputs, of (dF_p / dt) T^2 / 8 M in l' at contact: steps reach over them
+# A sampled loop has ripples of (dF_p / dt) T^2 / 8 M in l' at contact over gain and inputs; these steps are wider.
 _RIPPLED: Final = (0.1, 1e-2)
 
 _Inputs: TypeAlias = dict[str, tuple[float, str, float]]
@@ -111,16 +110,16 @@ _Inputs: TypeAlias = dict[str, tuple[float, str, float]]
 def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sensitivity, ...]:
     """Differentiate the optimal gain and its objective with respect to every scalar input.
 
-    Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
-    so du/dp = -G_p / G_u; on a bound the gain stays. Where objective and constraint are made of quantities at contact
-    the derivatives by the inputs are exact. Peaks over the whole motion, and encounters that somebody else solves,
-    leave central differences, good to about six digits (three where one side makes no sense). Those of encounters that
-    somebody else solves reach over the ripples of a sampled loop, and are good to some percent.
+    At an interior optimum f_u = 0 stays true under every change, so du/dp = -f_up / f_uu. On an active constraint
+    G = limit stays true, so du/dp = -G_p / G_u. On a bound the gain stays. The derivatives are exact if objective and
+    constraint depend only on quantities at contact. Peaks over the whole motion need central differences, with about
+    six digits (three if only one side is valid). With a user-defined evaluator, the steps are wider than the ripples
+    of a sampled loop, and the derivatives have errors of a few percent.
 
     Args:
-        problem: what was designed, for one encounter.
-        gain: the optimal gain [N s].
-        at: where the optimum sits, as in Certificate.
+        problem: the problem of one encounter.
+        gain: the optimal gain: the law's number, such as D_p [N s].
+        at: location of the optimum, as in Certificate.
 
     Returns:
         One entry per input whose change keeps the contact, largest effect first.
@@ -131,7 +130,7 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
         held = at != "interior" and constraint is None
         shifts = follow_optimum(problem, constraint, gain=np.array([gain]), names=tuple(inputs), held=held)
         exact = [(float(shift[0]), float(total[0])) for shift, total in shifts.values()]
-        if np.isfinite(exact).all():  # beside an edge of contact only one side is left
+        if np.isfinite(exact).all():  # next to an edge of contact, only one-sided differences exist
             return _ranked(inputs, exact)
     (step, relative), axis = _SMOOTH if problem.task.evaluate is None else _RIPPLED, problem.axis
     first, second = _FIRST / step, _SECOND / step**2
@@ -146,7 +145,7 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
 
     middle = sample(problem)
     f, g = middle
-    found = []
+    derivatives = []
     for name, (value, _, typical) in inputs.items():
         f_p, g_p = _derivative(lambda v, n=name: sample(_with(problem, n, v)), value, relative * typical, middle)  # type: ignore[misc]
         if at == "interior":
@@ -156,12 +155,12 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
         else:
             shift = 0.0
         total = f_p[2] + (0.0 if at == "interior" else (f @ first) * shift)
-        found.append((float(shift * axis.stretch(gain)), float(total)))
-    return _ranked(inputs, found)
+        derivatives.append((float(shift * axis.stretch(gain)), float(total)))
+    return _ranked(inputs, derivatives)
 
 
-def _ranked(inputs: _Inputs, found: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
-    """Return what is finite, largest effect first."""
+def _ranked(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
+    """Return the finite sensitivities, largest effect first."""
     entries = [
         Sensitivity(
             name=name,
@@ -171,19 +170,19 @@ def _ranked(inputs: _Inputs, found: list[tuple[float, float]]) -> tuple[Sensitiv
             objective_derivative=total,
             gain_change_per_percent=derivative * 0.01 * abs(value),
         )
-        for (name, (value, unit, _)), (derivative, total) in zip(inputs.items(), found, strict=True)
+        for (name, (value, unit, _)), (derivative, total) in zip(inputs.items(), derivatives, strict=True)
         if np.isfinite(derivative) and np.isfinite(total)
     ]
     return tuple(sorted(entries, key=lambda s: -abs(s.gain_change_per_percent)))
 
 
 def _derivative(sample: Callable[[float], FloatArray], value: float, step: float, middle: FloatArray) -> FloatArray:
-    """Differentiate samples by the value of an input: centrally, or to one side where the other makes no sense."""
+    """Differentiate samples by an input: by a central difference, or a one-sided one if only one side is valid."""
     sides = []
     for sign in (1, -1):
         try:
             side = sample(value + sign * step)
-        except InvalidInputError:  # such as an object farther away than the sensor's range
+        except InvalidInputError:  # for example an object beyond the sensor's range
             continue
         if np.isfinite(side).all():
             sides.append((sign, side))
@@ -196,24 +195,24 @@ def _derivative(sample: Callable[[float], FloatArray], value: float, step: float
 
 
 def _inputs(problem: GainProblem) -> _Inputs:
-    """Return every scalar input of scenario and sensor; what is 0 has a typical magnitude only in a motion."""
+    """Return every scalar input of scenario and sensor; an input that is 0 needs a typical magnitude of the motion."""
     scenario, sensor = problem.task.scenario, problem.task.sensor
     length = float(scenario.distance)
     speed = max(abs(float(scenario.relative_velocity)), abs(float(scenario.obstacle.velocity)), 1e-3)
     typical = {"m": length, "m/s": speed, "m/s^2": speed**2 / length}
-    found = {}
+    inputs = {}
     for name, unit in SCENARIO_INPUTS.items():
-        part, _, rest = name.partition(".")
-        value = getattr(getattr(scenario, part), rest)
-        if part != "admittance" or (rest not in {"natural_frequency", "damping_ratio"} and value > 0):
-            found[name] = (value, unit, typical.get(unit, value))
+        part, _, attribute = name.partition(".")
+        value = getattr(getattr(scenario, part), attribute)
+        if part != "admittance" or (attribute not in {"natural_frequency", "damping_ratio"} and value > 0):
+            inputs[name] = (value, unit, typical.get(unit, value))
     for name, unit in sensor_inputs(sensor).items():
         place = name == "sensor.recess" and isinstance(sensor, Recessed)
         curve = sensor if place or not isinstance(sensor, Recessed) else sensor.sensor
         value = getattr(curve, name.removeprefix("sensor."))
         if place or (isinstance(value, float) and value != 0):
-            found[name] = (value, unit, length if place else abs(value))
-    return found
+            inputs[name] = (value, unit, length if place else abs(value))
+    return inputs
 
 
 def _with(problem: GainProblem, name: str, value: float) -> GainProblem:
@@ -224,46 +223,46 @@ def _with(problem: GainProblem, name: str, value: float) -> GainProblem:
 
 
 def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
-    """Differentiate optimal gains by one input, as `ContactGradients` names it: in N s per unit of the input."""
-    # `one` gives the design of the encounter at an index, for those without exact derivatives. NaN where there is no
-    # gain, and where the optimum lies so close to an edge of contact that it has no derivative.
+    """Differentiate optimal gains by one input, named as in `ContactGradients`: in the gain's unit per unit of it."""
+    # `one` returns the design of the encounter at an index, for encounters without exact derivatives. The derivative is
+    # NaN without a gain, and next to an edge of contact.
     flat = np.asarray(gain, dtype=np.float64).reshape(-1)
-    found = np.full(flat.shape, np.nan)
+    derivative = np.full(flat.shape, np.nan)
     where = np.flatnonzero(np.isfinite(flat))
-    left = where
+    remaining = where
     if problem.is_differentiable:
-        known = [n for n in input_names(problem.task.sensor) if n != "gain"]
-        if name not in known:
-            raise InvalidInputError(f"by: found {name!r}, expected one of {', '.join(known)}")
-        parts = [_exact(problem, flat, where[i : i + _BLOCK], name, found) for i in range(0, len(where), _BLOCK)]
-        left = np.concatenate(parts) if parts else where
-    for i in left:
+        names = [n for n in input_names(problem.task.sensor) if n != "gain"]
+        if name not in names:
+            raise InvalidInputError(f"by: found {name!r}, expected one of {', '.join(names)}")
+        parts = [_exact(problem, flat, where[i : i + _BLOCK], name, derivative) for i in range(0, len(where), _BLOCK)]
+        remaining = np.concatenate(parts) if parts else where
+    for i in remaining:
         index = tuple(int(k) for k in np.unravel_index(i, np.shape(gain)))
         entries = {s.name: s.gain_derivative for s in one(index).sensitivities}
-        found[i] = entries.get(name, np.nan)
-    return found.reshape(np.shape(gain))
+        derivative[i] = entries.get(name, np.nan)
+    return derivative.reshape(np.shape(gain))
 
 
-def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, found: FloatArray) -> IntArray:
-    """Fill what has exact derivatives; return what is left."""
+def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, derivative: FloatArray) -> IntArray:
+    """Store the exact derivatives in `derivative`; return the indices that have none."""
     kinds = _kinds(problem.column(where), gain[where])
-    left = [where[kinds == _UNKNOWN]]
+    remaining = [where[kinds == _UNKNOWN]]
     for kind in np.unique(kinds[kinds != _UNKNOWN]):
         constraint = problem.task.limits[kind] if kind >= 0 else None
         these = where[kinds == kind]
         if has_gradients(problem, constraint):
             several, held = problem.column(these), bool(kind == _BOUND)
-            found[these] = follow_optimum(several, constraint, gain=gain[these], names=(name,), held=held)[name][0]
-        left.append(these[np.isnan(found[these])])
-    return np.concatenate(left)
+            derivative[these] = follow_optimum(several, constraint, gain=gain[these], names=(name,), held=held)[name][0]
+        remaining.append(these[np.isnan(derivative[these])])
+    return np.concatenate(remaining)
 
 
 def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
-    """Tell where each optimum sits: the number of the active constraint, or one of the three above."""
+    """Return the location of each optimum: the index of the active constraint, _INSIDE or _BOUND."""
     kinds = np.where(problem.axis.is_end(problem.axis.coordinate(gain)), _BOUND, _INSIDE)
     if problem.task.limits:
         end = problem.run(gain[:, None]).end
         for i, constraint in enumerate(problem.task.limits):
             ratio = np.reshape(constraint.magnitude(end, problem.task.impact) / constraint.limit, -1)
-            kinds[np.abs(ratio - 1) < _ACTIVE] = _BOUND if constraint.quantity == "gain" else i
+            kinds[np.abs(ratio - 1) < ACTIVE] = _BOUND if constraint.quantity == "gain" else i
     return kinds

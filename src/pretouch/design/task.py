@@ -1,4 +1,4 @@
-"""What every verb takes: one encounter, its sensor, and all that is asked of the gain."""
+"""Task: the problem that every verb takes, with the encounter, the sensor and all options."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ from pretouch.motion.laws import continuous_law
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
 
-from .constraints import Constraint, ImpactModel, each_once
-from .objectives import AnyObjective, Objective, as_objective
-from .search.scan import GainAxis
+from .constraints import Constraint, each_once
+from .custom_objectives import AnyObjective, as_objective
+from .impact import ImpactModel
+from .objectives import Objective
+from .search.gain_axis import GainAxis
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
     from .drag.limits import DragEffect
-    from .robust.measures import Measure, Required
+    from .robust.measures import Measure
+    from .robust.required import Required
 
 
 P = ParamSpec("P")
@@ -32,11 +35,11 @@ R = TypeVar("R")
 
 
 class Choice(Protocol):
-    """What can be marked as the user's choice: a design."""
+    """A design that can be marked as the user's choice on a Pareto front."""
 
     @property
     def gain(self) -> Any:
-        """D_p [N s]."""
+        """The law's number, such as D_p [N s]."""
 
     @property
     def scenario(self) -> Scenario:
@@ -47,41 +50,41 @@ class Source(Protocol):
     """The file that a task was read from."""
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Return what a verb refuses as a mistake of the file."""
+        """Return the error with the line and the key of the file that caused it."""
 
     def explained(self, error: InvalidInputError) -> str:
-        """Return the message of an error, with the reason that the file has for it."""
+        """Return the message of an error, with its cause in the file."""
 
 
 def _sparing(cls: type[R]) -> type[R]:
-    """Let a task store what it is given only, since a design takes a few microseconds; the rest is its class's."""
+    """Replace `__init__` by one that stores only the passed fields: a design takes a few microseconds."""
     complete: Any = cls.__init__
-    known = {name for name in cls.__annotations__ if name != "_"}
+    names = {name for name in cls.__annotations__ if name != "_"}
     rules: dict[str, Rule] = {}
 
     @wraps(complete)
-    def __init__(self: Any, scenario: Any, sensor: Any, objective: Any = None, **asked: Any) -> None:  # noqa: N807
-        if not known >= asked.keys():
-            complete(self, scenario, sensor, objective, **asked)  # which refuses the name
-        kept = self.__dict__
+    def __init__(self: Any, scenario: Any, sensor: Any, objective: Any = None, **options: Any) -> None:  # noqa: N807
+        if not names >= options.keys():
+            complete(self, scenario, sensor, objective, **options)  # raises for the unknown name
+        values = self.__dict__
         if not rules:
             rules.update(rules_of_fields(cls))
         if type(scenario) not in rules["scenario"].quick:
             rules["scenario"].check(scenario)
         if type(sensor) not in rules["sensor"].quick:
             rules["sensor"].check(sensor)
-        kept["scenario"], kept["sensor"], kept["uncertainty"] = scenario, sensor, {}
-        for name, value in asked.items():
+        values["scenario"], values["sensor"], values["uncertainty"] = scenario, sensor, {}
+        for name, value in options.items():
             rule = rules.get(name)
-            kept[name] = value if rule is None or type(value) in rule.quick else rule.check(value)
-        if "law" in asked:
-            kept["law"] = continuous_law(asked["law"])
-        elif (own := getattr(asked.get("loop"), "continuous", None)) is not None:
-            kept["law"] = own
+            values[name] = value if rule is None or type(value) in rule.quick else rule.check(value)
+        if "law" in options:
+            values["law"] = continuous_law(options["law"])
+        elif (law_of_loop := getattr(options.get("loop"), "continuous", None)) is not None:
+            values["law"] = law_of_loop
         if objective is not None:
-            kept["objective"] = as_objective(objective)
-        if "constraints" in asked:
-            kept["constraints"] = tuple(asked["constraints"])
+            values["objective"] = as_objective(objective)
+        if "constraints" in options:
+            values["constraints"] = tuple(options["constraints"])
             each_once(self.limits)
 
     cls.__init__ = __init__  # type: ignore[assignment,method-assign]
@@ -91,54 +94,57 @@ def _sparing(cls: type[R]) -> type[R]:
 @_sparing
 @dataclass(frozen=True)
 class Task(Value):
-    """One problem, which every verb takes: the encounter, the sensor, and what is asked for.
+    """The problem that every verb takes: the encounter, the sensor, and the options of the verbs.
 
-    Each verb uses what it needs and refuses what is missing. `load_scenario` returns one; where nothing is said of a
-    unit, numbers are SI.
+    Each verb uses the fields that it needs and raises an error if one is missing. `load_scenario` returns a Task from
+    a scenario file. Numbers without a stated unit are SI.
 
     Args:
-        scenario: the encounter; for `design_gain` also an array of them, each of which gets its own gain. Its virtual
-            mass is always kept, and so is what is not free.
+        scenario: the encounter; for `design_gain` also an array of encounters, each of which gets its own gain. The
+            virtual mass is always kept, and so are natural frequency and damping ratio unless they are free.
         sensor: the sensor curve, over the distance from the contact surface.
-        objective: what is minimized: an Objective, or an object or a function of your own (docs/design.md).
-        bounds: smallest and largest gain of a design [N s]; mitigating gains D_p are negative.
-        constraints: limits that the encounter must keep, each once, in any sequence. Where inputs are uncertain, or
-            runs have noise, a Constraint must hold always, a `Required` one with its probability; elsewhere both
-            always. For a front, those of acceleration and speed are the limits of the robot, of which the physical
-            bound speaks.
-        impact: physical properties, for objectives, constraints and quantities that speak of forces.
+        objective: the objective to minimize: an Objective, or a user-defined object or function (docs/design.md).
+        bounds: smallest and largest gain of a design, in the unit of the law's number, such as N s; mitigating gains
+            D_p are negative.
+        constraints: limits that the encounter must keep, at most one per quantity, in any order. If inputs are
+            uncertain or runs have noise, a Constraint must always hold and a `Required` one with its probability;
+            otherwise both must always hold. On a Pareto front, the limits of acceleration and speed also define the
+            robot of the physical bound.
+        impact: physical properties, for objectives, constraints and quantities that are forces.
         method: how encounters are solved in continuous time, as in `find_contact`.
-        horizon: how long to wait for contact there [s].
-        law: whose number is chosen: a law in continuous time or its name, "virtual-damper" of the letter's L(2), the
-            default, or "virtual-drag"; where a loop is given, that of its controller. A gain is the number of this law,
-            wherever one is spoken of, in its unit: D_p [N s], phi [N s^2].
-        effect: what `design_drag` chooses a drag by, such as `DragEffect(ratio=0.15)`.
-        evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and an array of gains: a
+        horizon: the longest simulated time until contact in continuous time [s].
+        law: the law whose number is chosen: a law in continuous time or its name, "virtual-damper" (the letter's
+            force law L(2), the default) or "virtual-drag"; with a loop, by default the law of its controller. A gain
+            always means the number of this law in its unit, such as D_p [N s] or phi [N s^2].
+        effect: the effect by which `design_drag` chooses a drag, such as `DragEffect(ratio=0.15)`.
+        evaluate: solves encounters instead of `find_contact`, from scenario, sensor and an array of gains: a
             `ClosedLoop`, for the gain that is optimal on the sampled loop, or a function.
-        natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] where it is free; None keeps that of the scenario.
-        damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)) where it is free; None keeps that of the scenario.
-        quantities: what a front trades: two or three names of QUANTITY_UNITS, whose magnitudes are minimized.
-        choice: what is marked beside a front: a gain [N s] with the admittance of the scenario, or a design.
-        gain: D_p [N s] that is verified, simulated or swept with; the designed one where None.
-        uncertainty: what is known of inputs, by name, such as `{"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}`.
-        measure: what a robust gain makes of the objectives of all encounters: Expected() where None, Quantile,
-            ConditionalValueAtRisk or WorstCase.
-        samples: how many encounters the measure is taken over; None for 4096, or 256 with `evaluate`.
-        validation: how many fresh ones a robust gain is held against; None for 4096, or four times the samples with
-            `evaluate`.
-        seed: of all samples of a robust gain; runs on a loop have the seed of the loop.
-        sampling: how samples are drawn, as in `sample_inputs`.
-        confidence: of intervals and of the lower bounds of shares.
-        loop: the `ClosedLoop` on which the gain is to run: sensor chain, controller, robot and contact.
-        runs: how many runs a verdict rests on.
-        stability_margin: by how much a designed gain must be able to grow until the loop is unstable; it cuts the
-            bounds. None: not asked for.
-        speed_tolerance: by which share contact may be harder than predicted, and than with an infinitely fast sensor,
-            until a verdict says so.
-        calibration: the report of the fit that the sensor comes from; a verdict then tries the gain on what else its
-            readings allow.
-        source: the file that the task was read from; what a verb refuses then names its line.
-        part: the sensor part that the chain of the loop starts from, where a file names one.
+        natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] if it is free; None keeps that of the scenario.
+        damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)) if it is free; None keeps that of the scenario.
+        quantities: the quantities of a Pareto front: two or three names of QUANTITY_UNITS; magnitudes are minimized.
+        choice: the user's choice, which is marked on a Pareto front: a gain with the admittance of the scenario, or a
+            design.
+        gain: the law's number, such as D_p [N s], that is verified, simulated or swept; None for the designed one.
+        uncertainty: distributions of uncertain inputs by name, such as
+            `{"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}`.
+        measure: the measure of the objective over all encounters that a robust gain minimizes: Quantile,
+            ConditionalValueAtRisk, WorstCase or Expected() (None).
+        samples: number of encounters of the measure; None for 4096, or 256 with `evaluate`.
+        validation: number of fresh encounters on which a robust gain is validated; None for 4096, or four times the
+            samples with `evaluate`.
+        seed: seed of all samples of a robust gain; runs on a loop have the seed of the loop.
+        sampling: sampling method, as in `sample_inputs`.
+        confidence: confidence level of intervals and of lower bounds of probabilities.
+        loop: the `ClosedLoop` on which the gain runs: sensor chain, controller, robot and contact.
+        runs: number of simulated runs of a verdict.
+        stability_margin: smallest gain margin of a designed gain on the loop, a factor; gains with a smaller one are
+            cut off the bounds. None: no margin is required.
+        speed_tolerance: a verdict reports contact that is harder by more than this share than predicted, or than with
+            an infinitely fast sensor.
+        calibration: the report of the fit that the sensor comes from; a verdict then also tries the gain on other
+            sensor curves that agree with the readings.
+        source: the file that the task was read from; errors then name its line.
+        part: the sensor part, named in a file, from which the chain of the loop starts.
 
     Examples:
         >>> from pretouch.design import design_gain, excursion_objective
@@ -197,12 +203,12 @@ class Task(Value):
         """The objective, for a verb that needs one.
 
         Raises:
-            InvalidInputError: there is none.
+            InvalidInputError: the task has no objective.
         """
-        found: Objective | None = self.__dict__.get("objective")  # which was made one at the start
-        if found is None:
+        objective: Objective | None = self.__dict__.get("objective")  # `__init__` has converted it
+        if objective is None:
             raise InvalidInputError("objective: found None, expected an Objective, such as excursion_objective(...)")
-        return found
+        return objective
 
     @property
     def limits(self) -> tuple[Constraint, ...]:
@@ -211,14 +217,14 @@ class Task(Value):
 
     @property
     def is_admittance_free(self) -> bool:
-        """Whether natural frequency or damping ratio is left open."""
+        """Whether natural frequency or damping ratio is free."""
         return self.natural_frequency is not None or self.damping_ratio is not None
 
     def stable_bounds(self) -> tuple[float, float]:
-        """Return the gains [N s] between which a design looks: the bounds, cut where a margin to instability is asked.
+        """Return the bounds of the gain, without gains whose gain margin on the loop is below `stability_margin`.
 
         Raises:
-            InvalidInputError: there are no bounds, or nothing is left of them.
+            InvalidInputError: there are no bounds, or no gain between them has the gain margin.
         """
         if self.bounds is None:
             raise InvalidInputError(
@@ -228,30 +234,32 @@ class Task(Value):
             return self.bounds
         if self.loop is None:
             raise InvalidInputError("stability_margin: found one without a loop, expected loop=ClosedLoop(...) with it")
-        axis = GainAxis.between(self.bounds, self.law.number)  # refuses bounds as they are given, and not as cut
-        found: tuple[float, float] = self.loop.stable_bounds(
+        axis = GainAxis.between(
+            self.bounds, self.law.number
+        )  # an error then quotes the user's bounds, not the cut ones
+        stable: tuple[float, float] = self.loop.stable_bounds(
             axis.ends, self.scenario, self.sensor, self.stability_margin
         )
-        return found
+        return stable
 
     def replace(self, **changes: Any) -> Task:
-        """Return the task with other values of some fields; with another loop, its law is that of the loop."""
-        kept = {name: value for name, value in self.__dict__.items() if name != "law" or "loop" not in changes}
-        return Task(**{**kept, **changes})
+        """Return a copy with other values of some fields; another loop also brings the law of its controller."""
+        fields = {name: value for name, value in self.__dict__.items() if name != "law" or "loop" not in changes}
+        return Task(**{**fields, **changes})
 
 
-def placed(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
-    """Make a verb that names line and key of what it refuses, where its task comes from a file."""
+def with_file_location(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
+    """Decorate a verb so that its errors name line and key of the file that the task was read from."""
 
-    # by its name as well, which `Concatenate` cannot say
+    # The task may also be passed by name; the type `Concatenate` cannot express that.
     @wraps(verb)
-    def told(task: Task, *args: P.args, **options: P.kwargs) -> R:
+    def call(task: Task, *args: P.args, **options: P.kwargs) -> R:
         try:
             return verb(task, *args, **options)
         except InvalidInputError as error:
-            found = error if task.source is None else task.source.placed(error)
-            if found is error:
+            located = error if task.source is None else task.source.placed(error)
+            if located is error:
                 raise
-            raise found from error
+            raise located from error
 
-    return cast("Callable[Concatenate[Task, P], R]", told)
+    return cast("Callable[Concatenate[Task, P], R]", call)

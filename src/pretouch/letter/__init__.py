@@ -1,6 +1,6 @@
-"""The letter reproduced number by number: its tables and figures beside ours, and where its text cannot be right.
+"""Reproduction of the letter: its tables and figures compared with computed ones, and errors in its text.
 
-`reproduce` computes, its `LetterReport` prints itself, and `pretouch.report.write_report` makes its page.
+`reproduce` computes a `LetterReport`; `pretouch.report.write_report` writes its page.
 """
 
 from .experiment import IDS, Finding, LetterReport, Reproduction, Step, reproduce

@@ -1,4 +1,4 @@
-"""Section VI-A: whether orbits L(14) around the uniform motion L(16)-(18) are drawn to it, which the letter states."""
+"""Section VI-A: proof that motions L(14) near the uniform motion L(16)-(18) converge toward it."""
 
 from __future__ import annotations
 
@@ -8,22 +8,23 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, sensor
+from .program import Program
 
 PROGRAM: Final = Program(
-    "Section VI-A: orbits around the uniform motion l = A t + B are drawn to it, but slower than contact comes.",
+    "Section VI-A: motions near the uniform motion l = A t + B converge toward it, but contact comes first.",
     {
         **{"admittance": approach().admittance, "obstacle": approach().obstacle},
-        **{"own": approach(), "sensor": sensor("exponential-2"), "gain": EXPERIMENT_GAIN.value},
+        **{"scenario": approach(), "sensor": sensor("exponential-2"), "gain": EXPERIMENT_GAIN.value},
     },
     """\
-uniform = pt.solve_motion(own, sensor, gain, method="uniform-motion")
+uniform = pt.solve_motion(scenario, sensor, gain, method="uniform-motion")
 a, b = uniform.relative_velocity[0], uniform.distance[0]
 starts, speeds = (grid.ravel() for grid in np.meshgrid(np.linspace(0.02, 0.075, 7), [-0.3, a, 0.1]))
 plants = pt.Plant(position=obstacle.position - starts, velocity=obstacle.velocity - speeds)
 around = pt.solve_motion(pt.Scenario(admittance=admittance, obstacle=obstacle, plant=plants), sensor, gain, samples=80)
-letter = pt.solve_motion(own, sensor, gain)
+letter = pt.solve_motion(scenario, sensor, gain)
 curves = [pt.report.Curve(x=1e3 * l, y=v, quiet=True) for l, v in zip(around.distance, around.relative_velocity)]
 named = {"from the letter's start": letter, "uniform motion": uniform}
 curves += [pt.report.Curve(x=1e3 * m.distance, y=m.relative_velocity, label=n, end="contact") for n, m in named.items()]
@@ -35,18 +36,18 @@ figure = pt.report.panel_figure(
 )
 """,
 )
-GIVEN: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"], EXPERIMENT_GAIN)}
+INPUTS: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"], EXPERIMENT_GAIN)}
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Follow motions that start around the uniform one, and hold them to an energy that must fall."""
+    """Solve motions that start near the uniform one, and test that an energy of the deviation falls."""
     a, b, around, same = float(ran["a"]), float(ran["b"]), ran["around"], np.isclose(ran["speeds"], ran["a"])
-    root = float(np.sqrt(1 + 8 * GIVEN["b_2"] * GIVEN["D_p"] * GIVEN["v_o"] / GIVEN["K_a"]))
+    root = float(np.sqrt(1 + 8 * INPUTS["b_2"] * INPUTS["D_p"] * INPUTS["v_o"] / INPUTS["K_a"]))
     apart = around.distance - a * around.time - b
-    left = apart[:, -1] / apart[:, 0]  # which part of the first deviation is left at contact
+    left = apart[:, -1] / apart[:, 0]  # share of the initial deviation that remains at contact
     starts, ends = ran["starts"][same], around.time[same, -1]
     columns = {"l(0) [mm]": (1e3 * starts, ".1f"), "l(0) - B [mm]": (1e3 * (starts - b), "+.1f")}
-    columns |= {"part of it left at contact": (left[same], ".3f"), "time of contact [s]": (ends, ".3f")}
+    columns |= {"share of it at contact": (left[same], ".3f"), "time of contact [s]": (ends, ".3f")}
     course, names = ("time", "distance", "relative_velocity"), ("around", "letter", "uniform")
     motions = {name: {of: getattr(ran[name], of) for of in course} for name in names}
     return Reproduction(
@@ -57,12 +58,12 @@ def reproduce(ran: Ran) -> Reproduction:
         parameters=(*APPROACH, *SENSORS["exponential-2"], EXPERIMENT_GAIN),
         findings=(_attracted(ran, apart, left[same]), _roots(root, a)),
         tables=(readings("Motions that start with the velocity A", columns),),
-        caption="Grey: 21 motions from other distances and velocities, each to its own contact. The letter's own "
-        "motion starts 4 mm from the uniform one and ends 4 mm from it: a velocity of -0.3 m/s has to be braked first.",
+        caption="Grey: 21 motions from other distances and velocities, until contact. The letter's motion starts 4 mm "
+        "from the uniform one and ends 4 mm from it, because it must first be slowed down from -0.3 m/s.",
         numbers={
             **{"A": a, "B": b, "s": root},
-            "effective_stiffness": GIVEN["K_a"] * (1 + root) / 2,
-            "effective_stiffness_other_root": GIVEN["K_a"] * (1 - root) / 2,
+            "effective_stiffness": INPUTS["K_a"] * (1 + root) / 2,
+            "effective_stiffness_other_root": INPUTS["K_a"] * (1 - root) / 2,
             "initial_distance": ran["starts"],
             "initial_relative_velocity": ran["speeds"],
             "deviation_left_at_contact": left,
@@ -72,41 +73,41 @@ def reproduce(ran: Ran) -> Reproduction:
 
 
 def _attracted(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
-    stiffness = GIVEN["K_a"] + 2 * GIVEN["b_2"] * GIVEN["D_p"] * ran["a"]
-    energy = GIVEN["M_a"] * (ran["around"].relative_velocity - ran["a"]) ** 2 / 2 + stiffness * apart**2 / 2
+    stiffness = INPUTS["K_a"] + 2 * INPUTS["b_2"] * INPUTS["D_p"] * ran["a"]
+    energy = INPUTS["M_a"] * (ran["around"].relative_velocity - ran["a"]) ** 2 / 2 + stiffness * apart**2 / 2
     falls = bool(np.diff(energy / energy[:, :1], axis=1).max() < 0)
     at_contact, at_b = np.abs(ran["sensor"].log_slope(np.array([0.0, ran["b"]])))
-    own = ran["letter"].relative_velocity[-1] / ran["a"] - 1
+    deviation = ran["letter"].relative_velocity[-1] / ran["a"] - 1
     return finding(
         9,
-        "Orbits are drawn to the uniform motion, but contact comes first",
+        "Motions converge toward the uniform motion, but contact comes first",
         "Section VI-A",
-        "The energy of the deviation falls along every orbit, so the letter's statement is right. It is slow, though: "
-        f"of a deviation in distance {100 * left.min():.0f} to {100 * left.max():.0f} % are left at contact. For "
-        "strong gains that part tends to g(l)/g(0), the ratio of the sensor's slopes, whatever gain and speed. This is "
-        "why the optimum by L(19) differs from the integrated one by 10 %.",
-        ("the energy falls along every orbit, from each of 80 samples to the next", falls),
-        ("smallest part of the deviation left at contact", left.min()),
-        ("largest part", left.max()),
+        "The energy of the deviation falls along every motion, so the letter's statement is right. Convergence is "
+        f"slow: {100 * left.min():.0f} to {100 * left.max():.0f} % of a deviation in distance remain at contact. For "
+        "strong gains this share tends to g(l)/g(0), the ratio of the sensor's slopes, at every gain and speed. "
+        "Therefore the optimum by L(19) differs from the integrated one by 10 %.",
+        ("the energy falls along every motion, from each of 80 samples to the next", falls),
+        ("smallest share of the deviation at contact", left.min()),
+        ("largest share of the deviation at contact", left.max()),
         ("both are between 0 and 1", bool(left.min() > 0 and left.max() < 1)),
         ("g(B) / g(0), the limit for strong gains", at_b / at_contact),
-        ("relative velocity at contact from the letter's start, against A", 100 * own, "%"),
+        ("relative velocity at contact from the letter's start, relative to A", 100 * deviation, "%"),
     )
 
 
 def _roots(root: float, a: float) -> Finding:
-    speed, stiffness, other = abs(GIVEN["v_o"]), GIVEN["K_a"], 2 * GIVEN["v_o"] / (1 - root)
+    speed, stiffness, other = abs(INPUTS["v_o"]), INPUTS["K_a"], 2 * INPUTS["v_o"] / (1 - root)
     return finding(
         10,
-        "The criterion for the sign in L(17) leaves both roots in the letter's own case",
+        "The criterion for the sign in L(17) admits both roots in the letter's case",
         "Section III-B2",
-        "The letter takes the root with 0 ≤ |A| ≤ |v_o|. For s ≥ 3 both roots meet it, and at D_p = -1 N s s is 6.8. "
-        "The second one recedes from the obstacle, and its stiffness K (1 - s)/2 is negative: orbits leave it. The "
-        "root that is meant is the one that approaches.",
+        "The letter takes the root with 0 ≤ |A| ≤ |v_o|. For s ≥ 3 both roots meet this criterion, and at D_p = -1 N "
+        "s, s is 6.8. The second root recedes from the obstacle, and its stiffness K (1 - s)/2 is negative: motions "
+        "diverge from it. The intended root is the one that approaches.",
         ("s", root),
         ("A of the root that approaches", a, "m/s"),
         ("A of the other root", other, "m/s"),
-        ("both meet 0 ≤ |A| ≤ |v_o|", max(abs(a), abs(other)) <= speed),
+        ("both roots meet 0 ≤ |A| ≤ |v_o|", max(abs(a), abs(other)) <= speed),
         ("one approaches, one recedes", a < 0 < other),
         ("stiffness of the deviation, approaching root", stiffness * (1 + root) / 2, "N/m"),
         ("stiffness, other root", stiffness * (1 - root) / 2, "N/m"),

@@ -1,4 +1,4 @@
-"""Section VI-B: the range of motion and the relative velocity as inequality constraints of L(20)."""
+"""Section VI-B: range of motion and relative velocity as inequality constraints of the letter's objective, L(20)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Final
 
 from pretouch.design import Constraint, GainDesign, Task, design_gain
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
+from .program import Program
 
 PROGRAM: Final = Program(
     "Section VI-B: limits on the range of motion and on the relative velocity as inequality constraints.",
@@ -44,14 +45,14 @@ def reproduce(ran: Ran) -> Reproduction:
     """Minimize L(20) under limits of the excursion and of the relative velocity at contact."""
     designs = [_design(case) for case in CASES]
     return Reproduction(
-        summary="The letter says that such limits can be handed to the solver, and shows none. Here the optimum "
-        "follows its limit until the limit no longer binds, and where two limits contradict each other the answer is "
-        "which ones do, and by how much.",
+        summary="The letter states that such limits can be passed to the solver, without an example. Here the optimum "
+        "lies on its limit until the limit is no longer active. If two limits conflict, the result names them and the "
+        "amount of the conflict.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
         findings=(_held(designs),),
         tables=(readings("The optimum under limits", _columns(designs)),),
-        caption="Left: the optimal gain over the largest excursion that is allowed. Right: the speed at contact. With "
-        "the speed limited, too, no gain is left below the excursion at which the second curve begins.",
+        caption="Left: the optimal gain over the largest allowed excursion. Right: the speed at contact. If the speed "
+        "is limited, too, no gain is feasible below the excursion at which the second curve begins.",
         numbers={
             "excursion_limit": ran["limits"],
             "optimal_gain": ran["gains"],
@@ -76,12 +77,12 @@ def _held(designs: Sequence[GainDesign]) -> Finding:
     refused = neither.gain is None and all(o.achievable for o in neither.constraints)
     return finding(
         11,
-        "A limit that binds holds the optimum on itself, and limits that contradict each other are named",
+        "With an active limit, the optimum lies on it; conflicting limits are named",
         "Section VI-B",
-        "With the excursion limited to 80 mm, or the speed at contact to 70 mm/s, the optimum sits on that limit. Each "
-        "of the two can be met alone; together no gain meets them, and the design says so instead of giving one.",
-        ("bound optima lie on their limit, to a millionth of it", max(on_limit) < 1e-6),
-        ("every limited objective is above the free one", worse),
+        "With the excursion limited to 80 mm, or the speed at contact to 70 mm/s, the optimum lies on that limit. Each "
+        "of the two limits can be met alone. No gain meets both, and the design reports this instead of a gain.",
+        ("limited optima lie on their limit, to a millionth of it", max(on_limit) < 1e-6),
+        ("every limited objective is above the unlimited one", worse),
         ("80 mm and 70 mm/s: each can be met, both cannot", refused),
     )
 
@@ -93,7 +94,7 @@ def _columns(designs: Sequence[GainDesign]) -> dict[str, tuple[list[str], str]]:
     at = [None if d.result is None else d.result.contact for d in designs]
     return {
         "limits": ([case or "none" for case in cases], ""),
-        "binding": ([b if d.result else d.status.value for b, d in zip(binding, designs, strict=True)], ""),
+        "active": ([b if d.result else d.status.value for b, d in zip(binding, designs, strict=True)], ""),
         "D_p [N s]": (["" if d.gain is None else f"{d.gain:.4f}" for d in designs], ""),
         "excursion [mm]": (["" if c is None else f"{1e3 * c.largest_excursion:.2f}" for c in at], ""),
         "speed at contact [mm/s]": (["" if c is None else f"{-1e3 * c.relative_velocity:.2f}" for c in at], ""),

@@ -1,11 +1,11 @@
-"""What a reproduction comes to: numbers beside ours, what was found, tables, a figure and its program."""
+"""Reproductions of the letter's tables, figures and sections: programs, findings and the report."""
 
 from __future__ import annotations
 
 import difflib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Any, ClassVar, Final, TypeAlias
 
@@ -29,48 +29,12 @@ EXPERIMENTS: Final = {
     "constraints": ("Section VI-B", "Limits on motion and velocity"),
     "impact-force": ("Section VI-B", "The force of the impact in place of its speed"),
 }
-"""Place and title of what can be reproduced, in the order of the letter; each has a file of its own."""
+"""Place and title of each reproduction, in the order of the letter; each one is a module of this package."""
 
 IDS: Final = tuple(EXPERIMENTS)
 
 Ran: TypeAlias = Mapping[str, Any]
-"""The variables that a program leaves."""
-
-
-@dataclass(frozen=True, slots=True)
-class Program(Value):
-    """A script of some ten to twenty lines of `import pretouch as pt`, which runs by itself.
-
-    Args:
-        about: what it shows, its docstring.
-        given: inputs of the letter by the names that the program has for them; written into it as the calls that make
-            them, an earlier one by its name where a later one holds it.
-        body: the rest; it leaves a `figure`, and what the figure shows.
-        imports: lines beside the imports of pretouch, and of NumPy, which is there where it is used.
-    """
-
-    about: str
-    given: Mapping[str, Any]
-    body: str
-    imports: tuple[str, ...] = ()
-
-    @property
-    def text(self) -> str:
-        """The whole script."""
-        lines = [f'"""{self.about}"""', ""]
-        others = [*(["import numpy as np"] if "np." in self.body else []), *self.imports]
-        lines += [*others, *([""] if others else []), "import pretouch as pt", ""]
-        names: dict[str, Any] = {}
-        for name, value in self.given.items():
-            lines.append(f"{name} = {_as_code(value, names)}")
-            names[name] = value
-        return "\n".join([*lines, self.body])
-
-    def run(self, name: str = "program") -> dict[str, Any]:
-        """Run the script, and return the variables that it leaves."""
-        variables: dict[str, Any] = {"__name__": name}
-        exec(compile(self.text, name, "exec"), variables)  # noqa: S102 - our own text, shown beside what it makes
-        return variables
+"""The variables of a program after its run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +42,7 @@ class Step(Value):
     """One step of the derivation of a finding.
 
     Args:
-        name: what was computed.
+        name: what is computed or tested.
         value: a number, a text, or whether a condition holds.
         unit: the unit of a number; empty for a pure one.
 
@@ -98,7 +62,7 @@ class Step(Value):
             object.__setattr__(self, "value", self.value.item())
 
     def __str__(self) -> str:
-        """Return six digits of a number, a text as it is, and words for a condition."""
+        """Return a number with six digits, a text unchanged, and words for a condition."""
         if isinstance(self.value, bool):
             return "holds" if self.value else "does NOT hold"
         shown = self.value if isinstance(self.value, str) else short_exponent(f"{self.value:.6g}")
@@ -107,14 +71,14 @@ class Step(Value):
 
 @dataclass(frozen=True, slots=True)
 class Finding(Value):
-    """What the program derived about the letter's text, beside single numbers.
+    """A finding about the letter's text that goes beyond single numbers, with its derivation.
 
     Args:
-        id: the number of the point, 1 to 7 as they were first listed, and from 8 on what this program found itself.
-        title: what is found, in a sentence.
+        id: the number of the finding: 1 to 7 were known before, from 8 on they were found by this program.
+        title: the finding in one sentence.
         place: where in the letter.
         statement: the finding with its reason.
-        evidence: the computed steps that it rests on, and the conditions that make it hold.
+        evidence: the computed steps of the derivation, and the conditions that must hold.
     """
 
     id: int
@@ -130,7 +94,7 @@ class Finding(Value):
 
     @property
     def holds(self) -> bool:
-        """Whether every condition does."""
+        """Whether every condition holds."""
         return not self.failed
 
     def to_dict(self) -> dict[str, Any]:
@@ -143,18 +107,18 @@ class Reproduction(Value):
     """One table, figure or section of the letter, computed again.
 
     Args:
-        summary: what was done and what came out, in a few sentences.
-        parameters: its inputs.
-        comparisons: its numbers beside ours.
-        findings: what was derived beyond single numbers.
-        tables: numbers to read that the letter does not print, each under its title.
-        caption: what the figure shows.
-        numbers: every number, for other programs: text to numbers, text, lists and mappings of these, all SI.
-        id: its name on the command line: "table-2".
-        place: where in the letter it stands.
-        title: what it shows.
+        summary: method and result in a few sentences.
+        parameters: the inputs.
+        comparisons: printed numbers compared with computed ones.
+        findings: findings that go beyond single numbers.
+        tables: tables of numbers that the letter does not print.
+        caption: caption of the figure.
+        numbers: all numbers for other programs: names to numbers, texts, lists and mappings of these, in SI.
+        id: name on the command line, such as "table-2".
+        place: where in the letter.
+        title: title of the reproduction.
         code: the program that makes the figure.
-        figure: the figure that this program made, of Matplotlib.
+        figure: the Matplotlib figure of this program.
     """
 
     summary: str
@@ -172,12 +136,12 @@ class Reproduction(Value):
 
     @property
     def holds(self) -> bool:
-        """Whether every difference is explained and every finding came out."""
+        """Whether every difference is explained and every finding holds."""
         return all(f.holds for f in self.findings) and not any(c.unexplained for c in self.comparisons)
 
     @property
     def counts(self) -> Counter[Agreement]:
-        """How many printed numbers stand how to ours."""
+        """Number of comparisons by agreement."""
         return Counter(c.agreement for c in self.comparisons)
 
     def __repr__(self) -> str:
@@ -185,18 +149,18 @@ class Reproduction(Value):
         return f"<Reproduction {self.id}: {len(self.comparisons)} numbers, {len(self.findings)} findings, {state}>"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the figure, in plain values."""
-        given = [_fields(p, "name", "symbol", "value", "unit", "place") for p in self.parameters]
+        """Return everything except the figure, in plain values."""
+        parameters = [_fields(p, "name", "symbol", "value", "unit", "place") for p in self.parameters]
         names = ("title", "place", "holds", "comparisons", "findings", "numbers")
-        return _fields(self, *names) | {"parameters": given}
+        return _fields(self, *names) | {"parameters": parameters}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LetterReport(Described, Value):
-    """What `reproduce` returns.
+    """Result of `reproduce`.
 
     Args:
-        reproductions: one for each table, figure and section asked for, in the order of the letter.
+        reproductions: one for each requested table, figure and section, in the order of the letter.
     """
 
     page: ClassVar[str] = "pretouch.letter.page:letter_page"
@@ -205,7 +169,7 @@ class LetterReport(Described, Value):
 
     @property
     def holds(self) -> bool:
-        """Whether this installation gives what the letter's equations give: all differences explained."""
+        """Whether this installation reproduces the letter's equations: all differences are explained."""
         return all(r.holds for r in self.reproductions)
 
     @property
@@ -215,7 +179,7 @@ class LetterReport(Described, Value):
 
     @property
     def counts(self) -> dict[Agreement, int]:
-        """How many printed numbers stand how to ours."""
+        """Number of comparisons by agreement, over all reproductions."""
         return {a: sum(r.counts[a] for r in self.reproductions) for a in Agreement}
 
     def to_dict(self) -> dict[str, Any]:
@@ -234,17 +198,17 @@ class LetterReport(Described, Value):
 
 @check_arguments
 def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None = None) -> LetterReport:
-    """Compute tables, figures and sections of the letter again, and compare each printed number with ours.
+    """Reproduce tables, figures and sections of the letter, and compare each printed number with a computed one.
 
     Args:
-        ids: which ones, of IDS; all where none is given.
-        progress: called with each id as its work begins.
+        ids: names of reproductions, of IDS; all by default.
+        progress: called with each id before its computation.
 
     Returns:
         The reproductions, in the order of the letter.
 
     Raises:
-        InvalidInputError: an id is not known.
+        InvalidInputError: an id is unknown.
 
     Examples:
         >>> report = reproduce(["figure-3"])
@@ -256,48 +220,32 @@ def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None
         near = difflib.get_close_matches(unknown[0].lower().replace("_", "-"), IDS, n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
         raise InvalidInputError(f"reproduce: found {unknown[0]!r}, expected one or more of {', '.join(IDS)}{hint}")
-    done = []
+    reproductions = []
     for name in IDS:
         if not ids or name in ids:
             if progress is not None:
                 progress(name)
-            done.append(_reproduction(name))
-    return LetterReport(reproductions=tuple(done))
+            reproductions.append(_reproduction(name))
+    return LetterReport(reproductions=tuple(reproductions))
 
 
 def _reproduction(name: str) -> Reproduction:
-    experiment = import_module(f"{__package__}.{name.replace('-', '_')}")  # loads only what it needs
+    experiment = import_module(f"{__package__}.{name.replace('-', '_')}")  # imports only this experiment
     ran, (place, title) = experiment.PROGRAM.run(), EXPERIMENTS[name]
-    found: Reproduction = experiment.reproduce(ran)
-    return replace(found, id=name, place=place, title=title, code=experiment.PROGRAM.text, figure=ran["figure"])
+    reproduction: Reproduction = experiment.reproduce(ran)
+    return replace(reproduction, id=name, place=place, title=title, code=experiment.PROGRAM.text, figure=ran["figure"])
 
 
 def finding(number: int, title: str, place: str, statement: str, *steps: tuple[Any, ...]) -> Finding:
-    """Make a finding; each step is its name, its value and the unit of a number."""
+    """Make a finding; each step has a name, a value and, for a number, its unit."""
     return Finding(number, title, place, statement, tuple(Step(*step) for step in steps))
 
 
 def readings(title: str, columns: Mapping[str, tuple[Iterable[Any], str]], note: str = "") -> Chapter:
-    """Make a table of numbers to read, each column by its head, with its values and how they are written."""
+    """Make a table of numbers; each column has a head, its values and their format."""
     cells = ([format(value, form) for value in values] for values, form in columns.values())
     return Chapter(title=title, blocks=(Rows(head=tuple(columns), rows=tuple(zip(*cells, strict=True)), note=note),))
 
 
 def _fields(thing: object, *names: str) -> dict[str, Any]:
     return {name: getattr(thing, name) for name in names}
-
-
-def _as_code(value: Any, names: Mapping[str, Any]) -> str:
-    """Write a value as the call that makes it: known values by their names, and nothing that is as by default."""
-    for name, known in names.items():
-        if value == known:
-            return name
-    if not is_dataclass(value):
-        return repr(value)
-    held = ((f.name, getattr(value, f.name), _default(f)) for f in fields(value) if f.init)
-    given = ", ".join(f"{name}={_as_code(own, names)}" for name, own, default in held if own != default)
-    return f"pt.{type(value).__name__}({given})"
-
-
-def _default(of: Field[Any]) -> Any:
-    return of.default if of.default_factory is MISSING else of.default_factory()

@@ -1,4 +1,4 @@
-"""Figure 3: the three sensor curves L(3), L(5), L(6) with the parameters of Table I, and their slopes."""
+"""Figure 3: the three sensor curves L(3), L(5), L(6) with the parameters of Table I, and their logarithmic slopes."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from .experiment import Program, Ran, Reproduction, readings
-from .given import SENSORS, sensor
+from .experiment import Ran, Reproduction, readings
+from .inputs import SENSORS, sensor
+from .program import Program
 
 CURVES: Final = {name: sensor(name) for name in ("inverse-power", "exponential-1", "exponential-2")}
 PROGRAM: Final = Program(
-    "Figure 3: the three curves of Table I over the distance, and their slopes g, which are what the motion feels.",
+    "Figure 3: the three curves of Table I over the distance, and their slopes g, which determine the motion.",
     {"power": CURVES["inverse-power"], "first": CURVES["exponential-1"], "second": CURVES["exponential-2"]},
     """\
 sensors = {"inverse power L(3)": power, "first order L(5)": first, "second order L(6)": second}
@@ -28,19 +29,19 @@ figure = pt.report.panel_figure(
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Tabulate the curves and their slopes; the letter prints no number of them."""
+    """Tabulate the curves and their slopes, of which the letter prints no numbers."""
     second = {p.symbol: p.value for p in SENSORS["exponential-2"]}
     turn, shown = -second["c_2"] / (2 * second["b_2"]), np.array([0.0, 0.01, 0.02, 0.03, 0.0422])
     columns = {"l [mm]": (1e3 * shown, ".1f")} | {f"ξ, {n} [V]": (c.output(shown), ".4f") for n, c in CURVES.items()}
     columns |= {f"g, {n} [1/m]": (c.log_slope(shown), ".2f") for n, c in CURVES.items()}
     return Reproduction(
-        summary="On the output the three curves look alike; the letter judges them by R² there. The virtual force "
-        "feels their slope g = d ln ξ / dl instead, and there they differ: at contact by a quarter, at 42.2 mm nearly "
-        f"by a factor of two. The second order turns around at {1e3 * turn:.0f} mm: beyond it the force has the wrong "
-        "sign.",
+        summary="The outputs of the three curves are similar; the letter judges them by R² of the output. The virtual "
+        "force depends on the slope g = d ln ξ / dl instead, which differs by a quarter at contact and nearly by a "
+        f"factor of two at 42.2 mm. The second order has its minimum at {1e3 * turn:.0f} mm: beyond it the force has "
+        "the wrong sign.",
         parameters=tuple(p for name in CURVES for p in SENSORS[name]),
         tables=(readings("Output ξ and slope g", columns),),
-        caption="Left: the output, as in the letter. Right: the slope of its logarithm, not shown there.",
+        caption="Left: the output, as in the letter. Right: the slope of its logarithm, not shown in the letter.",
         numbers={
             "distance": ran["distance"],
             "output": {name: curve.output(ran["distance"]) for name, curve in CURVES.items()},

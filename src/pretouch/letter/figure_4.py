@@ -1,4 +1,4 @@
-"""Figure 4: the plant's position until contact by integration, L(10) and L(19), and the values of Section IV-D."""
+"""Figure 4: plant position until contact by integration, closed form L(10) and uniform motion L(19)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import numpy as np
 from pretouch.motion import find_contact
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Program, Ran, Reproduction, finding
-from .given import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, over_rounding, sensor
+from .experiment import Finding, Ran, Reproduction, finding
+from .inputs import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, over_rounding, sensor
 from .printed import Printed
+from .program import Program
 
 NAMES: Final = {
     "inverse-power": "inverse power, integrated",
@@ -21,7 +22,7 @@ NAMES: Final = {
     "exponential-2": "second order, uniform motion L(16)-(19)",
 }
 PARAMETERS: Final = (*APPROACH, EXPERIMENT_GAIN, *(p for n in NAMES for p in SENSORS[n]))
-GIVEN: Final = {
+INPUTS: Final = {
     **{"admittance": approach().admittance, "scenario": approach(), "power": sensor("inverse-power")},
     **{"first": sensor("exponential-1"), "second": sensor("exponential-2")},
 }
@@ -34,7 +35,7 @@ motions = {
 """
 PROGRAM: Final = Program(
     "Figure 4: the plant's position until contact, D_p = -1 N s, by three ways to solve the motion.",
-    GIVEN,
+    INPUTS,
     f"""{MOTIONS}\
 curves = [pt.report.Curve(x=m.time, y=1e3 * m.position, label=name, end="contact") for name, m in motions.items()]
 labels = {{"x_label": "time t [s]", "y_label": "plant position x [mm]", "curves": curves}}
@@ -54,23 +55,25 @@ def reproduce(ran: Ran) -> Reproduction:
     rounded = over_rounding("exponential-1", _position)
     span = over_rounding("exponential-2", partial(_position, method="uniform-motion"))
     lag = "friction, servo lag and readings that the curve does not hold are on the hardware only"
-    own = "the parameters of Table I in L(19) give another value, whatever their last digits (finding 4)"
-    reference = "the letter's reference is a measured motion, ours the integrated inverse power curve"
+    misprint = "with the parameters of Table I, L(19) gives another value for every rounding of them (finding 4)"
+    reference = "the letter's reference is a measured motion, here the integrated inverse power curve"
     fits = {"exponential-1": "0.992", "exponential-2": "0.984"}
     r_squared = ((f"R² of {NAMES[name]}", printed, _r_squared(motions, name)) for name, printed in fits.items())
     return Reproduction(
-        summary="The inverse power curve, integrated, stands in for the letter's measured motion. The first order is "
-        "solved in closed form, the second order by its uniform motion, as in the letter.",
+        summary="The integrated motion with the inverse power curve replaces the letter's measured motion. As in the "
+        "letter, the first order is solved in closed form, the second order by its uniform motion.",
         parameters=PARAMETERS,
         comparisons=(
-            Printed("x at contact, experiment; ours: inverse power", "-0.132", power, "m", PLACE, lag, hardware=True),
+            Printed(
+                "x at contact, experiment; computed: inverse power", "-0.132", power, "m", PLACE, lag, hardware=True
+            ),
             Printed("x at contact, first order L(10)", "-0.135", first, "m", PLACE, over_inputs=rounded),
-            Printed("x at contact, second order L(19)", SECOND, second, "m", PLACE, own, over_inputs=span),
+            Printed("x at contact, second order L(19)", SECOND, second, "m", PLACE, misprint, over_inputs=span),
             *(Printed(*fit, "", PLACE, reference, hardware=True) for fit in r_squared),
         ),
         findings=(_second_order(second, *span),),
-        caption="The uniform motion does not start where the plant is: it is one particular solution, and at t = 0 it "
-        "is 4 mm off.",
+        caption="The uniform motion is one particular solution, which does not start at the plant's position: at t = 0 "
+        "it is 4 mm off.",
         numbers={
             "position_at_contact": dict(zip(NAMES, (power, first, second), strict=True)),
             "time_of_contact": {name: float(m.time[-1]) for name, m in motions.items()},
@@ -85,11 +88,11 @@ def _position(curve: SensorModel, method: str = "auto") -> float:
 
 def _r_squared(motions: Mapping[str, Any], name: str) -> float:
     """Return R² of a motion against the integrated inverse power curve, up to the earlier contact."""
-    reference, other = motions["inverse-power"], motions[name]
-    time = np.linspace(0.0, min(reference.time[-1], other.time[-1]), 1000)
+    reference, motion = motions["inverse-power"], motions[name]
+    time = np.linspace(0.0, min(reference.time[-1], motion.time[-1]), 1000)
     truth = np.interp(time, reference.time, reference.position)
-    apart = np.interp(time, other.time, other.position) - truth
-    return float(1 - np.sum(apart**2) / np.sum((truth - truth.mean()) ** 2))
+    error = np.interp(time, motion.time, motion.position) - truth
+    return float(1 - np.sum(error**2) / np.sum((truth - truth.mean()) ** 2))
 
 
 def _second_order(ours: float, low: float, high: float) -> Finding:
@@ -98,12 +101,12 @@ def _second_order(ours: float, low: float, high: float) -> Finding:
         4,
         "The second-order position at contact is -0.1378 m, not -0.136 m",
         "Section IV-D",
-        f"L(19) at l = 0 with the parameters of Table I gives {ours:.4f} m. No parameters that round to the printed "
-        "ones give -0.136 m, and the general motion L(14), integrated from the letter's start, is farther off on the "
-        "other side. The first-order value on the same page, -0.135 m, is right.",
+        f"The uniform motion L(19) at l = 0 with the parameters of Table I gives {ours:.4f} m. No parameters that "
+        "round to the printed ones give -0.136 m. The general motion L(14), integrated from the letter's start, "
+        "deviates even more, in the other direction. The first-order value on the same page, -0.135 m, is right.",
         ("L(19) at l = 0", ours, "m"),
         ("smallest over the rounding of b_2 and c_2", low, "m"),
-        ("largest over it", high, "m"),
+        ("largest over the rounding of b_2 and c_2", high, "m"),
         ("L(14) integrated from the letter's start", integrated, "m"),
         ("printed", printed, "m"),
         ("neither rounds to it", high < printed - 0.0005 and abs(integrated - printed) > 0.0005),

@@ -1,4 +1,4 @@
-"""Figure 5: the relative velocity until contact by integration, L(10) and L(16), and the reductions of Section IV-D."""
+"""Figure 5: relative velocity until contact by integration, closed form L(10) and uniform motion L(16)."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from typing import Final
 from pretouch.motion import find_contact
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Program, Ran, Reproduction, finding
-from .figure_4 import GIVEN, MOTIONS, NAMES, PARAMETERS
-from .given import EXPERIMENT_GAIN, approach, over_rounding
+from .experiment import Finding, Ran, Reproduction, finding
+from .figure_4 import INPUTS, MOTIONS, NAMES, PARAMETERS
+from .inputs import EXPERIMENT_GAIN, approach, over_rounding
 from .printed import Printed
+from .program import Program
 
 PROGRAM: Final = Program(
     "Figure 5: the relative velocity until contact, D_p = -1 N s, by three ways to solve the motion.",
-    GIVEN,
+    INPUTS,
     f"""{MOTIONS}\
 reduction = {{name: 1 - m.relative_velocity[-1] / scenario.obstacle.velocity for name, m in motions.items()}}
 curves = [pt.report.Curve(x=m.time, y=m.relative_velocity, label=name, end="contact") for name, m in motions.items()]
@@ -25,18 +26,18 @@ figure = pt.report.panel_figure(pt.report.Panel(curves=curves, levels={{"without
 )
 PLACE: Final = "Section IV-D, Fig. 5"
 PRINTED: Final = {"inverse-power": "78.0", "exponential-1": "70.4", "exponential-2": "74.4"}
-"""Ratios l'/v_o [%] of the experiment and of both models, as the letter calls them."""
+"""Printed "ratios l'/v_o" of the experiment and of both models [%]."""
 
 MODELS: Final = {"exponential-1": ("closed-form", "9.74"), "exponential-2": ("uniform-motion", "4.62")}
-"""How each is solved, and the relative error of its ratio as printed [%]."""
+"""Solution method of each model, and the printed relative error of its ratio [%]."""
 
 
 def reproduce(ran: Ran) -> Reproduction:
     """Compare the relative velocities at contact with the printed ratios."""
     motions = {name: ran["motions"][label] for name, label in NAMES.items()}
     taken = {name: 100 * float(ran["reduction"][label]) for name, label in NAMES.items()}
-    true, hardware = PRINTED["inverse-power"], "the letter's value is of the hardware"
-    first = "reduction 1 - l'/v_o, experiment; ours: inverse power"
+    true, hardware = PRINTED["inverse-power"], "the letter's value was measured on hardware"
+    first = "reduction 1 - l'/v_o, experiment; computed: inverse power"
     numbers = [Printed(first, true, taken["inverse-power"], "%", PLACE, hardware, hardware=True)]
     for name, (method, _) in MODELS.items():
         span = over_rounding(name, partial(_taken, method=method))
@@ -46,13 +47,13 @@ def reproduce(ran: Ran) -> Reproduction:
         ours = 100 * abs(float(PRINTED[name]) - float(true)) / float(true)
         numbers.append(Printed(f"relative error of {PRINTED[name]} % to 78.0 %", error, ours, "%", PLACE))
     return Reproduction(
-        summary="Without mitigation the obstacle would arrive at 0.3 m/s. What the letter calls the ratio l'/v_o is "
-        "what mitigation takes away of that speed, not what it leaves (finding 3); read so, its model values agree.",
+        summary="Without mitigation the obstacle arrives at 0.3 m/s. The letter's \"ratio l'/v_o\" is the reduction of "
+        "that speed by mitigation, not the remaining speed (finding 3). Read as reductions, its model values agree.",
         parameters=PARAMETERS,
         comparisons=tuple(numbers),
         findings=(_reductions(taken),),
-        caption="Mitigation takes most of the velocity in the first 0.1 s. With the first order the plant then speeds "
-        "up again until contact, with the inverse power hardly; the uniform motion has one velocity.",
+        caption="Mitigation reduces the relative velocity most in the first 0.1 s. Until contact it then grows again "
+        "with the first order, and hardly with the inverse power. The uniform motion has one velocity.",
         numbers={
             "relative_velocity_at_contact": {name: float(m.relative_velocity[-1]) for name, m in motions.items()},
             "reduction": {name: part / 100 for name, part in taken.items()},
@@ -62,7 +63,7 @@ def reproduce(ran: Ran) -> Reproduction:
 
 
 def _taken(curve: SensorModel, method: str) -> float:
-    """Return which part of the obstacle's speed is taken away at contact [%]."""
+    """Return the reduction of the obstacle's speed at contact [%]."""
     contact = find_contact(approach(), curve, EXPERIMENT_GAIN.value, method=method).contact
     return float(100 - 100 * contact.relative_velocity / approach().obstacle.velocity)
 
@@ -75,7 +76,7 @@ def _reductions(taken: dict[str, float]) -> Finding:
     for name in MODELS:
         error = 100 * ((100 - printed[name]) / (100 - printed["inverse-power"]) - 1)
         less, true = PRINTED[name], PRINTED["inverse-power"]
-        steps.append((f"error of the speed left, {less} % against {true} % taken", error, "%"))
+        steps.append((f"error of the remaining speed, for reductions of {less} % and {true} %", error, "%"))
     near = all(abs(part - printed[name]) < 1.0 < abs(100 - part - printed[name]) for name, part in taken.items())
     remain, less = (
         ", ".join(f"{v:.1f}" for v in values) for values in ([100 - t for t in taken.values()], taken.values())
@@ -84,9 +85,10 @@ def _reductions(taken: dict[str, float]) -> Finding:
         3,
         "The ratio l'/v_o of Section IV-D is the reduction 1 - l'/v_o",
         "Section IV-D",
-        f"The section prints {', '.join(PRINTED.values())} % as l'/v_o. The models leave {remain} % of the obstacle's "
-        f"speed and take {less} % away: the printed numbers are reductions. Its relative errors, 9.74 and 4.62 %, are "
-        "of these reductions; of the speeds that are left, which the impact feels, they are 35 and 16 %.",
+        f"The section prints {', '.join(PRINTED.values())} % as l'/v_o. In the models, {remain} % of the obstacle's "
+        f"speed remain, and the reductions are {less} %: the printed numbers are reductions. The printed relative "
+        "errors, 9.74 and 4.62 %, are errors of these reductions. The errors of the remaining speeds, which determine "
+        "the impact, are 35 and 16 %.",
         *steps,
-        ("what is printed is within 1 % of the reduction and of no ratio", near),
+        ("the printed numbers are within 1 % of the reductions, and of no ratio", near),
     )

@@ -1,4 +1,4 @@
-"""Figure 6: the optimal gain over the obstacle's speed by L(20), L(21), and what its trend hangs on."""
+"""Figure 6: optimal gain over the obstacle's speed for the letter's objective, L(20) and L(21), and its trend."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import ADMITTANCE, F_1, SENSORS, approach, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import ADMITTANCE, F_1, SENSORS, approach, sensor
+from .program import Program
 
 PROGRAM: Final = Program(
     "Figure 6: the optimal gain over the obstacle's speed, for both readings of the typical velocity l'_typ.",
@@ -48,9 +49,9 @@ def reproduce(ran: Ran) -> Reproduction:
     titles = {"following": "l'_typ follows the obstacle", "fixed": "l'_typ fixed at 0.3 m/s"}
     return Reproduction(
         summary="100 velocities from -0.01 to -1.00 m/s. The letter's trend, a larger |D_p| for slow obstacles and "
-        "hardly a change above 0.2 m/s, comes out where l'_typ is the obstacle's own speed. With the l'_typ = -0.3 m/s "
-        "that Section V-A names, it reverses (finding 5). The figure itself prints no numbers. With the first order "
-        "and a fixed l'_typ, mitigation does not pay at all below 0.03 m/s: the optimum is the end of the range.",
+        "hardly a change above 0.2 m/s, is reproduced if l'_typ is the obstacle's speed. With l'_typ = -0.3 m/s from "
+        "Section V-A, the trend reverses (finding 5). The figure prints no numbers. With the first order and a fixed "
+        "l'_typ, mitigation does not pay below 0.03 m/s: the optimum is the end of the range.",
         parameters=(*ADMITTANCE, *(p for name in [*SENSORS][:3] for p in SENSORS[name]), *F_1),
         findings=(_trend(speeds, gains),),
         tables=tuple(
@@ -60,9 +61,9 @@ def reproduce(ran: Ran) -> Reproduction:
             )
             for scale, found in gains.items()
         ),
-        caption="Left: l'_typ follows the obstacle, the letter's trend. Right: l'_typ fixed, the opposite one; where "
-        "mitigation does not pay, the first order jumps to the end of the range. The inverse power is integrated, the "
-        "first order solved in closed form, the second order by its uniform motion.",
+        caption="Left: l'_typ follows the obstacle, with the letter's trend. Right: l'_typ is fixed, with the opposite "
+        "trend; the first order jumps to the end of the range where mitigation does not pay. The inverse power is "
+        "integrated, the first order solved in closed form, the second order by its uniform motion.",
         numbers={"speed": speeds, "optimal_gain": gains},
     )
 
@@ -90,7 +91,7 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
         "Fig. 6 holds only if l'_typ follows the obstacle's speed",
         "Fig. 6, Section V-A",
         "The text describes a larger |D_p| for slow obstacles and hardly a change above 0.2 m/s. That is so if l'_typ "
-        f"is the obstacle's own speed (inverse power: {pairs['following']}). With l'_typ fixed at -0.3 m/s, as Section "
+        f"is the obstacle's speed (inverse power: {pairs['following']}). With l'_typ fixed at -0.3 m/s, as Section "
         f"V-A sets it, |D_p| grows with the speed ({pairs['fixed']}): the typical value decides the trend.",
         *steps,
     )

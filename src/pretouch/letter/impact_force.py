@@ -1,4 +1,4 @@
-"""Section VI-B: the peak force of the impact in the objective L(20) and as a limit."""
+"""Section VI-B: peak force of the impact in the letter's objective, L(20), and as a limit."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import Final
 
 from pretouch.design import Constraint, GainDesign, Task, design_gain
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
+from .program import Program
 
 PROGRAM: Final = Program(
     "Section VI-B: the peak force of the impact in place of the speed, where mass and stiffness are known.",
@@ -50,9 +51,9 @@ def reproduce(ran: Ran) -> Reproduction:
     columns["excursion [mm]"] = ([1e3 * c.largest_excursion for c in at], ".2f")
     columns["speed at contact [mm/s]"] = ([-1e3 * c.relative_velocity for c in at], ".2f")
     return Reproduction(
-        summary="Where mass and stiffness are known, the peak force can stand in the objective and be limited. The "
-        "spring has the 62.7 N s/m of Table III as √(μ k); the sphere is a soft one of 10 mm radius. Both are "
-        "lossless, so they bound the peak for their stiffness; the mass is the robot's physical one, not M_a.",
+        summary="If mass and stiffness are known, the peak force can be a term of the objective or a limit. The spring "
+        "has the 62.7 N s/m of Table III as √(μ k); the sphere is soft, with a radius of 10 mm. Both models are "
+        "lossless, so they bound the peak force from above. The mass is the robot's physical mass, not M_a.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
         findings=(_shifted(*[*gains.values()][:3]),),
         tables=(readings("Optimum by speed and by force", columns),),
@@ -70,10 +71,10 @@ def _shifted(by_speed: float, spring: float, hertz: float) -> Finding:
         13,
         "On a linear contact the force objective changes nothing; on a curved one it shifts the gain",
         "Section VI-B",
-        "F_typ is the peak force without mitigation. On a spring the peak is √(μ k) |l'|, so the objective is f₁ "
-        "itself and has its optimum. By Hertz's law the force grows as |l'|^1.2, and the optimum moves.",
+        "F_typ is the peak force without mitigation. On a spring the peak is √(μ k) |l'|, so the objective equals f₁, "
+        "with the same optimum. By Hertz's law the force grows as |l'|^1.2, and the optimum moves.",
         ("optimal gain by speed", by_speed, "N s"),
         ("by force on the spring", spring, "N s"),
         ("by force on the sphere", hertz, "N s"),
-        ("only the spring leaves it as it is", abs(spring / by_speed - 1) < 1e-6 < abs(hertz / by_speed - 1)),
+        ("only the spring leaves it unchanged", abs(spring / by_speed - 1) < 1e-6 < abs(hertz / by_speed - 1)),
     )

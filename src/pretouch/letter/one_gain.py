@@ -1,4 +1,4 @@
-"""What a practitioner takes from Figure 6: one gain for all speeds, and what it costs in L(20) at each."""
+"""Practical conclusion of Figure 6: one gain for all speeds, and its loss in the letter's objective, L(20)."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import ADMITTANCE, F_1, SENSORS, approach, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import ADMITTANCE, F_1, SENSORS, approach, sensor
+from .program import Program
 
 PROGRAM: Final = Program(
-    "One gain for all speeds: what it costs beside the best gain for each speed.",
+    "One gain for all speeds: its loss compared with the best gain for each speed.",
     {"admittance": approach().admittance, "sensor": sensor("inverse-power")},
     """\
 f_1 = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle speed")
@@ -34,7 +35,7 @@ ALL, FAST, BEST = "one gain for all speeds", "one gain from 0.2 m/s on", "best g
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Find the gains whose largest relative loss over a range of speeds is least."""
+    """Find the gains that minimize the largest relative loss over a range of speeds."""
     speeds, best, left = ran["speeds"], np.asarray(ran["designs"].gain), ran["left"]
     gain = {name: float(ran["candidates"][i]) for name, i in ran["best"].items()}
     loss = {name: np.asarray(ran["losses"][i]) for name, i in ran["best"].items()}
@@ -42,17 +43,17 @@ def reproduce(ran: Ran) -> Reproduction:
     columns = {"obstacle speed [m/s]": (speeds[shown], ".2f"), "best D_p [N s]": (best[shown], ".3f")}
     columns |= {f"loss, {name} [%]": (100 * loss[name][shown], ".1f") for name in (FAST, ALL)}
     columns |= {f"contact, {name} [mm/s]": (1e3 * left[name][shown], ".1f") for name in (BEST, FAST, ALL)}
-    note = "Each of the two gains has the least largest loss over its range of speeds."
+    note = "Each of the two gains minimizes the largest loss over its range of speeds."
     return Reproduction(
-        summary="The letter advises to design for a fast obstacle and to keep that gain. Here is what one gain costs, "
-        "for the inverse power curve and l'_typ equal to the obstacle's speed: the loss in f₁ beside the best gain of "
-        f"each speed. {gain[FAST]:.3f} N s has the least largest loss from 0.2 to 1 m/s; over all speeds from 0.01 "
-        f"m/s it would be {gain[ALL]:.3f} N s, which suits no range well.",
+        summary="The letter advises to design for a fast obstacle and to keep that gain. Here the loss of one gain in "
+        "f₁ is computed, compared with the best gain for each speed, for the inverse power curve and l'_typ equal to "
+        f"the obstacle's speed. {gain[FAST]:.3f} N s minimizes the largest loss from 0.2 to 1 m/s. Over all speeds "
+        f"from 0.01 m/s on, the minimizer is {gain[ALL]:.3f} N s, which suits no range well.",
         parameters=(*ADMITTANCE, *SENSORS["inverse-power"], *F_1[:3]),
         findings=(_price(gain[FAST], loss[FAST], left[FAST], speeds < 0.2),),
         tables=(readings("The loss at each speed", columns, note),),
-        caption="Left: the loss beside the best gain for each speed. Right: the speed at contact; where the relative "
-        "loss is large, the contact is slow in absolute terms.",
+        caption="Left: the loss compared with the best gain for each speed. Right: the speed at contact; if the "
+        "relative loss is large, the contact is slow.",
         numbers={"speed": speeds, "gain": gain, "best_gain": best, "loss": loss, "speed_at_contact": left},
     )
 
@@ -64,7 +65,7 @@ def _price(gain: float, loss: Any, left: Any, slow: Any) -> Finding:
         "One gain serves all speeds from 0.2 m/s on, and leaves slow contacts slow",
         "Section VI-C",
         f"With D_p = {gain:.3f} N s, f₁ is at most {100 * price:.1f} % above its optimum at any speed from 0.2 to 1 "
-        "m/s: the letter's argument holds, and this is its price. Below 0.2 m/s the loss grows to "
+        "m/s: the letter's argument holds at this cost. Below 0.2 m/s the loss grows to "
         f"{100 * worst:.0f} % at 0.01 m/s, yet contact is never faster than {1e3 * hardest:.0f} mm/s there.",
         ("the gain", gain, "N s"),
         ("largest loss from 0.2 to 1 m/s", 100 * price, "%"),

@@ -1,4 +1,4 @@
-"""What a letter report says: how many numbers agree, what was found, and every number beside ours."""
+"""Report page of the letter's reproduction: agreement, findings and all compared numbers."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from pretouch.motion.page_sections import method_section
 from .experiment import Finding, LetterReport, Reproduction
 from .printed import Agreement, Printed
 
-_TITLE: Final = "The letter, computed again"
-_ALL_HOLD: Final = "Reproduced: every finding holds, and every number that disagrees has its reason."
+_TITLE: Final = "Reproduction of the letter"
+_ALL_HOLD: Final = "Reproduced: every finding holds, and every disagreement is explained."
 _FOUND: Final = (
-    "Points 1 to 7 were known when this program was written, and it derives each of them. From 8 on it found them "
-    "itself: some disagree with the letter, some confirm or complete it."
+    "Findings 1 to 7 were known before this program was written; the program derives them. It found the others, from 8 "
+    "on: some disagree with the letter, some confirm or complete it."
 )
-_INPUTS: Final = "The inputs are those that the letter prints, taken at their printed digits. The verdicts:"
-_METHOD: Final = "Motions and gains come from the equations of the letter, cited as L(n)."
-_SCOPE: Final = "This page compares a publication with its own equations. It says nothing about a machine."
+_INPUTS: Final = "The inputs are the printed numbers of the letter, with their printed digits. The verdicts:"
+_METHOD: Final = "Motions and gains are computed from the equations of the letter, cited as L(n)."
+_SCOPE: Final = "This page compares a publication with its equations. It is no statement about a machine."
 _DATA: Final = (
-    "Inputs, comparisons and findings as on this page, and every number behind the figures in SI, as one JSON object: "
-    "the address of the element `numbers` holds it. What is not finite is null; `pretouch reproduce --json` prints it."
+    "Inputs, comparisons and findings of this page and all numbers of the figures in SI, as one JSON object in the "
+    "element `numbers`. Numbers that are not finite are null. `pretouch reproduce --json` prints the same object."
 )
 
 
 def letter_page(report: LetterReport) -> Page:
-    """Describe what was reproduced, all of it or a part.
+    """Return the page of a report, complete or partial.
 
     Args:
         report: the reproductions.
@@ -40,25 +40,25 @@ def letter_page(report: LetterReport) -> Page:
     parts, findings = report.reproductions, report.findings
     home = {f.id: r for r in parts for f in r.findings}
     off = [(r, c) for r in parts for c in r.comparisons if c.agreement is Agreement.DISAGREES]
-    said = tuple(f"[{f.id}. {_title(f)}](#finding-{f.id}): {_state(f)}" for f in findings)
+    links = tuple(f"[{f.id}. {_title(f)}](#finding-{f.id}): {_state(f)}" for f in findings)
     opening = Paragraph(text=_FOUND, quiet=True)
     rules = Listing(items=tuple(f"{a.shape} {a.words}: {a.meaning}" for a in Agreement))
     legend = (Paragraph(text=_INPUTS), rules, Paragraph(text=_SCOPE, quiet=True))
     data = as_json(report.to_dict(), indent=None)
     numbers = Download(name="letter-numbers.json", text=data, kind="application/json", anchor="numbers")
-    found = (Listing(items=said, brief=True), opening, *(_finding(f, home[f.id]) for f in findings))
-    listed = Listing(items=tuple(_disagreement(*pair) for pair in off), brief=True)
+    chapters = (Listing(items=links, brief=True), opening, *(_finding(f, home[f.id]) for f in findings))
+    disagreements = Listing(items=tuple(_disagreement(*pair) for pair in off), brief=True)
     return Page(
         kind=_TITLE,
-        headline=f"{sum(report.counts.values())} printed numbers of the letter beside ours. {_closing(report)}",
+        headline=f"{sum(report.counts.values())} printed numbers of the letter compared. {_closing(report)}",
         status="reproduced" if report.holds else "not reproduced",
         good=report.holds,
         key_figures=tuple((a.meaning, f"{a.shape} {count}") for a, count in report.counts.items()),
         warnings=tuple(_failures(report)),
         blocks=(
             _overview(report) if parts else None,
-            Chapter(title="What was found", anchor="findings", titled=True, blocks=found) if findings else None,
-            Chapter(title="Printed numbers that disagree with ours", titled=True, blocks=(listed,)) if off else None,
+            Chapter(title="Findings", anchor="findings", titled=True, blocks=chapters) if findings else None,
+            Chapter(title="Printed numbers that disagree", titled=True, blocks=(disagreements,)) if off else None,
             *map(_part, parts),
             Chapter(title="All numbers", anchor="all-numbers", blocks=(numbers, Paragraph(text=_DATA))),
             method_section(_METHOD, others=legend),
@@ -67,7 +67,7 @@ def letter_page(report: LetterReport) -> Page:
 
 
 def _overview(report: LetterReport) -> Rows:
-    """Count the verdicts of each part, and lead to it; zeros are left out."""
+    """Return a table with the number of verdicts of each part, with links; zeros are omitted."""
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
         for r in report.reproductions
@@ -92,20 +92,20 @@ def _closing(report: LetterReport) -> str:
 
 
 def _failures(report: LetterReport) -> Iterator[str]:
-    """Yield what does not come out, and where it stands."""
+    """Yield warnings about findings that do not hold and unexplained disagreements, with links."""
     for f in report.findings:
         if not f.holds:
             steps = "; ".join(f"{step.name}: {step}" for step in f.failed)
-            yield f"Does not come out here: [finding {f.id}: {_title(f)}](#finding-{f.id}) ({steps})"
+            yield f"Does not hold: [finding {f.id}: {_title(f)}](#finding-{f.id}) ({steps})"
     for r in report.reproductions:
         for c in r.comparisons:
             if c.unexplained:
-                yield f"Does not come out here: [{r.title}: {c.name}](#part-{r.id}) disagrees, and no reason is known"
+                yield f"Unexplained disagreement: [{r.title}: {c.name}](#part-{r.id})"
 
 
 def _disagreement(part: Reproduction, c: Printed) -> str:
     unit = f" {c.unit.replace('*', ' ')}".rstrip()
-    numbers = f"printed {c.printed}{unit}, ours {c.ours}{unit}"
+    numbers = f"printed {c.printed}{unit}, computed {c.ours}{unit}"
     return f"[{part.id}](#part-{part.id}), {c.name} ({c.place}): {numbers}: {c.reason or 'NO REASON KNOWN'}"
 
 
@@ -129,19 +129,19 @@ def _part(part: Reproduction) -> Chapter:
     picture = Picture(figure=part.id, of=part.figure, name=part.title, caption=part.caption)
     blocks = (
         Paragraph(text=part.summary),
-        Paragraph(text=f"Findings from it: {links}", quiet=True) if links else None,
-        Chapter(title="Inputs, as the letter gives them", blocks=(inputs,)) if part.parameters else None,
-        Chapter(title="Printed numbers beside ours", blocks=tuple(_compared(part))) if part.comparisons else None,
+        Paragraph(text=f"Findings: {links}", quiet=True) if links else None,
+        Chapter(title="Inputs, as printed in the letter", blocks=(inputs,)) if part.parameters else None,
+        Chapter(title="Printed and computed numbers", blocks=tuple(_compared(part))) if part.comparisons else None,
         *part.tables,
         picture,
-        Code(text=part.code, title="The code that makes this figure, as one program"),
+        Code(text=part.code, title="Complete program of this figure"),
     )
     return Chapter(title=f"{part.place}: {part.title}", anchor=f"part-{part.id}", blocks=blocks)
 
 
 def _compared(part: Reproduction) -> Iterator[Rows | Listing | Paragraph]:
-    """Yield the numbers beside ours, and each reason once, with the names of all numbers that it explains."""
-    head = ("number", "place", "printed", "ours", "difference", "ours over the rounding of the inputs", "verdict")
+    """Yield the table of printed and computed numbers, then each reason with the numbers that it explains."""
+    head = ("number", "place", "printed", "computed", "difference", "range over input rounding", "verdict")
     rows = [
         (
             *(f"{c.name} [{pretty_unit(c.unit)}]" if c.unit else c.name, c.place, c.printed, c.ours, c.off_by),
@@ -156,7 +156,7 @@ def _compared(part: Reproduction) -> Iterator[Rows | Listing | Paragraph]:
         if c.reason or c.unexplained:
             names.setdefault(c.reason or "NO REASON KNOWN", []).append(c.name)
     if names:
-        yield Paragraph(text="Why they differ:", quiet=True)
+        yield Paragraph(text="Reasons of the differences:", quiet=True)
         everything = len(part.comparisons) if len(part.comparisons) > 1 else 0
-        said = ((reason, "all of them" if len(of) == everything else "; ".join(of)) for reason, of in names.items())
-        yield Listing(items=tuple(f"{of}: {reason}" for reason, of in said))
+        reasons = ((reason, "all numbers" if len(of) == everything else "; ".join(of)) for reason, of in names.items())
+        yield Listing(items=tuple(f"{of}: {reason}" for reason, of in reasons))

@@ -1,4 +1,4 @@
-"""A printed number beside ours: how the two stand to each other, and what rounding has to do with it."""
+"""Comparison of a printed number with a computed one, including rounding."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from typing import Any, Final
 
 from pretouch._core.values import Value
 
-_MORE: Final = 2  # digits beyond the printed ones: enough to see how ours rounds
+_MORE: Final = 2  # digits beyond the printed ones, which show how the computed number rounds
 _LONGEST: Final = 14
 
 
 class Agreement(Enum):
-    """How a printed number stands to ours: a word, a shape that does without color, and what it means."""
+    """Agreement of a printed number with the computed one: a word, a symbol and its meaning."""
 
-    AGREES = "agrees", "\u25cf", "ours rounds to the printed digits"
-    WITHIN_INPUTS = "agrees-within-inputs", "\u25cb", "ours rounds to them for inputs that round to the printed ones"
-    DISAGREES = "disagrees", "\u25b2", "ours does neither; what explains it stands below the table"
-    MEASURED = "measured", "\u25a1", "measured on hardware: compared, not matched"
+    AGREES = "agrees", "\u25cf", "the computed number rounds to the printed digits"
+    WITHIN_INPUTS = "agrees-within-inputs", "\u25cb", "agrees for other inputs that round to the printed inputs"
+    DISAGREES = "disagrees", "\u25b2", "neither; the reason is below the table"
+    MEASURED = "measured", "\u25a1", "measured on hardware: compared, agreement not required"
 
     shape: str
     meaning: str
 
     def __new__(cls, word: str, shape: str, meaning: str) -> Agreement:
-        """Let the word be the value."""
-        made = object.__new__(cls)
-        made._value_, made.shape, made.meaning = word, shape, meaning
-        return made
+        """Make a member whose value is the word."""
+        member = object.__new__(cls)
+        member._value_, member.shape, member.meaning = word, shape, meaning
+        return member
 
     @property
     def words(self) -> str:
-        """The word, as a person reads it."""
+        """The word with spaces instead of hyphens."""
         return str(self.value).replace("-", " ")
 
 
@@ -50,14 +50,14 @@ def resolution(printed: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Parameter(Value):
-    """One input of an experiment, as the letter gives it.
+    """One input of an experiment, as printed in the letter.
 
     Args:
-        name: what it is.
-        symbol: how the letter writes it.
-        printed: its value as printed.
-        unit: its unit; empty for a pure number.
-        place: where in the letter it stands.
+        name: name of the input.
+        symbol: symbol in the letter.
+        printed: the value as printed.
+        unit: the unit; empty for a pure number.
+        place: where in the letter.
     """
 
     name: str
@@ -74,21 +74,21 @@ class Parameter(Value):
 
 @dataclass(frozen=True, slots=True)
 class Printed(Value):
-    """One printed number beside ours.
+    """One printed number compared with the computed one.
 
     Args:
-        name: which number.
-        printed: as it stands in the letter.
-        value: ours.
+        name: name of the number.
+        printed: the number as printed in the letter.
+        value: the computed number.
         unit: the unit of both; empty for a pure number.
-        place: where in the letter it stands.
-        why: why they differ, where that is known.
-        hardware: whether it was measured on hardware: nothing says then that the two must agree.
-        over_inputs: smallest and largest of ours over the rounding of the printed inputs; None where not asked for.
+        place: where in the letter.
+        why: why they differ, if that is known.
+        hardware: whether it was measured on hardware, so that the two need not agree.
+        over_inputs: smallest and largest computed number over the rounding of the printed inputs; None if not computed.
 
     Examples:
         >>> Printed("l' at contact", "-0.088", -0.08766, "m/s", "Table II").agreement.meaning
-        'ours rounds to the printed digits'
+        'the computed number rounds to the printed digits'
     """
 
     name: str
@@ -102,12 +102,12 @@ class Printed(Value):
 
     @property
     def difference(self) -> float:
-        """Ours minus the printed number, in its unit."""
+        """The computed minus the printed number, in its unit."""
         return self.value - float(self.printed)
 
     @property
     def agreement(self) -> Agreement:
-        """How the two stand to each other: ours agrees where it rounds to the printed digits."""
+        """Agreement of the two: they agree if the computed number rounds to the printed digits."""
         if self.hardware:
             return Agreement.MEASURED
         half = resolution(self.printed) / 2 * (1 + 1e-9)
@@ -119,22 +119,22 @@ class Printed(Value):
 
     @property
     def reason(self) -> str:
-        """Why the two differ; empty where they agree or nothing explains it."""
+        """Why the two differ; empty if they agree or if no reason is known."""
         return self.why if self.agreement in {Agreement.DISAGREES, Agreement.MEASURED} else ""
 
     @property
     def unexplained(self) -> bool:
-        """Whether the numbers disagree and nothing says why."""
+        """Whether the numbers disagree without a known reason."""
         return self.agreement is Agreement.DISAGREES and not self.why
 
     @property
     def ours(self) -> str:
-        """Our number, two decimals more precise than the printed one."""
+        """The computed number, with two decimals more than the printed one."""
         return numeral(self.value, self.printed)
 
     @property
     def off_by(self) -> str:
-        """Ours minus the printed number, with its sign."""
+        """The computed minus the printed number, with its sign."""
         notation = self.printed
         if "e" in notation.lower() and math.isfinite(self.difference):
             notation = "1e0" if self.difference else "0"
@@ -142,19 +142,19 @@ class Printed(Value):
 
     @property
     def span(self) -> str:
-        """The range of ours over the rounding of the printed inputs; empty where it was not asked for."""
+        """The range of the computed number over the rounding of the printed inputs; empty if not computed."""
         return " to ".join(numeral(end, self.printed) for end in self.over_inputs or ())
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in plain values."""
         low, high = self.over_inputs or (None, None)
         names = ("name", "printed", "value", "unit", "difference", "place", "reason")
-        own = {name: getattr(self, name) for name in names}
-        return own | {"low": low, "high": high, "verdict": self.agreement.value}
+        document = {name: getattr(self, name) for name in names}
+        return document | {"low": low, "high": high, "verdict": self.agreement.value}
 
 
 def numeral(value: float, printed: str, sign: str = "") -> str:
-    """Write a number with two decimals more than a printed one, in its notation, and a far longer one in six digits.
+    """Format a number with two decimals more than a printed one, in its notation; six digits if that is far longer.
 
     Returns:
         The number as text.
@@ -174,5 +174,5 @@ def numeral(value: float, printed: str, sign: str = "") -> str:
 
 
 def short_exponent(text: str) -> str:
-    """Write e-5 for e-05 and e5 for e+05."""
-    return re.sub(r"e([+-]?)0*(\d)", lambda found: f"e{found[1].strip('+')}{found[2]}", text)
+    """Return the text with e-5 for e-05 and e5 for e+05."""
+    return re.sub(r"e([+-]?)0*(\d)", lambda match: f"e{match[1].strip('+')}{match[2]}", text)

@@ -1,4 +1,4 @@
-"""Table I: the parameters of both exponential curves, recovered from the inverse power curve alone."""
+"""Table I: parameters of both exponential curves, recovered by a fit to the inverse power curve."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import numpy as np
 
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import F_1, SENSORS, best_gain, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import F_1, SENSORS, best_gain, sensor
 from .printed import Printed
+from .program import Program
 
 PROGRAM: Final = Program(
     "Table I: both exponential curves by least squares on xi, fitted to the inverse power curve over 0 to 42.2 mm.",
@@ -37,7 +38,7 @@ figure = pt.report.panel_figure(pt.report.Panel(curves=curves, levels={"exact": 
     imports=("from scipy.optimize import curve_fit",),
 )
 FITS: Final = {"exponential-1": ("first order", "0.9952"), "exponential-2": ("second order", "0.9999")}
-"""What the program calls each curve, and its R² as printed."""
+"""Name of each curve in the program, and its printed R²."""
 
 
 def reproduce(ran: Ran) -> Reproduction:
@@ -49,24 +50,24 @@ def reproduce(ran: Ran) -> Reproduction:
         (f"{p.symbol} of {n}", p.printed, c.parameters[p.name], p.unit) for n, c in fitted.items() for p in SENSORS[n]
     ]
     numbers += [(f"R² of {name}", printed, r_squared[name], "") for name, (_, printed) in FITS.items()]
-    why = "the letter fits its own readings, which cannot be had; ours are of the inverse power curve"
+    why = "the letter fits its measured readings, which are not available; here the inverse power curve is fitted"
     near, far = 1e3 * ran["output"][[0, -1]]
     first, second = (1e3 * float(np.abs(ran["errors"][order]).max()) for order, _ in FITS.values())
     printed, ours = ({name: pair[i] for name, pair in gains.items()} for i in (0, 1))
     columns = {"curve": (gains, ""), "with the printed parameters [N s]": (printed.values(), ".4f")}
-    columns["with ours [N s]"] = (ours.values(), ".4f")
+    columns["with the fitted parameters [N s]"] = (ours.values(), ".4f")
     note = f"f₁ with {', '.join(f'{p.symbol} = {p.printed} {p.unit}'.strip() for p in F_1)}."
     return Reproduction(
-        summary="The letter fits three curves to readings of a motion; only the parameters are printed. Its inverse "
-        "power curve stands in for the readings here: both exponentials are fitted to it by least squares on the "
-        "output over 0 to 42.2 mm, at 2,001 equally spaced distances.",
+        summary="The letter fits three curves to readings of a motion and prints only their parameters. Here its "
+        "inverse power curve replaces the readings: both exponentials are fitted to it by least squares on the output "
+        "at 2,001 equally spaced distances from 0 to 42.2 mm.",
         parameters=SENSORS["inverse-power"],
         comparisons=tuple(Printed(*number, "Table I", why, hardware=True) for number in numbers),
         findings=(_recovered(fitted, gains),),
         tables=(readings("Optimal gain of f₁ by integration and closed form", columns, note),),
-        caption="What the fitted exponentials leave over of the inverse power curve, whose output is "
-        f"{near:.0f} mV at contact and {far:.0f} mV at 42.2 mm. The first order is off by up to {first:.0f} mV, in a "
-        f"pattern, the second by up to {second:.0f} mV.",
+        caption="Residuals of the fitted exponentials from the inverse power curve, whose output is "
+        f"{near:.0f} mV at contact and {far:.0f} mV at 42.2 mm. The residuals of the first order are systematic, up to "
+        f"{first:.0f} mV, those of the second order up to {second:.0f} mV.",
         numbers={
             "fitted": {name: dict(found.parameters) for name, found in fitted.items()},
             "r_squared": r_squared,
@@ -86,17 +87,17 @@ def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[floa
         off = ((p, own[p.name], 100 * (own[p.name] / p.value - 1)) for p in SENSORS[name])
         steps += [(f"{p.symbol} recovered, {value:.4g}: off by", error, "%") for p, value, error in off]
         apart = 100 * np.abs(found.output(distance) - printed.output(distance)).max() / printed.output(0.0)
-        steps.append((f"largest distance of both {name} curves, of the output at contact", apart, "%"))
+        steps.append((f"largest difference of both {name} curves, relative to the output at contact", apart, "%"))
         moved = 100 * (gains[name][1] / gains[name][0] - 1)
         steps.append((f"change of the optimal gain with the recovered {name} curve", moved, "%"))
         steps.append(("both are below 1 %", bool(apart < 1.0 and abs(moved) < 1.0)))
         shown.append(f"({', '.join(f'{own[p.name]:.3g}' for p in SENSORS[name])})")
     return finding(
         7,
-        "Table I follows from its own inverse power curve",
+        "The exponential curves of Table I follow from its inverse power curve",
         "Table I",
-        f"Fitted to the inverse power curve alone, the exponentials come out as {shown[0]} and {shown[1]}: the printed "
-        "ones to within 1 % of the output at contact. Nobody needs the letter's readings to check it, and the "
-        "differences move the optimal gain by less than 1 %.",
+        f"Fits to the inverse power curve alone give the parameters {shown[0]} and {shown[1]}. These exponentials "
+        "agree with the printed ones to within 1 % of the output at contact, so the letter's readings are not needed "
+        "to check them. The differences change the optimal gain by less than 1 %.",
         *steps,
     )

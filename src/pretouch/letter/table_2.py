@@ -12,9 +12,10 @@ from pretouch._core.numbers import FloatArray
 from pretouch.motion import find_contact
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import APPROACH, F_1, ONE_APPROACH, SENSORS, approach, best_gain, f_1, over_rounding, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import APPROACH, F_1, ONE_APPROACH, SENSORS, approach, best_gain, f_1, over_rounding, sensor
 from .printed import Printed, resolution
+from .program import Program
 
 PROGRAM: Final = Program(
     "Table II: the objective f_1 of L(20) over the whole range of gains, with the gains of the table on it.",
@@ -43,7 +44,7 @@ PRINTED: Final[dict[str, tuple[str, str, str]]] = {
     "-0.9": ("-0.114", "-0.072", "0.110"),
     "-1.0": ("-0.611", "-0.023", "1.49"),
 }
-"""Gain [N s], and x [m], l' [m/s] and f_1 at contact as printed."""
+"""Printed gain [N s], and x [m], l' [m/s] and f_1 at contact."""
 
 WAYS: Final = {
     "inverse-power, integration": None,
@@ -51,11 +52,11 @@ WAYS: Final = {
     "exponential-2, uniform motion": "-0.7",
     "exponential-2, integration": None,
 }
-"""Optimal gain [N s] of each curve and method, as printed where it is."""
+"""Printed optimal gain [N s] of each curve and method, if there is one."""
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Solve L(4) for every gain of the table, evaluate L(20) at contact L(21), and compare."""
+    """Solve the motion L(4) for every gain of the table, and compare the objective L(20) at contact L(21)."""
     gains = [*map(float, PRINTED), -10.0]
     values = _contacts(sensor("inverse-power"), gains)
     ranges = over_rounding("inverse-power", lambda curve: _contacts(curve, gains))
@@ -65,15 +66,15 @@ def reproduce(ran: Ran) -> Reproduction:
     columns = {"D_p [N s]": (gains, "g"), "x [m]": (values[0], ".4f"), "l' [m/s]": (values[1], ".4f")}
     columns |= {"(x / x_typ)²": (terms[0], ".4f"), "(l' / l'_typ)²": (terms[1], ".4f"), "f₁": (values[2], ".4f")}
     return Reproduction(
-        summary="The inverse power curve L(3) in L(4), integrated, as in the letter's simulation. Two places of the "
-        "table cannot be right (findings 1 and 2); the rest agrees. Where ours misses the last digit by less than one "
-        "unit, parameters that round to the printed ones give it.",
+        summary="The motion L(4) with the inverse power curve L(3) is integrated, as in the letter's simulation. Two "
+        "entries of the table cannot be right (findings 1 and 2); the others agree. If a computed number misses the "
+        "last digit by less than one unit, parameters that round to the printed ones reproduce it.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
         comparisons=(*_columns(values, ranges), *(Printed(*way, "N s", "Section V-A") for way in sought)),
         findings=(_repeated(values[:, 2], ranges[:, 2]), _misheaded(values, ranges[:, -1])),
         tables=(readings("Both terms of the objective", columns),),
-        caption="The objective and its two terms, which cross near the optimum; circles are the gains of the table, "
-        "the last of them -10 N s, whose values the letter prints under -1.0.",
+        caption="The objective and its two terms, which cross near the optimum. Circles are the gains of the table; "
+        "the letter prints the values of the last one, -10 N s, under -1.0.",
         numbers={
             "gain": gains,
             **dict(zip(("position", "relative_velocity", "objective"), values, strict=True)),
@@ -93,19 +94,19 @@ def _contacts(curve: SensorModel, gains: Sequence[float]) -> FloatArray:
 
 def _columns(values: FloatArray, ranges: FloatArray) -> list[Printed]:
     repeated = "repeats l' of its column; with it f_1 would be 0.102, not the printed 0.107 (finding 1)"
-    reasons = {"-1.0": "the values of D_p = -10 N s, under another head (finding 2)"}
+    reasons = {"-1.0": "these are the values of D_p = -10 N s, printed under another head (finding 2)"}
     heads = {f" at D_p = {head} N s": (column, reasons.get(head, repeated)) for head, column in PRINTED.items()}
-    heads[", last column as -10 N s"] = PRINTED["-1.0"], "1.4975 cut off after two decimals, not rounded"
-    found = []
+    heads[", last column as -10 N s"] = PRINTED["-1.0"], "1.4975 was truncated after two decimals, not rounded"
+    numbers = []
     for k, (head, (printed, why)) in enumerate(heads.items()):
         for i, (name, unit) in enumerate((("x", "m"), ("l'", "m/s"), ("f_1", ""))):
             ours, span = float(values[i, k]), tuple(ranges[i, k].tolist())
-            found.append(Printed(name + head, printed[i], ours, unit, "Table II", why, over_inputs=span))
-    return found
+            numbers.append(Printed(name + head, printed[i], ours, unit, "Table II", why, over_inputs=span))
+    return numbers
 
 
 def _rounded(printed: str) -> tuple[float, float]:
-    """Return the numbers, without their sign, that round to a printed one."""
+    """Return the interval of magnitudes that round to a printed number."""
     return abs(float(printed)) - resolution(printed) / 2, abs(float(printed)) + resolution(printed) / 2
 
 
@@ -120,13 +121,13 @@ def _repeated(values: FloatArray, ranges: FloatArray) -> Finding:
         1,
         "Table II prints l' in place of x at D_p = -0.7",
         "Table II, column -0.7",
-        f"x is printed as {x} m, the same as l' below it. The equations give {values[0]:.4f} m, and only such a value "
-        f"goes with the f₁ = {f} that the column ends in.",
+        f"x is printed as {x} m, the same number as l' below it. The equations give {values[0]:.4f} m, and only such a "
+        f"value is consistent with f₁ = {f} in the same column.",
         ("x by L(4)", values[0], "m"),
         ("printed x is the printed l'", x == v),
         ("no sensor that rounds to the printed one gives the printed x", not reached),
         ("largest f₁ that the printed x and l' allow; printed 0.107", largest),
-        ("it is below what rounds to the printed f₁", largest < f_low),
+        ("it is below all numbers that round to the printed f₁", largest < f_low),
         ("smallest |x| that the printed l' and f₁ allow", low, "m"),
         ("largest |x| that they allow", high, "m"),
         ("x by L(4) is between the two", low <= -values[0] <= high),
@@ -145,9 +146,8 @@ def _misheaded(values: FloatArray, ranges: FloatArray) -> Finding:
         2,
         "The last column of Table II is that of D_p = -10, not -1.0",
         "Table II, column -1.0",
-        "x = -0.611 m is reached at one gain only, and that is -10 N s; the other two values of the column are those "
-        f"of -10 N s as well. Table III ends in -10, too. At -1.0 N s the equations give {at[0]:.4f} m, {at[1]:.4f} "
-        f"m/s and {at[2]:.4f}.",
+        "Only the gain -10 N s reaches x = -0.611 m, and the other two values of the column are also those of -10 N s. "
+        f"Table III ends with -10, too. At -1.0 N s the equations give {at[0]:.4f} m, {at[1]:.4f} m/s and {at[2]:.4f}.",
         ("gain at which x rounds to -0.611 m, from", low, "N s"),
         ("to", high, "N s"),
         ("-10 N s is one of them", low <= -10.0 <= high),

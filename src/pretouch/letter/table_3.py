@@ -1,4 +1,4 @@
-"""Table III: what was measured on hardware, beside the model in closed form L(10)."""
+"""Table III: measurements on hardware compared with the model in closed form L(10)."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import DISRUPTION, F_2, SENSORS, best_gain, disruption, f_2, sensor
+from .experiment import Finding, Ran, Reproduction, finding, readings
+from .inputs import DISRUPTION, F_2, SENSORS, best_gain, disruption, f_2, sensor
 from .printed import Printed
+from .program import Program
 
 PROGRAM: Final = Program(
-    "Table III: contact times and impact forces measured on hardware beside the model's contact times and speeds.",
+    "Table III: contact times and impact forces measured on hardware, and the model's contact times and speeds.",
     {"admittance": disruption().admittance, "scenario": disruption(), "sensor": sensor("fingertip")},
     """\
 gains = np.array([-0.1, -0.5, -0.6, -0.7, -1.0, -10.0])
@@ -26,8 +27,8 @@ interval = slope + np.array([-1, 1]) * t.ppf(0.975, df=4) * error
 x = np.linspace(0.0, 0.065, 60)
 line = pt.report.Curve(x=x, y=slope * x, low=interval[0] * x, high=interval[1] * x, label=f"{slope:.1f} N s/m × speed")
 points = pt.report.Curve(x=speed, y=force, label="measured", kind="points")
-known = {"model": contact.time, "measured": time}
-times = [pt.report.Curve(x=-gains, y=y, label=n, kind="both") for n, y in known.items()]
+series = {"model": contact.time, "measured": time}
+times = [pt.report.Curve(x=-gains, y=y, label=n, kind="both") for n, y in series.items()]
 force_panel = pt.report.Panel(x_label="model speed at contact [m/s]", y_label="impact force [N]", curves=[line, points])
 labels = {"x_label": "gain −D_p [N s]", "y_label": "time of contact [s]"}
 figure = pt.report.panel_figure(force_panel, pt.report.Panel(curves=times, x_log=True, y_log=True, **labels))
@@ -42,25 +43,25 @@ PRINTED: Final[dict[str, tuple[str, str]]] = {
     "-1.0": ("3.52", "0.80"),
     "-10": ("38.9", ""),
 }
-"""Gain [N s], and time of contact [s] and impact force [N] as printed; no force where the letter found no peak."""
+"""Printed gain [N s], time of contact [s] and impact force [N]; the force is empty if the letter found no peak."""
 
 STEPS: Final = (("-0.5", "-0.6", "45", "17", "2.65"), ("-0.6", "-0.7", "11", "6", "1.83"))
-"""From one gain to the next: force reduction [%], time increase [%] and trade-off factor as printed in Section V-C."""
+"""From one gain to the next: printed force reduction [%], time increase [%] and trade-off factor (Section V-C)."""
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Compare the second scenario with what was measured, and the trade-off factors with what they are made of."""
+    """Compare the second scenario with the measurements, and recompute the printed trade-off factors."""
     time, speed = np.asarray(ran["contact"].time), -np.asarray(ran["contact"].relative_velocity)
     optimum = best_gain(sensor("fingertip"), disruption(), f_2())
     printed = np.array([float(text) for text, _ in PRINTED.values()])
     columns: dict[str, Any] = {"D_p [N s]": (PRINTED, ""), "model t [s]": (time, ".3f")}
-    columns |= {"measured t_c [s]": (printed, "g"), "later by [%]": (100 * (printed / time - 1), ".0f")}
+    columns |= {"measured t_c [s]": (printed, "g"), "delay [%]": (100 * (printed / time - 1), ".0f")}
     columns["model |l'| [mm/s]"] = (1e3 * speed, ".2f")
     columns["measured F_im [N]"] = ([force or "no peak" for _, force in PRINTED.values()], "")
     return Reproduction(
-        summary="The force sensor sees contact 14 to 44 % later than the model: friction, servo lag and a threshold "
-        "are on the hardware only. The ranking of the gains is kept, and the measured force is proportional to the "
-        "model's speed at contact.",
+        summary="The force sensor detects contact 14 to 44 % later than the model. Only the hardware has friction, "
+        "servo lag and a threshold. The ranking of the gains is the same, and the measured force is proportional to "
+        "the model's speed at contact.",
         parameters=(*DISRUPTION, *SENSORS["fingertip"], *F_2),
         comparisons=(
             *_measured(time, speed, float(ran["slope"])),
@@ -69,8 +70,8 @@ def reproduce(ran: Ran) -> Reproduction:
         ),
         findings=(_hardware(time, speed, printed, ran), _trade_off()),
         tables=(readings("Model and measurement", columns),),
-        caption="Left: measured force over the model's speed, with the line through the origin and the 95 % "
-        "confidence interval of its slope. Right: times of contact; the ranking is the same.",
+        caption="Left: measured force over the model's speed, with the line through the origin and the 95 % confidence "
+        "interval of its slope. Right: times of contact; the ranking of the gains is the same.",
         numbers={
             "gain": [float(g) for g in PRINTED],
             "time_of_contact": time,
@@ -86,32 +87,32 @@ def reproduce(ran: Ran) -> Reproduction:
 
 
 def _measured(time: FloatArray, speed: FloatArray, slope: float) -> list[Printed]:
-    late = "friction, servo lag and the threshold of the force sensor delay what is measured"
-    fitted = f"ours is {slope:.1f} N s/m, which is fitted to these forces, times the model's speed"
-    found = []
+    late = "friction, servo lag and the threshold of the force sensor delay the measured contact"
+    fitted = f"computed: {slope:.1f} N s/m, which is fitted to these forces, times the model's speed"
+    numbers = []
     for (gain, (printed, force)), t, v in zip(PRINTED.items(), time.tolist(), speed.tolist(), strict=True):
-        found.append(Printed(f"t_c at D_p = {gain} N s", printed, t, "s", "Table III", late, hardware=True))
+        numbers.append(Printed(f"t_c at D_p = {gain} N s", printed, t, "s", "Table III", late, hardware=True))
         if force:
             name = f"F_im at D_p = {gain} N s"
-            found.append(Printed(name, force, slope * v, "N", "Table III", fitted, hardware=True))
-    return found
+            numbers.append(Printed(name, force, slope * v, "N", "Table III", fitted, hardware=True))
+    return numbers
 
 
 def _changes(first: str, second: str) -> tuple[float, float]:
-    """Return by how much the force falls and the time grows from one gain to the next [1]."""
+    """Return the relative decrease of the force and increase of the time from one gain to the next."""
     (t1, f1), (t2, f2) = (tuple(map(float, PRINTED[g])) for g in (first, second))
     return 1 - f2 / f1, t2 / t1 - 1
 
 
 def _steps() -> list[Printed]:
-    found = []
+    numbers = []
     for a, b, less, later, factor in STEPS:
-        (force, time), way, place = _changes(a, b), f"from {a} to {b} N s", "Section V-C"
-        why = f"computed from {less} % and {later} %, rounded before (finding 8)"
-        found.append(Printed(f"force reduction {way}", less, 100 * force, "%", place))
-        found.append(Printed(f"time increase {way}", later, 100 * time, "%", place))
-        found.append(Printed(f"trade-off factor {way}", factor, force / time, "", place, why))
-    return found
+        (force, time), step, place = _changes(a, b), f"from {a} to {b} N s", "Section V-C"
+        why = f"the letter divides the rounded percentages {less} % and {later} % (finding 8)"
+        numbers.append(Printed(f"force reduction {step}", less, 100 * force, "%", place))
+        numbers.append(Printed(f"time increase {step}", later, 100 * time, "%", place))
+        numbers.append(Printed(f"trade-off factor {step}", factor, force / time, "", place, why))
+    return numbers
 
 
 def _trade_off() -> Finding:
@@ -122,13 +123,14 @@ def _trade_off() -> Finding:
         only = abs(rounded - float(printed)) < 0.005 < abs(exact - float(printed))
         steps.append((f"{a} to {b} N s, from the printed times and forces", exact))
         steps.append((f"from {less} % and {later} %; printed {printed}", rounded))
-        steps.append(("only the second rounds to what is printed", only))
+        steps.append(("only the second rounds to the printed factor", only))
     return finding(
         8,
         "The trade-off factors 2.65 and 1.83 come from percentages that were rounded first",
         "Section V-C",
         "45/17 and 11/6 give the printed factors. From the times and forces of Table III they are 2.73 and 1.91. The "
-        "order, and with it the letter's conclusion, stays; times and forces have two or three digits themselves.",
+        "order of the factors, and so the letter's conclusion, is unchanged. Times and forces have only two or three "
+        "digits.",
         *steps,
     )
 
@@ -141,16 +143,16 @@ def _hardware(time: FloatArray, speed: FloatArray, printed: FloatArray, ran: Ran
     late = 100 * (printed / time - 1)
     return finding(
         6,
-        "The hardware of Table III is later than the model, ranks gains alike, and its force follows the speed",
+        "The hardware of Table III is later than the model, ranks the gains equally, and its force follows the speed",
         "Table III",
-        f"Table III is measured, so it is compared and not matched. Contact is seen {late.min():.0f} to "
-        f"{late.max():.0f} % later than the model has it, in the same order. The measured force is proportional to the "
-        f"model's speed at contact: {slope:.1f} N s/m through the origin over five points, with a wide interval, for "
-        "it rests on four degrees of freedom.",
-        ("smallest delay against the model", late.min(), "%"),
+        f"Table III was measured, so it need not agree with the model. Contact is detected {late.min():.0f} to "
+        f"{late.max():.0f} % later than in the model, with the same ranking of gains. The measured force is "
+        f"proportional to the model's speed at contact: {slope:.1f} N s/m through the origin over five points. The "
+        "confidence interval is wide, because there are only four degrees of freedom.",
+        ("smallest delay relative to the model", late.min(), "%"),
         ("largest delay", late.max(), "%"),
         ("contact is never earlier", bool(late.min() > 0)),
-        ("measured and modeled times rank the gains alike", bool((np.diff([printed, time]) > 0).all())),
+        ("measured and modeled times rank the gains equally", bool((np.diff([printed, time]) > 0).all())),
         ("force over speed, through the origin", slope, "N s/m"),
         ("95 % confidence interval, from", low, "N s/m"),
         ("to", high, "N s/m"),

@@ -13,9 +13,9 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.certificate import ConstraintOutcome, Sensitivity
-from pretouch.design.constraints import quantity_of
 from pretouch.design.gain import GainDesign
 from pretouch.design.page import shows_equals, traded_quantity
+from pretouch.design.quantities import quantity_of
 from pretouch.motion import LawNumber
 
 from .new_figure import new_figure

@@ -14,7 +14,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch._core.units import pretty_unit
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.admittance_result import AdmittanceDesign
-from pretouch.design.front.fronts import shortfall
+from pretouch.design.front.dominance import shortfall
 from pretouch.design.front.result import FrontPoint, ParetoFront
 
 from .panel_figure import panel_figure

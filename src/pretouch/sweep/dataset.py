@@ -20,7 +20,7 @@ from pretouch._core.errors import InvalidInputError, OutputExistsError, require
 from pretouch._core.files import as_json, temporary_path
 from pretouch._core.numbers import FloatArray
 from pretouch.design import ImpactModel, Objective
-from pretouch.design.objectives import OwnObjective
+from pretouch.design.custom_objectives import OwnObjective
 from pretouch.motion import DAMPER, ContactState
 from pretouch.sensors import SensorModel
 

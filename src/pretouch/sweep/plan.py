@@ -13,7 +13,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.numbers import finite, positive
 from pretouch.design import OBSTACLE_SPEED, Task
-from pretouch.design.objectives import OwnObjective
+from pretouch.design.custom_objectives import OwnObjective
 from pretouch.motion.scenario import scenario_with
 
 from .axes import ENCOUNTER_INPUTS, Axes, Axis, make_axes, with_input

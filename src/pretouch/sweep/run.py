@@ -17,7 +17,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, OutOfRangeError, OutputExistsError, require
 from pretouch._core.numbers import finite
 from pretouch.design import Task
-from pretouch.design.task import placed
+from pretouch.design.task import with_file_location
 
 from .axes import Axes
 from .cluster import connected, run_on, worker_count
@@ -131,7 +131,7 @@ def _held(task: Task, axes: Axes) -> Task:
     return task.replace(bounds=bounds, constraints=task.limits, stability_margin=None, source=None, evaluate=None)
 
 
-@placed
+@with_file_location
 def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
     """Return the stable bounds; refuse a stability margin if an axis changes the stability limit."""
     moving = [name for name in names if name.startswith(_MOVE_THE_LIMIT)]

@@ -13,9 +13,9 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.design import ElasticImpact, ImpactModel, Task
-from pretouch.design.objectives import OwnObjective, appraise
+from pretouch.design.custom_objectives import OwnObjective, appraise
 from pretouch.design.robust import Required
-from pretouch.design.robust.measures import least_probability, limits_of
+from pretouch.design.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, ContactState, Scenario
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel

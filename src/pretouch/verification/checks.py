@@ -14,7 +14,7 @@ from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.calibration import CalibrationReport
 from pretouch.control import Controller, Status
 from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
-from pretouch.design.robust.measures import least_probability, limits_of
+from pretouch.design.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.simulation.closed_loop import loop_sentences

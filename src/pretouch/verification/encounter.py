@@ -13,7 +13,7 @@ from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import words_for
-from pretouch.design.constraints import ImpactModel, impact_rows
+from pretouch.design.impact import ImpactModel, impact_rows
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Motion, Scenario
 from pretouch.motion.page_sections import inputs_section, method_section
 from pretouch.sensors import SensorModel

@@ -14,7 +14,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.control import Status
-from pretouch.design.constraints import ImpactModel
+from pretouch.design.impact import ImpactModel
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import LoopTrace, SimulationResult

@@ -12,7 +12,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch.design import GainDesign, Task, design_gain
 from pretouch.design.gain import designed_number
-from pretouch.design.task import placed
+from pretouch.design.task import with_file_location
 from pretouch.motion import ContactResult
 from pretouch.simulation import ClosedLoop
 from pretouch.simulation.law import TunableLaw
@@ -36,7 +36,7 @@ _NO_LOOP: Final = (
 
 
 @check_arguments
-@placed
+@with_file_location
 def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
     """Verify whether a gain designed in continuous time, by L(1) and L(2), holds on a loop, and what would help.
 
@@ -196,7 +196,7 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
 
 
 @check_arguments
-@placed
+@with_file_location
 def simulate_encounter(task: Task) -> SimulatedEncounter:
     """Simulate one encounter on the sampled loop, and compare it with the continuous solution of L(1) with L(2).
 

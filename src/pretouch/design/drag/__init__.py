@@ -1,4 +1,4 @@
-"""The virtual drag: what it does, and how its one number is chosen."""
+"""Design of the virtual drag: prediction of its effects, and choice of its number phi."""
 
 from .design import design_drag, drag_by, drag_trade_off
 from .limits import DragEffect

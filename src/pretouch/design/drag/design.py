@@ -1,6 +1,6 @@
-"""The design of the virtual drag: one number, by the ratio of the speeds or by a limit on what it comes to.
+"""Choice of the virtual drag phi by the ratio of contact speed to approach speed, or by a limit on one of its effects.
 
-Nothing is searched for an optimum: ratio and excursion trade off along one curve, and each limit picks one point of it.
+There is no optimization: ratio and excursion trade off along one curve, and each limit selects one point of it.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from pretouch._core.numbers import FloatArray
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
-from ..constraints import ImpactModel
-from ..task import Task, placed
+from ..impact import ImpactModel
+from ..task import Task, with_file_location
 from .limits import DragEffect
 from .result import DragDesign, predict_drag
 
@@ -28,11 +28,11 @@ def drag_by(
     """Choose the virtual drag by exactly one of its effects, without a task.
 
     Args:
-        sensor: the sensor curve, which holds down to contact.
-        distance: l_d [m], from which on the object is seen.
+        sensor: the sensor curve, which must be valid down to contact.
+        distance: detection distance l_d [m].
         mass: M of the virtual object [kg].
-        impact: what the force follows the contact speed by; with `impact_force`.
-        effect: the fields of a `DragEffect`.
+        impact: the impact model, for a limit of `impact_force`.
+        effect: fields of `DragEffect`.
 
     Returns:
         The design.
@@ -51,13 +51,13 @@ def drag_by(
 
 
 def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: FloatArray | None = None) -> DragDesign:
-    """Return the curve along which ratio and excursion trade off, one design with arrays.
+    """Return the trade-off curve of ratio and excursion, as one design with arrays.
 
     Args:
-        sensor: the sensor curve, which holds down to contact.
+        sensor: the sensor curve, which must be valid down to contact.
         distance: l_d [m].
         mass: M of the virtual object [kg].
-        ratios: rho of its points; 99 from 0.99 to 0.01 by default.
+        ratios: rho of the points; by default 99 from 0.99 to 0.01.
 
     Returns:
         The curve.
@@ -72,21 +72,21 @@ def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: Fl
 
 
 def why_no_drag(scenario: Scenario) -> str:
-    """Say why the theory of the drag does not speak of an encounter; the empty text where it does."""
+    """Return why the prediction of the drag does not apply to an encounter; the empty text if it applies."""
     plant, reference = scenario.plant, scenario.reference
     if scenario.shape:
         return "found an array of encounters, expected one"
     if scenario.obstacle.course:
-        return "found an obstacle with a course, of which the prediction of a drag knows nothing: leave it to the loop"
+        return "found an obstacle with a course, expected uniform motion: simulate it on a loop instead"
     if (plant.position, plant.velocity) != (reference.position, reference.velocity):
-        return "found a plant that does not rest at its reference, which a drag is designed for"
+        return "found a plant that is not at rest at its reference, expected one that is"
     if not scenario.relative_velocity < 0:
         return "found an obstacle that does not approach, expected a negative velocity"
     return ""
 
 
 def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
-    """Return the drag of a task by its effect [N s^2], and up to which speed that is kept [m/s]."""
+    """Return the drag of a task by its effect [N s^2], and the approach speed up to which the effect holds [m/s]."""
     speed = effect.largest_speed or -float(task.scenario.relative_velocity)
     mass, distance = float(task.scenario.admittance.mass), float(task.scenario.distance)
     drag, kept = replace(effect, largest_speed=speed).drag(task.sensor, distance, mass, task.impact)
@@ -94,19 +94,20 @@ def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
 
 
 @check_arguments
-@placed
+@with_file_location
 def design_drag(task: Task) -> DragDesign:
-    """Choose the virtual drag of a task by its effect, which needs no search: it is the same at every speed.
+    """Choose the virtual drag of a task by its effect, which is the same at every approach speed.
 
     Args:
-        task: the encounter, from whose distance on the object is seen, the sensor, and `effect`; where the effect has
-            no largest speed, that of the encounter. With an objective the page shows the letter's optimum beside it.
+        task: the encounter, which starts at the detection distance, the sensor, and `effect`; the default of its
+            largest speed is the speed of the encounter. With an objective, the page also shows the letter's optimal
+            gain for comparison.
 
     Returns:
         The design, with its task.
 
     Raises:
-        InvalidInputError: there is no effect, or the drag has no prediction for such an encounter.
+        InvalidInputError: the task has no effect, or the prediction of the drag does not apply to its encounter.
 
     Examples:
         >>> from pretouch.motion import Admittance, Obstacle
@@ -126,7 +127,7 @@ def design_drag(task: Task) -> DragDesign:
     """
     if task.effect is None:
         raise InvalidInputError(
-            "effect: found none, expected what the drag is chosen by, such as DragEffect(ratio=0.15)"
+            "effect: found none, expected the effect by which the drag is chosen, such as DragEffect(ratio=0.15)"
         )
     if reason := why_no_drag(task.scenario):
         raise InvalidInputError(f"scenario: {reason}")

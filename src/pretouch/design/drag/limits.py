@@ -1,4 +1,4 @@
-"""The drag that keeps a limit: by sections where its effect is monotone, else down from above by steps that prove."""
+"""Search for the drag that meets a limit on one of its effects."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from pretouch.motion import Admittance, ContactResult, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import SensorModel
 
-from ..constraints import ImpactModel
+from ..impact import ImpactModel
 
-_STRONGEST: Final = 1e-9  # the smallest ratio that a limit may ask for: what comes of it is as good as stopped
+_STRONGEST: Final = 1e-9  # ratio of the strongest drag that is searched; an object is practically stopped by it
 _PARTS: Final = 33
 _CLOSE: Final = 1e-13
 _MET: Final = 1e-12
@@ -31,10 +31,10 @@ _UNITS: Final = {"ratio": "", "excursion": "m", "acceleration": "m/s^2", "contac
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragEffect(Value):
-    """What a drag is chosen by: exactly one of its effects on an object in uniform motion.
+    """The effect by which a drag is chosen: exactly one of its effects on an object in uniform motion.
 
-    By a limit on excursion or acceleration it is the strongest drag that keeps it; by one on contact speed or impact
-    force the weakest. All but ratio and excursion are limits up to a largest approach speed.
+    A limit on excursion or acceleration gives the strongest drag that meets it; a limit on contact speed or impact
+    force gives the weakest. All effects except ratio and excursion are limits up to a largest approach speed.
 
     Args:
         ratio: rho, contact speed over approach speed, in (0, 1]; or an array.
@@ -42,10 +42,10 @@ class DragEffect(Value):
         acceleration: the largest acceleration [m/s^2].
         contact_speed: the largest contact speed [m/s].
         impact_force: the largest peak force of the impact [N].
-        largest_speed: the largest approach speed [m/s]; that of the task where None.
+        largest_speed: the largest approach speed [m/s]; None for that of the task.
 
     Raises:
-        InvalidInputError: not exactly one effect is given, or a number without a meaning.
+        InvalidInputError: there is not exactly one effect, or a number is out of range.
     """
 
     ratio: ArrayLike | None = None
@@ -57,13 +57,15 @@ class DragEffect(Value):
 
     def __post_init__(self) -> None:
         check_types(self)
-        given = [name for name in _UNITS if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise InvalidInputError(f"drag: found {', '.join(given) or 'nothing'}, expected one of {', '.join(_UNITS)}")
-        (name,) = given
-        found = positive(getattr(self, name), name, _UNITS[name])
-        if name == "ratio" and np.max(found) > 1:
-            raise InvalidInputError(f"ratio: found {np.max(found):g}, which must lie in (0, 1]: a drag only slows down")
+        names = [name for name in _UNITS if getattr(self, name) is not None]
+        if len(names) != 1:
+            raise InvalidInputError(f"drag: found {', '.join(names) or 'nothing'}, expected one of {', '.join(_UNITS)}")
+        (name,) = names
+        value = positive(getattr(self, name), name, _UNITS[name])
+        if name == "ratio" and np.max(value) > 1:
+            raise InvalidInputError(
+                f"ratio: found {np.max(value):g}, expected a number in (0, 1]: a drag reduces the speed"
+            )
         if self.largest_speed is not None:
             positive(self.largest_speed, "largest_speed", "m/s")
 
@@ -78,23 +80,25 @@ class DragEffect(Value):
         """Find the drag of this effect.
 
         Args:
-            sensor: the sensor curve, which holds down to contact.
-            distance: l_d [m], from which on the object is seen.
+            sensor: the sensor curve, which must be valid down to contact.
+            distance: detection distance l_d [m].
             mass: M of the virtual object [kg].
-            impact: what the force follows the contact speed by; for `impact_force`.
+            impact: the impact model, which gives the force from the contact speed; for `impact_force`.
 
         Returns:
-            phi [N s^2], and up to which speed [m/s] the limit is kept.
+            phi [N s^2], and the approach speed [m/s] up to which the limit is met.
 
         Raises:
-            InvalidInputError: the largest speed or the impact is missing, or even a ratio of 1e-9 keeps the limit.
+            InvalidInputError: the largest speed or the impact is missing, or even a ratio of 1e-9 meets the limit.
         """
         if self.excursion is not None:
             return strongest_by_excursion(sensor, distance, mass, self.excursion), math.inf
         if self.ratio is not None:
             rho, speed = np.asarray(self.ratio), math.inf
         elif self.largest_speed is None:
-            raise InvalidInputError(f"largest_speed: found none, which a design by {self.chosen[0]} needs: [m/s]")
+            raise InvalidInputError(
+                f"largest_speed: found none, expected the largest approach speed [m/s] for a design by {self.chosen[0]}"
+            )
         else:
             speed = self.largest_speed
             if self.acceleration is not None:
@@ -106,18 +110,18 @@ class DragEffect(Value):
 def encounter(  # noqa: PLR0917
     sensor: SensorModel, mass: Any, distance: Any, drag: Any, speed: Any, push: Any
 ) -> ContactResult:
-    """Solve encounters of a plant at rest, whose admittance is held off, with objects from a distance.
+    """Solve encounters of a plant at rest, whose admittance is suspended, with objects that are detected at a distance.
 
     Args:
         sensor: the sensor curve.
         mass: M [kg].
         distance: l_d [m].
         drag: phi [N s^2].
-        speed: of the approach [m/s].
+        speed: approach speed [m/s].
         push: the acceleration of the object toward the plant [m/s^2].
 
     Returns:
-        The contacts, however late.
+        The contacts, without a limit of time.
     """
     obstacle = Obstacle(position=distance, velocity=-np.asarray(speed), acceleration=-np.asarray(push))
     scenario = Scenario(admittance=Admittance(mass=mass, damping=0.0, stiffness=0.0), obstacle=obstacle)
@@ -127,103 +131,107 @@ def encounter(  # noqa: PLR0917
 def allowed_speed(
     contact_speed: float | None, impact_force: float | None, impact: ImpactModel | None, speed: float
 ) -> float:
-    """Return the contact speed that is allowed.
+    """Return the largest allowed contact speed.
 
     Args:
-        contact_speed: the limit itself [m/s]; or None.
-        impact_force: the largest peak force [N], where there is none.
-        impact: what it follows the speed by.
-        speed: the approach speed [m/s]; no force asks for more.
+        contact_speed: the limit of the contact speed [m/s]; or None.
+        impact_force: the largest peak force [N]; used instead of the contact speed unless None.
+        impact: the impact model, which gives the force from the contact speed.
+        speed: the approach speed [m/s], which the result does not exceed.
 
     Returns:
         The speed [m/s].
 
     Raises:
-        InvalidInputError: a limit is no positive number, or there is a force and no impact.
+        InvalidInputError: a limit is not a positive number, or there is a force without an impact model.
     """
     if impact_force is None:
         return float(positive(contact_speed or 0.0, "contact_speed", "m/s"))
     limit = positive(impact_force, "impact_force", "N")
     if impact is None:
-        raise InvalidInputError("impact: found none, which a design by impact_force needs, such as SpringImpact")
+        raise InvalidInputError(
+            "impact: found none, expected an impact model for a design by impact_force, such as SpringImpact"
+        )
     return _last(lambda w: np.asarray(impact.peak_force(w)) <= limit, speed)
 
 
 def _last(keeps: Callable[[FloatArray], Any], high: float) -> float:
-    """Return the largest number up to `high` that keeps a limit which the numbers from some one on do not keep."""
+    """Return the largest number up to `high` that meets a limit; all larger numbers must exceed it."""
     low = 0.0
     if bool(keeps(np.array([high]))[0]):
         return high
     while high - low > _CLOSE * high:
         grid = np.linspace(low, high, _PARTS)[1:-1]
-        kept = int(np.count_nonzero(keeps(grid)))
+        count = int(np.count_nonzero(keeps(grid)))
         ends = np.array([low, *grid, high])
-        if ends[kept] == low and ends[kept + 1] == high:
+        if ends[count] == low and ends[count + 1] == high:
             break
-        low, high = float(ends[kept]), float(ends[kept + 1])
+        low, high = float(ends[count]), float(ends[count + 1])
     return low
 
 
 def strongest_by_excursion(  # noqa: PLR0917
     sensor: SensorModel, distance: float, mass: float, limit: float, speed: float = 1.0, push: float = 0.0
 ) -> float:
-    """Find the strongest drag by its excursion E, which grows with phi, and convexly: by secants that enclose it.
+    """Find the strongest drag whose excursion E meets a limit, by a bracketing secant method (Illinois).
 
-    ln(1 + E/l_d) is nearly linear in phi. By the convexity, E falls by no less a share than phi does.
+    E is convex and increasing in phi, and ln(1 + E/l_d) is nearly linear. By convexity, reducing phi by a share reduces
+    E by at least the same share.
 
     Args:
         sensor: the sensor curve.
         distance: l_d [m].
         mass: M [kg].
         limit: the largest excursion [m].
-        speed: of the approach [m/s], of no consequence without a push.
+        speed: approach speed [m/s], which has no effect without a push.
         push: the acceleration of the object toward the plant >= 0 [m/s^2].
 
     Returns:
         phi [N s^2].
 
     Raises:
-        InvalidInputError: even the strongest drag that is looked at keeps the limit.
+        InvalidInputError: even the strongest searched drag meets the limit.
     """
-    one = float(positive(mass, "mass", "kg") / slope_integral(sensor, distance))  # whose ratio is 1/e
-    strongest = one * math.log(1 / _STRONGEST)
+    unit = float(positive(mass, "mass", "kg") / slope_integral(sensor, distance))  # the drag of the ratio 1/e
+    strongest = unit * math.log(1 / _STRONGEST)
 
     def excursion(drag: float) -> float:
         return -float(encounter(sensor, mass, distance, drag, speed, push).end.displacement)
 
-    def beyond(found: float) -> float:
-        return math.log((distance + found) / (distance + limit))
+    def excess(value: float) -> float:
+        return math.log((distance + value) / (distance + limit))
 
-    low, under, last = 0.0, beyond(0.0), 0.0
-    high = min(one * math.log1p(2 * limit / distance), strongest)
-    while (over := beyond(excursion(high))) <= 0:
+    low, under, last = 0.0, excess(0.0), 0.0
+    high = min(unit * math.log1p(2 * limit / distance), strongest)
+    while (over := excess(excursion(high))) <= 0:
         if high == strongest:
             raise InvalidInputError(
-                f"excursion: found a limit of {limit:g} m that even a ratio of {_STRONGEST:g} keeps; choose the drag "
-                "by its ratio"
+                f"excursion: found a limit of {limit:g} m, which even the drag of the ratio {_STRONGEST:g} meets; "
+                "choose the drag by its ratio"
             )
         low, under, high = high, over, min(2 * high, strongest)
     for _ in range(_PASSES):
         drag = min(max(high - over * (high - low) / (over - under), low), high)
-        found = excursion(drag)
-        if abs(found / limit - 1) <= _CLOSE or high - low <= _CLOSE * high:
+        value = excursion(drag)
+        if abs(value / limit - 1) <= _CLOSE or high - low <= _CLOSE * high:
             break
-        more = beyond(found)
-        again = last * more > 0  # the same end moves a second time: the other one counts half (Illinois)
+        more = excess(value)
+        again = last * more > 0  # the same end moves a second time, so the weight of the other end is halved
         last = more
         if more > 0:
             high, over, under = drag, more, under / 2 if again else under
         else:
             low, under, over = drag, more, over / 2 if again else over
-    return drag * (1 - max(found / limit - 1, 0.0))
+    return drag * (1 - max(value / limit - 1, 0.0))
 
 
 def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: float) -> float:
-    """Find the strongest drag by its peak acceleration over v^2, which is not monotone in phi.
+    """Find the strongest drag whose peak acceleration over v^2 meets a limit; the peak is not monotone in phi.
 
-    The peak is the largest over l of k g^2 exp(-2 k int g^2): in ln k, none of these rises faster than ln k itself. So
-    from a drag that exceeds the limit by a factor, all down to this factor weaker exceed it as well: going down by it
-    never passes a drag that keeps the limit. All above limit / g(l_d)^2 exceed it at detection.
+    With k = phi / M, the peak is the largest value over l of k g^2 exp(-2 k int g^2), and it grows at most
+    proportionally to k. So if a drag exceeds the limit by a factor, all drags down to this factor weaker exceed it,
+    too. The search goes down by this factor and never passes a drag that meets the limit. It starts at k = limit /
+    g(l_d)^2, because all stronger drags exceed the limit at detection.
 
     Args:
         sensor: the sensor curve.
@@ -235,7 +243,7 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
         phi [N s^2].
 
     Raises:
-        InvalidInputError: even the strongest drag that is looked at keeps the limit, or a peak just touches it.
+        InvalidInputError: even the strongest searched drag meets the limit, or the peak of a drag just touches it.
     """
     strongest = float(positive(mass, "mass", "kg") * math.log(1 / _STRONGEST) / slope_integral(sensor, distance))
     slope = float(sensor.log_slope(distance))
@@ -248,7 +256,8 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
     excess, steepness = math.log(float(peaks(np.array([high]))[0]) / limit), 0.5
     if high == strongest < top and excess <= 0:
         raise InvalidInputError(
-            f"acceleration: found a limit that even a ratio of {_STRONGEST:g} keeps; choose the drag by its ratio"
+            f"acceleration: found a limit of {limit:g}/m times v^2, which even the drag of the ratio {_STRONGEST:g} "
+            "meets; choose the drag by its ratio"
         )
     for _ in range(_PASSES):
         if excess <= _MET:
@@ -256,9 +265,11 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
         steps = 0.9 * excess * (1 - 0.95 * steepness) ** np.arange(_PARTS)
         grid = high * np.exp(-np.cumsum(steps))
         beyond = np.log(peaks(grid) / limit)
-        end = int(np.argmin(np.append(beyond[:-1] >= steps[1:], False)))  # up to here each proves all down to the next
+        end = int(
+            np.argmin(np.append(beyond[:-1] >= steps[1:], False))
+        )  # up to here no drag between grid points can meet it
         steepness = float(np.clip((excess - beyond[end]) / math.log(high / grid[end]), 0.0, 1.0))
         high, excess = float(grid[end]), float(beyond[end])
     raise InvalidInputError(
-        f"acceleration: found a limit of {limit:g}/m times v^2, which the peak of some drag touches; change it a little"
+        f"acceleration: found a limit of {limit:g}/m times v^2, which the peak of a drag touches; change it slightly"
     )

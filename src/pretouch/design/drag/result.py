@@ -1,4 +1,4 @@
-"""A virtual drag and what it does, at every speed."""
+"""Design of a virtual drag, with its predicted effects at every approach speed."""
 
 from __future__ import annotations
 
@@ -24,39 +24,39 @@ from ..task import Task
 from .limits import encounter
 
 ROUNDING: Final = 1e-9
-"""Of a limit, by which an encounter may exceed it."""
+"""Relative excess of a limit that is tolerated as rounding."""
 
 PREMISES: Final = (
-    "The plant follows the virtual object of mass M exactly; sensor and controller have no delay and no noise.",
-    "While the object approaches, the admittance's pull toward it is held off; the plant was at rest at its reference "
-    "or gave way when the object was detected.",
-    "The object is seen from the detection distance on, down to contact, and ln xi falls with the distance all along.",
-    "Ratio, excursion and peak acceleration hold for an object in uniform motion relative to the reference; the bound "
-    "holds for any of an acceleration toward the plant that never exceeds the one that is given.",
-    "The excursion is that at contact; the plant then goes back at 1 - rho of the approach speed.",
+    "The plant follows the virtual object of mass M exactly. Sensor and controller have no delay and no noise.",
+    "While the object approaches, the pull of the admittance toward it is suspended. At detection, the plant is at "
+    "rest at its reference or already retreats.",
+    "The object is visible from the detection distance down to contact, and ln xi falls with the distance everywhere.",
+    "Ratio, excursion and peak acceleration are for an object in uniform motion relative to the reference. The bound "
+    "of the contact speed is for any object whose acceleration toward the plant never exceeds the given limit.",
+    "The excursion is that at contact. The plant then still retreats at 1 - rho of the approach speed.",
 )
-"""What a design of a drag assumes."""
+"""The assumptions of a design of a drag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DragDesign(Described, Value):
-    """A virtual drag and what it does, at every speed: numbers, or arrays of one shape.
+    """A virtual drag with its effects at every approach speed: numbers, or arrays of one shape.
 
-    That of a task has a page of its own; without one there is no encounter to speak of.
+    Only a design of a task has an encounter and a report page.
 
     Args:
         sensor: the sensor curve.
         mass: M of the virtual object [kg].
-        detection_distance: l_d [m], from which on the object is seen.
+        detection_distance: detection distance l_d [m].
         drag: phi [N s^2].
         slope_integral: G [1/m], the integral of g^2 up to l_d.
         ratio: rho, contact speed over approach speed.
-        excursion: how far the plant has gone back at contact [m].
+        excursion: retreat of the plant until contact [m].
         peak: the largest acceleration over the square of the approach speed [1/m].
-        peak_distance: where it is [m].
-        largest_speed: the approach speed [m/s] up to which the limit is kept that the design was made for; infinite
-            where it is kept at every speed.
-        task: what it answers, where it was designed for one.
+        peak_distance: distance of the largest acceleration [m].
+        largest_speed: the approach speed [m/s] up to which the limit of the design is met; infinite if it is met at
+            every speed.
+        task: the task of the design; None for a design without a task.
     """
 
     page: ClassVar[str] = "pretouch.design.drag.page:drag_page"
@@ -75,23 +75,25 @@ class DragDesign(Described, Value):
 
     @property
     def law(self) -> ContinuousLaw:
-        """The law whose number it is."""
+        """The law of the drag."""
         return DRAG
 
     @property
     def gain(self) -> Any:
-        """The number of that law, phi [N s^2]: under this name every answer has its own."""
+        """The number of the law, phi [N s^2]; all designs have it under this name."""
         return self.drag
 
     @property
     def asked(self) -> Task:
-        """The task, of a design that answers one.
+        """The task, for a design that has one.
 
         Raises:
-            ResultUnavailableError: it answers none.
+            ResultUnavailableError: the design has no task.
         """
         if self.task is None:
-            raise ResultUnavailableError("drag: found one without an encounter, expected that of design_drag(task)")
+            raise ResultUnavailableError(
+                "drag: found a design without an encounter, expected the result of design_drag(task)"
+            )
         return self.task
 
     @property
@@ -106,30 +108,30 @@ class DragDesign(Described, Value):
 
     @property
     def holds(self) -> bool:
-        """Whether that encounter ends in contact and keeps every limit of the task; one of D_p is none of a drag."""
+        """Whether the encounter of the task ends in contact and meets every limit; limits of D_p do not apply."""
         return bool(self.result.reached) and all(map(self.keeps, self.asked.limits))
 
     def keeps(self, limit: Constraint) -> bool:
-        """Tell whether that encounter keeps a limit, to rounding: a drag is made to meet one exactly."""
+        """Return whether the encounter of the task meets a limit, up to rounding."""
         if limit.quantity == "gain":
             return True
         return bool(limit.magnitude(self.result.end, self.asked.impact) <= limit.limit * (1 + ROUNDING))
 
     @property
     def headline(self) -> str:
-        """The answer in a sentence or two; of arrays how many there are."""
+        """The answer in one or two sentences; for arrays the number of drags."""
         if np.shape(self.drag):
             return f"{np.size(self.drag)} drags"
         text = (
-            f"Drag {DRAG.number.equals(self.drag)}: contact at {100 * self.ratio:.3g} % of any approach "
-            f"speed, after an excursion of {format_quantity(self.excursion, 'm')} at every speed."
+            f"Drag {DRAG.number.equals(self.drag)}: contact at {100 * self.ratio:.3g} % of the approach speed after an "
+            f"excursion of {format_quantity(self.excursion, 'm')}, at every speed."
         )
         if self.task is None:
             return text
-        found, speed = self.result, abs(float(self.scenario.relative_velocity))
-        left = format_quantity(abs(float(found.end.relative_velocity)), "m/s")
-        how = f"contact at {left}" if found.reached else "no contact"
-        return f"{text} At {format_quantity(speed, 'm/s')}: {how}."
+        result, speed = self.result, abs(float(self.scenario.relative_velocity))
+        contact_speed = format_quantity(abs(float(result.end.relative_velocity)), "m/s")
+        outcome = f"contact at {contact_speed}" if result.reached else "no contact"
+        return f"{text} For {format_quantity(speed, 'm/s')}: {outcome}."
 
     def __str__(self) -> str:
         return repr(self) if self.task is None else Described.__str__(self)
@@ -142,7 +144,7 @@ class DragDesign(Described, Value):
 
     @property
     def premises(self) -> tuple[str, ...]:
-        """What the design assumes, in words."""
+        """The assumptions of the design, in words."""
         return PREMISES
 
     def contact_speed(self, speed: ArrayLike) -> Any:
@@ -158,33 +160,37 @@ class DragDesign(Described, Value):
         return (self.detection_distance + self.excursion) / positive(speed, "speed", "m/s")
 
     def contact_speed_bound(self, speed: ArrayLike, acceleration: ArrayLike) -> Any:
-        """Return the contact speed that no object exceeds whose acceleration toward the plant keeps below a limit.
+        """Return an upper bound of the contact speed for objects of limited acceleration toward the plant.
 
-        It is that of an object with exactly this acceleration all along; one that turns back and comes again from
-        within the detection distance keeps it as well.
+        It is the contact speed of an object that always has the largest acceleration. The bound also holds for an
+        object that turns around within the detection distance and returns.
 
         Args:
-            speed: at the detection distance, relative to the plant [m/s].
-            acceleration: of the object toward the plant, relative to the reference, and of the plant by its admittance
-                where that is not held off, in sum at most [m/s^2].
+            speed: approach speed at the detection distance, relative to the plant [m/s].
+            acceleration: largest acceleration [m/s^2], the sum of two parts: that of the object toward the plant,
+                relative to the reference, and that of the plant by its admittance unless it is suspended.
 
         Returns:
             The bound [m/s].
 
         Raises:
-            InvalidInputError: both are zero: such an object never comes.
+            InvalidInputError: both are zero, so that the object never arrives.
         """
         approach, push = nonnegative(speed, "speed", "m/s"), nonnegative(acceleration, "acceleration", "m/s^2")
         if np.any((np.asarray(approach) == 0) & (np.asarray(push) == 0)):
-            raise InvalidInputError("speed: found 0 m/s beside an acceleration of 0 m/s^2: such an object never comes")
+            raise InvalidInputError(
+                "speed: found 0 m/s with an acceleration of 0 m/s^2, expected one of them above 0: this object never "
+                "arrives"
+            )
         result = encounter(self.sensor, self.mass, self.detection_distance, self.drag, approach, push)
         return -result.contact.relative_velocity
 
     def seen_from(self, distance: ArrayLike) -> DragDesign:
-        """Return what the same drag does to an object that is detected at another distance [m], or at several.
+        """Return the effects of the same drag on an object that is detected at other distances [m].
 
-        Contact is fastest for the smallest distance and the excursion largest for the largest, so the two ends of an
-        uncertain detection distance say all; one that stops on its way and comes again is seen from where it stopped.
+        Contact is fastest for the smallest distance, and the excursion is largest for the largest distance, so the two
+        ends of an uncertain detection distance bound the effects. An object that stops and starts again counts as
+        detected where it stopped.
         """
         return predict_drag(self.sensor, distance, self.mass, self.drag, largest_speed=self.largest_speed)
 
@@ -192,54 +198,58 @@ class DragDesign(Described, Value):
         """Return the design as one JSON object, in SI."""
         numbers = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in {"sensor", "task"}}
         contact = {} if self.task is None else {"contact": self.result, "holds": self.holds}
-        found: dict[str, Any] = plain(
+        document: dict[str, Any] = plain(
             {"sensor": self.sensor.to_dict(), **numbers, "premises": self.premises, **contact}
         )
-        return found
+        return document
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragRails(Value):
-    """What any schedule of the drag keeps that stays between two constant ones, whatever it follows.
+    """Guarantees of every schedule of the drag that stays between two constant drags.
 
     Args:
-        weak: the weaker of the two.
-        strong: the stronger one, for the same curve, mass and detection distance.
+        weak: the weaker drag.
+        strong: the stronger drag, for the same curve, mass and detection distance.
     """
 
     weak: DragDesign
     strong: DragDesign
 
     def __post_init__(self) -> None:
-        one, other = ((d.sensor, d.mass, d.detection_distance, np.shape(d.drag)) for d in (self.weak, self.strong))
-        if one != other or np.shape(self.weak.drag):
-            raise InvalidInputError("rails: found two designs that differ in more than their drag, or arrays")
+        weak, strong = ((d.sensor, d.mass, d.detection_distance, np.shape(d.drag)) for d in (self.weak, self.strong))
+        if weak != strong or np.shape(self.weak.drag):
+            raise InvalidInputError(
+                "rails: found arrays, or designs of different curve, mass or detection distance, expected two single "
+                "designs that differ only in their drag"
+            )
         if not 0 < self.weak.drag <= self.strong.drag:
             raise InvalidInputError(
-                f"rails: found {self.weak.drag:g} N*s^2 for the weak and {self.strong.drag:g} N*s^2 for "
-                "the strong drag, which must be positive and not smaller"
+                f"rails: found {self.weak.drag:g} N*s^2 for the weak and {self.strong.drag:g} N*s^2 for the strong "
+                "drag, expected positive drags, the weak one first"
             )
 
     @property
     def ratio(self) -> tuple[float, float]:
-        """Between which the contact speed stays, over that of a uniform approach."""
+        """Smallest and largest contact speed over the speed of a uniform approach."""
         return self.strong.ratio, self.weak.ratio
 
     @property
     def excursion(self) -> tuple[float, float]:
-        """Between which the excursion at contact stays in a uniform approach [m]."""
+        """Smallest and largest excursion at contact in a uniform approach [m]."""
         return self.weak.excursion, self.strong.excursion
 
     @property
     def peak(self) -> float:
-        """What the acceleration never exceeds, over the square of a uniform approach speed [1/m].
+        """Upper bound of the acceleration over the square of a uniform approach speed [1/m].
 
-        More than that of either constant law: the strong one may set in where the weak one has slowed little.
+        It exceeds the peaks of both constant drags: the schedule may switch to the strong drag after the weak one has
+        hardly reduced the speed.
         """
         return float(self.strong.drag / self.weak.drag * self.weak.peak)
 
     def contact_speed_bound(self, speed: ArrayLike, acceleration: ArrayLike) -> Any:
-        """Return the bound of the weak drag [m/s], which every schedule keeps (`DragDesign.contact_speed_bound`)."""
+        """Return the bound of the weak drag [m/s], which holds for every schedule; see `DragDesign`."""
         return self.weak.contact_speed_bound(speed, acceleration)
 
 
@@ -252,21 +262,21 @@ def predict_drag(
     largest_speed: float = math.inf,
     task: Task | None = None,
 ) -> DragDesign:
-    """Tell what a virtual drag does.
+    """Predict the effects of a virtual drag.
 
     Args:
-        sensor: the sensor curve, which holds down to contact.
-        distance: l_d [m], from which on the object is seen; a number or an array.
+        sensor: the sensor curve, which must be valid down to contact.
+        distance: detection distance l_d [m]; a number or an array.
         mass: M of the virtual object [kg].
         drag: phi >= 0 [N s^2], broadcast with the distance.
-        largest_speed: up to which speed a limit is kept [m/s], for the record.
-        task: what it answers, likewise.
+        largest_speed: approach speed up to which a limit is met [m/s], stored in the design.
+        task: the task of the design, stored in the design.
 
     Returns:
         The design.
 
     Raises:
-        InvalidInputError: the curve does not hold down to contact.
+        InvalidInputError: the curve is not valid down to contact.
 
     Examples:
         >>> from pretouch.sensors import ExponentialFirstOrder
@@ -276,11 +286,11 @@ def predict_drag(
     """
     if sensor.valid_range[0] > 0:
         raise InvalidInputError(
-            f"sensor: found a curve that begins at {sensor.valid_range[0]:g} m, where the contact speed is not known; "
-            "it must hold down to 0 m: mount the sensor recessed"
+            f"sensor: found a curve that is valid from {sensor.valid_range[0]:g} m on, expected one that is valid down "
+            "to 0 m, because the contact speed depends on it; mount the sensor recessed"
         )
-    found = encounter(sensor, mass, distance, drag, 1.0, 0.0)
-    end = found.contact
+    result = encounter(sensor, mass, distance, drag, 1.0, 0.0)
+    end = result.contact
     shape = np.shape(end.time)
 
     def shared(value: Any) -> Any:
@@ -296,7 +306,7 @@ def predict_drag(
         ratio=-end.relative_velocity,
         excursion=-end.displacement,
         peak=end.largest_acceleration,
-        peak_distance=found.columns.column("distance_of_largest_force"),
+        peak_distance=result.columns.column("distance_of_largest_force"),
         largest_speed=largest_speed,
         task=task,
     )

@@ -1,1 +1,1 @@
-"""What can be traded for what: fronts of choices that none beats, and what no controller can beat."""
+"""Pareto fronts of contact quantities, and the physical bound that holds for every controller."""

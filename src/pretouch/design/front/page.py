@@ -1,4 +1,4 @@
-"""What a front says: its knee, its ends, the user's choice, and how far all of it is from what is possible."""
+"""Report page of a Pareto front: knee, ends, the user's choice and the physical bound."""
 
 from __future__ import annotations
 
@@ -11,39 +11,39 @@ from pretouch._core.units import format_quantity, format_range, pretty_unit
 from pretouch._core.vocabulary import in_short, unit_of, words_for
 from pretouch.motion.page_sections import inputs_section, method_section
 
-from ..constraints import impact_rows
+from ..impact import impact_rows
 from .result import FrontPoint, FrontStatus, ParetoFront
 
 Row = tuple[Cell, ...]
 
-_BEHIND: Final = 1e-3  # of the extent of the front: less is on it
+_BEHIND: Final = 1e-3  # a point within this share of the front's extent counts as on the front
 _STATUS: Final = {
-    FrontStatus.FOUND: "front found",
-    FrontStatus.INFEASIBLE: "infeasible: no choice within the bounds meets every constraint",
-    FrontStatus.NO_CONTACT: "no contact: no choice within the bounds ends in contact",
+    FrontStatus.FOUND: "Pareto front found",
+    FrontStatus.INFEASIBLE: "infeasible: no point within the bounds meets every constraint",
+    FrontStatus.NO_CONTACT: "no contact: no point within the bounds ends in contact",
 }
 _KNEE: Final = (
-    "The knee is the point deepest below the straight line, or plane, through the ends of the front, with each "
-    "quantity counted in parts of its range along the front: where giving up a little of one gains most of the others. "
-    "It moves with the ends, and so with the bounds of what may be chosen."
+    "The knee is the point with the largest distance below the straight line, or plane, through the ends of the front. "
+    "Each quantity is scaled by its range along the front. At the knee, a small loss in one quantity gains most in the "
+    "others. It depends on the ends of the front, and so on the bounds of the gain and the admittance."
 )
-_BESIDE: Final = (
-    "The least deviation is that of any robot that accelerates no more and comes to the same relative velocity at "
-    "contact; the least acceleration is the one with which any robot comes to that velocity from the same detection "
-    "distance."
+_COMPARED: Final = (
+    "The smallest possible deviation is that of an ideal robot with the same largest acceleration and the same "
+    "relative velocity at contact. The smallest possible acceleration is the one with which an ideal robot reaches "
+    "that velocity from the same detection distance."
 )
 _BOUND: Final = (
-    "The physical bound is that of a robot at rest which knows distance and speed of the object from the moment of "
-    "detection, gives way without first moving toward it, and accelerates without delay by at most the acceleration "
-    "named. No controller can do with less, whatever its sensor."
+    "The physical bound holds for every controller and every sensor. It assumes an ideal robot: at rest at detection, "
+    "it knows distance and speed of the object from then on, retreats without first moving toward it, and reaches the "
+    "given acceleration limit without delay."
 )
 
 
 def front_page(front: ParetoFront) -> Page:
-    """Describe a front of any status."""
-    method = "No encounter is left to be told of." if front.result is None else front.result.method
+    """Return the page of a Pareto front of any status."""
+    method = "No point is feasible." if front.result is None else front.result.method
     return Page(
-        kind="What preemptive impact mitigation can trade",
+        kind="Pareto front of preemptive impact mitigation",
         headline=front.headline,
         status=_STATUS[front.status],
         good=front.status is FrontStatus.FOUND,
@@ -51,7 +51,7 @@ def front_page(front: ParetoFront) -> Page:
         blocks=(
             _points(front) if len(front.gain) else None,
             _evidence(front) if len(front.gain) else None,
-            inputs_section(front.scenario, front.sensor, *_sought(front)),
+            inputs_section(front.scenario, front.sensor, *_settings(front)),
             method_section(method, solved_on="loop" if method == "loop" else "motion"),
         ),
     )
@@ -63,23 +63,23 @@ def _key_figures(front: ParetoFront) -> Iterator[tuple[str, Cell]]:
         for name, value in point.values.items():
             yield words_for(name), Measured(value, unit_of(name), 3)
         if point.bound is not None and math.isfinite(point.bound.ratio):
-            yield "times the least excursion of any robot", Measured(float(point.bound.ratio), "", 3)
+            yield "relative to the smallest possible excursion", Measured(float(point.bound.ratio), "", 3)
 
 
 def _points(front: ParetoFront) -> Chapter:
     points = (*front.ends, *front.marked)
     caption = (
-        "Of the points of the front none is better than another in every quantity; grey points were tried and are "
-        "worse. Where the physical bound applies, the excursion of the front stands over the contact speed, beside the "
-        "least with which any robot could come to the same speed from the same detection distance."
+        "No point of the Pareto front is better than another in every quantity; grey points are feasible and worse. If "
+        "the physical bound applies: the excursion along the front over the contact speed, compared with the smallest "
+        "possible excursion for the same contact speed and detection distance."
     )
-    name = "Pareto front, what is chosen along it, and its distance from the physical bound"
+    name = "Pareto front, the parameters along it, and the physical bound"
     sentences = tuple(_sentences(front))
     columns = zip(*(_column(front, point) for point in points), strict=True)
     rows = tuple((cells[0][0], *(cell for _, cell in cells)) for cells in columns)
-    note = "" if front.comparison is None else _BESIDE
+    note = "" if front.comparison is None else _COMPARED
     return Chapter(
-        title="The front",
+        title="The Pareto front",
         blocks=(
             Picture(figure="pareto", of=front, name=name, caption=caption),
             Rows(head=("", *map(_title, points)), rows=rows, note=note, brief=True),
@@ -96,7 +96,7 @@ def _title(point: FrontPoint) -> str:
 
 
 def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measured]]:
-    """Yield what is chosen at a point, what comes of it, and what any robot could do, each with what it is."""
+    """Yield label and value of the parameters of a point, its quantities, and the physical bound."""
     n = front.number
     yield Named(n.name, n.symbol), Measured(point.gain, n.unit)
     for name in front.free[1:]:
@@ -106,17 +106,17 @@ def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measu
     if front.comparison is None:
         return
     names = ("acceleration", "excursion", "least_excursion", "ratio", "least_acceleration")
-    beside = {name: None if point.bound is None else float(getattr(point.bound, name)) for name in names}
-    for name, known in (("largest_acceleration", "acceleration"), ("displacement", "excursion")):
+    bound = {name: None if point.bound is None else float(getattr(point.bound, name)) for name in names}
+    for name, attribute in (("largest_acceleration", "acceleration"), ("displacement", "excursion")):
         if name not in front.quantities:
-            yield named(name, magnitude=True), Measured(beside[known], unit_of(name))
-    yield "least deviation, any robot that accelerates as much", Measured(beside["least_excursion"], "m")
-    yield "times the least deviation", Measured(beside["ratio"], "", 3)
-    yield "least acceleration, any robot", Measured(beside["least_acceleration"], "m/s^2")
+            yield named(name, magnitude=True), Measured(bound[attribute], unit_of(name))
+    yield "smallest possible deviation", Measured(bound["least_excursion"], "m")
+    yield "relative to the smallest possible deviation", Measured(bound["ratio"], "", 3)
+    yield "smallest possible acceleration", Measured(bound["least_acceleration"], "m/s^2")
 
 
 def _sentences(front: ParetoFront) -> Iterator[str]:
-    """Say what is to be said of the choice and of the bound."""
+    """Yield sentences about the user's choice and the physical bound."""
     if front.choice is not None and front.knee is not None:
         yield _about_choice(front, front.choice)
     if front.no_bound:
@@ -126,52 +126,51 @@ def _sentences(front: ParetoFront) -> Iterator[str]:
         limit = pretty_unit(format_quantity(float(front.bound.acceleration_limit), "m/s^2"))
         after = format_quantity(float(front.bound.excursion(least)), "m")
         yield (
-            f"The best that a robot with {limit} can do: contact at {format_quantity(least, 'm/s')}, after an "
-            f"excursion of {after}."
+            f"The smallest contact speed of any robot with an acceleration limit of {limit} is "
+            f"{format_quantity(least, 'm/s')}, with an excursion of {after}."
         )
 
 
 def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     if not choice.feasible:
-        return "The choice breaks a constraint."
+        return "The choice violates a constraint."
     if not choice.behind > _BEHIND:
-        return "The choice lies on the front."
-    text = f"The choice lies {100 * choice.behind:.2g} % of the front's extent behind it, in every quantity at once"
+        return "The choice lies on the Pareto front."
+    text = f"In every quantity, the front is better than the choice by {100 * choice.behind:.2g} % of its extent"
     if len(front.quantities) == 2:
         first, second = front.quantities
-        least = float(front.of(first)[front.meets(**{second: choice.values[second]})].min())
-        text += (
-            f": with no more {in_short(second)}, a {in_short(first)} of {format_quantity(least, unit_of(first))} will "
-            f"do in the place of {format_quantity(choice.values[first], unit_of(first))}"
-        )
+        best = front.of(first)[front.meets(**{second: choice.values[second]})].min()
+        least, chosen = (format_quantity(float(value), unit_of(first)) for value in (best, choice.values[first]))
+        text += f": with the same {in_short(second)}, the {in_short(first)} can be {least} instead of {chosen}"
     return f"{text}."
 
 
 def _evidence(front: ParetoFront) -> Chapter:
     pieces = int(front.piece.max()) + 1
     rows = (
-        ("tried", f"{front.tried} encounters"),
-        ("the front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
+        ("searched", f"{front.tried} encounters"),
+        ("Pareto front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
         (
-            "missed",
-            "no encounter that was tried, nor one found between the points, is better than they are by more than "
-            f"{100 * front.missed:.2g} % of the front's extent in every quantity at once",
+            "largest error",
+            f"{100 * front.missed:.2g} % of the front's extent: no other encounter, searched or between the points, is "
+            "better by more in every quantity",
         ),
     )
-    return Chapter(title="How this is known", titled=True, blocks=(Rows(rows=rows, wraps=True, brief=True),))
+    return Chapter(title="Evidence", titled=True, blocks=(Rows(rows=rows, wraps=True, brief=True),))
 
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _sought(front: ParetoFront) -> Iterator[Row]:
-    """Yield what may be chosen, and what must hold."""
-    own = front.number.name
-    sought = {"gain": front.bounds, "natural_frequency": front.natural_frequency_bounds}
-    for name, bounds in {**sought, "damping_ratio": front.damping_ratio_bounds}.items():
+def _settings(front: ParetoFront) -> Iterator[Row]:
+    """Yield table rows with the bounds of the free parameters, the limits and the impact model."""
+    gain_name = front.number.name
+    free = {"gain": front.bounds, "natural_frequency": front.natural_frequency_bounds}
+    for name, bounds in {**free, "damping_ratio": front.damping_ratio_bounds}.items():
         if bounds is not None:
-            yield f"{own if name == 'gain' else words_for(name)}: bounds", format_range(bounds, front.free_units[name])
+            label = gain_name if name == "gain" else words_for(name)
+            yield f"{label}: bounds", format_range(bounds, front.free_units[name])
     for constraint in front.constraints:
         yield f"limit of {words_for(constraint.quantity)}", Measured(constraint.limit, constraint.unit)
     yield from impact_rows(front.impact)

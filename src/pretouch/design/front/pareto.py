@@ -1,4 +1,4 @@
-"""The trade-off between contact quantities: every choice that no other choice beats in all of them, and its knee."""
+"""Pareto front of contact quantities, with its knee, its ends and the user's choice."""
 
 from __future__ import annotations
 
@@ -13,29 +13,33 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario
 
-from ..constraints import QUANTITY_UNITS
 from ..gain import GainDesign
 from ..problem import GainProblem, magnitude
+from ..quantities import QUANTITY_UNITS
 from ..search import refine
+from ..search.freedom import make_freedom
 from ..search.local import descend
-from ..search.trials import Trials, make_freedom
-from ..task import Choice, Task, placed
-from .fronts import FoundFront, extent_of, find_front, shortfall, trace_front
-from .physical_bound import PhysicalBound, compare_with_bound, find_physical_bound, why_no_bound
+from ..search.trials import Trials
+from ..task import Choice, Task, with_file_location
+from .bound_comparison import compare_with_bound
+from .curve_front import trace_front
+from .dominance import FoundFront, extent_of, shortfall
+from .parameter_front import find_front
+from .physical_bound import PhysicalBound, find_physical_bound, why_no_bound
 from .result import FrontPoint, FrontStatus, ParetoFront
 
 _LEAST: Final = 1e-3  # depth below which a front counts as straight
 
 
-# In coordinates in which the front reaches from 0 to 1 in every quantity, the knee is the point that lies deepest below
+# Each quantity is scaled to reach from 0 to 1 along the front. The knee is the point with the largest distance below
 # the plane through the front's ends, sum p = 1 (Das 1999, On characterizing the "knee" of the Pareto curve based on
-# normal-boundary intersection; for three quantities we take the plane through the ends of the axes). As the least sum
-# of all points, it is on the front whatever the front's shape.
+# normal-boundary intersection; for three quantities we take the plane through the ends of the axes). It minimizes the
+# sum of the scaled quantities, so it lies on the front for every shape of the front.
 def find_knee(
     trials: Trials, at: FloatArray, values: FloatArray, scanned: FloatArray, scanned_values: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Return coordinates and depth of the knee, of the extent of the front."""
-    # None for a front that is straight, bulges outward, or does not trade at all.
+    """Return the coordinates of the knee and its depth relative to the extent of the front."""
+    # None for a front that is straight, bulges outward, or has no trade-off.
     low, extent = values.min(axis=0), np.ptp(values, axis=0)
     if len(values) < 3 or not (extent > 0).all():
         return None
@@ -46,36 +50,36 @@ def find_knee(
             scanned[:, 0],
             ((scanned_values - low) / extent).sum(axis=1),
         )
-        found = np.array([minima[0].coordinate]) if minima else best
+        refined = np.array([minima[0].coordinate]) if minima else best
     else:
-        searched = descend(trials, best, 1 / extent)
-        found = best if searched is None else searched
-    both = np.stack([best, found])
+        minimum = descend(trials, best, 1 / extent)
+        refined = best if minimum is None else minimum
+    both = np.stack([best, refined])
     sums = ((trials.values(both) - low) / extent).sum(axis=1)
     depth = float((1 - sums.min()) / np.sqrt(values.shape[1]))
     return (both[int(sums.argmin())], depth) if depth > _LEAST else None
 
 
-_ROUNDING: Final = 1e-9  # of a limit: an encounter that a design put on it, solved another way, still keeps it
+_ROUNDING: Final = 1e-9  # relative excess of a limit at which the choice still meets it, solved by another method
 
 
 @check_arguments
-@placed
+@with_file_location
 def pareto_front(task: Task) -> ParetoFront:
-    """Find the Pareto front of two or three contact quantities over the gain D_p, and the admittance where it is free.
+    """Find the Pareto front of two or three contact quantities over the gain D_p and the free admittance parameters.
 
-    A point of the front is a choice that no other one equals in every quantity and beats in one. Where only the gain is
-    free, the curve of all gains is scanned and the ends of the front are found to rounding; where the admittance is
-    free, too, the front is found on a grid and followed with SciPy's SLSQP. Beside each point stands what no controller
-    can beat (`PhysicalBound`).
+    No point of the front is dominated: no other point is as good in every quantity and better in one. If only the gain
+    is free, the curve of all gains is scanned, and the ends of the front are found to rounding. Otherwise the front is
+    located on a grid and refined by SciPy's SLSQP. Each point is compared with the physical bound, which holds for
+    every controller (`PhysicalBound`).
 
     Args:
-        task: one encounter, the bounds, the quantities that are traded, and where given what is free of the admittance,
-            constraints, impact, the choice that is marked, method, horizon and `evaluate`. Where it has an objective
-            and no choice, the gain is marked that is optimal for the admittance as it is.
+        task: one encounter, the bounds and the quantities; optionally bounds of natural frequency and damping ratio,
+            constraints, impact, the user's choice, method, horizon and `evaluate`. With an objective and without a
+            choice, the optimal gain of the unchanged admittance is marked.
 
     Returns:
-        The front; infeasible and no-contact are statuses of it, not errors.
+        The front; infeasible and no-contact are statuses, not errors.
 
     Examples:
         >>> from pretouch.motion import Admittance, Obstacle
@@ -103,12 +107,12 @@ def pareto_front(task: Task) -> ParetoFront:
         choice = GainDesign.of(problem)
     measures = tuple(magnitude(name, task.impact) for name in names)
     trials = Trials(freedom=freedom, encounters=problem, measures=measures)
-    found = find_front(trials) if freedom.size > 1 else trace_front(lambda u: trials.values(u[:, None]))
-    return _assemble(trials, names, found, choice)
+    front = find_front(trials) if freedom.size > 1 else trace_front(lambda u: trials.values(u[:, None]))
+    return _assemble(trials, names, front, choice)
 
 
-def _quantities(given: Sequence[str]) -> tuple[str, ...]:
-    names = (given,) if isinstance(given, str) else tuple(given)
+def _quantities(quantities: Sequence[str]) -> tuple[str, ...]:
+    names = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in names:
         if name not in QUANTITY_UNITS:
             raise InvalidInputError(f"quantities: found {name!r}, expected some of {', '.join(QUANTITY_UNITS)}")
@@ -117,34 +121,34 @@ def _quantities(given: Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice: float | Choice | None) -> ParetoFront:
+def _assemble(trials: Trials, names: tuple[str, ...], front: FoundFront, choice: float | Choice | None) -> ParetoFront:
     freedom = trials.freedom
-    maker = _Plane(trials, names, found)
-    reached = np.isfinite(found.scanned_values).all(axis=1)
-    known = len(found.at) > 0
-    contact = known or trials.rows(found.scanned)[1].any()
-    result = trials.run(found.at) if known else None
-    knee = find_knee(trials, found.at, found.values, found.scanned, found.scanned_values) if known else None
-    gain, (frequency, ratio) = freedom.gain(found.at), freedom.admittance(found.at)
+    points = _FrontPointMaker(trials, names, front)
+    reached = np.isfinite(front.scanned_values).all(axis=1)
+    feasible = len(front.at) > 0
+    contact = feasible or trials.rows(front.scanned)[1].any()
+    result = trials.run(front.at) if feasible else None
+    knee = find_knee(trials, front.at, front.values, front.scanned, front.scanned_values) if feasible else None
+    gain, (frequency, ratio) = freedom.gain(front.at), freedom.admittance(front.at)
     return ParetoFront(
         problem=trials.encounters,
-        status=FrontStatus.FOUND if known else FrontStatus.INFEASIBLE if contact else FrontStatus.NO_CONTACT,
+        status=FrontStatus.FOUND if feasible else FrontStatus.INFEASIBLE if contact else FrontStatus.NO_CONTACT,
         quantities=names,
         free=freedom.names,
         gain=gain,
         natural_frequency=frequency,
         damping_ratio=ratio,
-        values=found.values,
-        piece=found.piece,
-        knee=None if knee is None else maker.point("knee", *freedom.choice(knee[0]), depth=knee[1]),
-        choice=None if choice is None else maker.chosen(choice),
-        ends=maker.ends(found.at),
-        comparison=None if result is None else compare_with_bound(trials, freedom.scenarios(found.at), gain, result),
+        values=front.values,
+        piece=front.piece,
+        knee=None if knee is None else points.point("knee", *freedom.choice(knee[0]), depth=knee[1]),
+        choice=None if choice is None else points.chosen(choice),
+        ends=points.ends(front.at),
+        comparison=None if result is None else compare_with_bound(trials, freedom.scenarios(front.at), gain, result),
         bound=_bound(trials),
         no_bound=_why_no_bound(trials),
-        scanned=found.scanned_values[reached],
-        tried=len(found.scanned) + len(found.at),
-        missed=found.missed,
+        scanned=front.scanned_values[reached],
+        tried=len(front.scanned) + len(front.at),
+        missed=front.missed,
         natural_frequency_bounds=freedom.natural_frequency,
         damping_ratio_bounds=freedom.damping_ratio,
         result=result,
@@ -153,12 +157,12 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice:
 
 def _why_no_bound(trials: Trials) -> str:
     if not trials.encounters.is_continuous:
-        return "the motion is not that of L(1) from rest, of which the bound speaks"
+        return "it applies to motions in continuous time, L(1), from the given state only"
     return why_no_bound(trials.freedom.scenario)
 
 
 def _bound(trials: Trials) -> PhysicalBound | None:
-    """Return the bound of a robot with the limits that were given."""
+    """Return the physical bound for the limits of acceleration and speed of the task; None without a limit."""
     limits = {c.name: c.limit for c in trials.constraints}
     if _why_no_bound(trials) or "acceleration" not in limits:
         return None
@@ -169,35 +173,35 @@ def _bound(trials: Trials) -> PhysicalBound | None:
     )
 
 
-class _Plane:
-    """Makes points of the plane: solves single encounters and places them beside the front."""
+class _FrontPointMaker:
+    """Solves single encounters and compares them with the front."""
 
-    def __init__(self, trials: Trials, names: tuple[str, ...], found: FoundFront) -> None:
-        self.trials, self.names, self.front = trials, names, found.values
-        self.extent = extent_of(found.values)
+    def __init__(self, trials: Trials, names: tuple[str, ...], front: FoundFront) -> None:
+        self.trials, self.names, self.front = trials, names, front.values
+        self.extent = extent_of(front.values)
 
     def ends(self, at: FloatArray) -> tuple[FrontPoint, ...]:
-        """Return the points of the front at which each quantity is least."""
+        """Return the point of the front with the smallest value of each quantity."""
         if not len(at):
             return ()
         least = [self.trials.freedom.choice(at[i]) for i in np.argmin(self.front, axis=0)]
-        points = [self.point(f"least {name}", *one) for name, one in zip(self.names, least, strict=True)]
+        points = [self.point(f"least {name}", *choice) for name, choice in zip(self.names, least, strict=True)]
         return tuple(p for p in points if p is not None)
 
     def chosen(self, choice: float | Choice) -> FrontPoint | None:
-        """Return the user's choice; None where that is a design without a gain or an encounter without contact."""
+        """Return the user's choice as a point; None for a design without a gain, or without contact."""
         if isinstance(choice, (int, float)):
             unit = self.trials.encounters.task.law.number.unit
             return self.point("choice", self.trials.freedom.scenario, float(finite(choice, "choice", unit)))
         if choice.gain is None:
             return None
         if np.ndim(choice.gain):
-            raise InvalidInputError("choice: found an array of designs, expected one; choose it with .at(index)")
+            raise InvalidInputError("choice: found an array of designs, expected one; select it with .at(index)")
         scenario = dataclasses.replace(self.trials.freedom.scenario, admittance=choice.scenario.admittance)
         return self.point("choice", scenario, float(choice.gain))
 
     def point(self, name: str, scenario: Scenario, gain: float, depth: float | None = None) -> FrontPoint | None:
-        """Solve an encounter and place it; None where it does not end in contact."""
+        """Solve an encounter and return it as a point; None without contact."""
         trials = self.trials
         result: ContactResult = trials.encounters.solve(scenario, gain)
         if not result.reached.all():

@@ -1,4 +1,4 @@
-"""What no controller can beat, and encounters beside it."""
+"""Physical bound: the smallest excursion and contact speed that any controller can reach."""
 
 from __future__ import annotations
 
@@ -12,42 +12,40 @@ from numpy.typing import ArrayLike
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
-from pretouch._core.numbers import BoolArray, FloatArray, finite, float_or_array, nonnegative, positive
+from pretouch._core.numbers import FloatArray, finite, float_or_array, nonnegative, positive
 from pretouch._core.values import Value
-from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
+from pretouch.motion import Scenario
 
-from ..search.trials import Trials
-
-_ROUNDING: Final = 1e-9  # relative, by which a time may be short
+_ROUNDING: Final = 1e-9  # relative rounding error of a time
 
 
-# An obstacle at distance l0 arrives at v + a t; the robot rests, may accelerate by at most A, and gives way (it does
-# not first move toward the obstacle). Say that contact is made after an excursion d, with contact speed w.
+# An obstacle at distance l0 approaches with the velocity v + a t. The robot is at rest, may accelerate by at most A,
+# and retreats without first moving toward the obstacle. Let contact be after an excursion d, with contact speed w.
 #
-#     1. The obstacle is at -d when its own speed is |v_T| = sqrt(v^2 - 2 a (l0 + d)), whatever the robot does.
-#     2. From its last moment at rest, the robot gains s^2 / 2 = -int x'' dx <= A d, so its speed is s <= sqrt(2 A d).
-#     3. w = |v_T| - s; and the robot was there in time, which takes at least sqrt(2 d / A).
+#     1. The obstacle passes -d with the speed |v_T| = sqrt(v^2 - 2 a (l0 + d)), for every motion of the robot.
+#     2. After its last moment at rest, the robot gains s^2 / 2 = -int x'' dx <= A d, so its speed is s <= sqrt(2 A d).
+#     3. w = |v_T| - s, and the robot needs at least the time sqrt(2 d / A) to be there.
 #
-# So w >= |v_T(d)| - sqrt(2 A d), which falls with d. Resting first and retreating by A from the right moment attains
-# it: it is the best motion. With y = sqrt(2 d), the least excursion for a contact speed w solves
+# So w >= |v_T(d)| - sqrt(2 A d), which falls with d. A robot that waits and then retreats by A reaches equality, so
+# this is the best motion. With y = sqrt(2 d), the smallest excursion for a contact speed w solves
 #
 #     (A + a) y^2 + 2 w sqrt(A) y + w^2 - (v^2 - 2 a l0) = 0,
 #
-# which for a = 0 is d = (|v| - w)^2 / (2 A). Retreating by A from the start gives the least contact speed of all,
-# w^2 = v^2 - 2 (A + a) l0, or zero. docs/trade-offs.md has the whole derivation, also with a largest speed.
+# which for a = 0 is d = (|v| - w)^2 / (2 A). Retreating by A from the start gives the smallest contact speed,
+# w^2 = v^2 - 2 (A + a) l0, or zero. docs/trade-offs.md has the whole derivation, also with a speed limit.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhysicalBound(Value):
-    """The least excursion and the least contact speed of any robot, whatever its controller.
+    """The smallest excursion and the smallest contact speed that any controller can reach.
 
-    The robot is at rest at its reference when the object is detected, knows distance and speed of the object from that
-    moment, gives way without first moving toward it, and accelerates without delay up to its limit.
+    The ideal robot is at rest at its reference when the object is detected. From then on it knows distance and speed of
+    the object. It retreats without first moving toward the object, and accelerates without delay up to its limit.
 
     Args:
-        distance: l0 > 0 at detection [m].
-        velocity: of the obstacle at that moment [m/s], negative.
-        acceleration: of the obstacle, constant [m/s^2].
+        distance: distance l0 > 0 at detection [m].
+        velocity: velocity of the obstacle at detection [m/s], negative.
+        acceleration: constant acceleration of the obstacle [m/s^2].
         acceleration_limit: A > 0, the largest acceleration of the robot [m/s^2]; a number or an array.
-        speed_limit: its largest speed > 0 [m/s]; infinite for none.
+        speed_limit: largest speed of the robot > 0 [m/s]; infinite for none.
 
     Examples:
         >>> bound = PhysicalBound(distance=0.0422, velocity=-0.3, acceleration_limit=2.0)
@@ -68,25 +66,25 @@ class PhysicalBound(Value):
         positive(self.distance, "distance", "m")
         if not finite(self.velocity, "velocity", "m/s") < 0:
             raise InvalidInputError(
-                f"velocity: found {self.velocity:g} m/s, which must be negative: the obstacle approaches"
+                f"velocity: found {self.velocity:g} m/s, expected a negative number: the obstacle must approach"
             )
         finite(self.acceleration, "acceleration", "m/s^2")
         object.__setattr__(self, "acceleration_limit", positive(self.acceleration_limit, "acceleration_limit", "m/s^2"))
         if not (self.speed_limit > 0):
-            raise InvalidInputError(f"speed_limit: found {self.speed_limit:g} m/s, which must be positive")
+            raise InvalidInputError(f"speed_limit: found {self.speed_limit:g} m/s, expected a positive number")
 
     @property
     def least_contact_speed(self) -> Any:
-        """The least contact speed that can be reached from the detection distance [m/s], of the shape of the limit."""
+        """The smallest possible contact speed [m/s], of the shape of the acceleration limit."""
         a, limit, v, room = self.acceleration, np.asarray(self.acceleration_limit), self.velocity, self.distance
         free = np.sqrt(np.maximum(v**2 - 2 * (limit + a) * room, 0.0))
         if math.isinf(self.speed_limit):
             return float_or_array(free)
         top = self.speed_limit
-        time = top / limit  # until the robot is at its largest speed
+        time = top / limit  # time until the robot is at its largest speed
         distance = room + v * time + (a + limit) * time**2 / 2
         approach = v + a * time + top
-        early = _arrival(room, v, a + limit) <= time  # contact before that
+        early = _arrival(room, v, a + limit) <= time  # contact before that time
         if a <= 0:
             late = np.maximum(np.sqrt(v**2 - 2 * a * (room + top**2 / (2 * limit))) - top, 0.0)
         else:
@@ -94,48 +92,50 @@ class PhysicalBound(Value):
         return float_or_array(np.where(early, free, late))
 
     def excursion(self, contact_speed: ArrayLike) -> Any:
-        """Return the least excursion with which a contact speed is reached.
+        """Return the smallest excursion with which a contact speed is reached.
 
         Args:
             contact_speed: w = |l'| at contact >= 0 [m/s], broadcast with the acceleration limit.
 
         Returns:
-            The excursion [m]: 0 where nothing needs to be done, NaN where no robot of this limit comes to that speed.
+            The excursion [m]: 0 if the robot may stay at rest, NaN if no robot with this limit reaches that speed.
         """
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
         limit, a = np.asarray(self.acceleration_limit), self.acceleration
-        arrival = self.velocity**2 - 2 * a * self.distance  # square of the obstacle's speed where the robot rests
+        arrival = (
+            self.velocity**2 - 2 * a * self.distance
+        )  # square of the obstacle's speed at the robot's rest position
         with np.errstate(invalid="ignore", divide="ignore"):
             root = np.sqrt(w**2 * limit + (limit + a) * (arrival - w**2))
             y = (arrival - w**2) / (w * np.sqrt(limit) + root)
             needed = np.where(arrival <= w**2, 0.0, y**2 / 2)
             if math.isfinite(self.speed_limit):
                 needed = np.where(np.sqrt(2 * limit * needed) > self.speed_limit, self._slow(w), needed)
-            known = self._duration(needed) <= self._time(needed) * (1 + _ROUNDING)
-        return float_or_array(np.where(known, needed, np.nan))
+            in_time = self._duration(needed) <= self._time(needed) * (1 + _ROUNDING)
+        return float_or_array(np.where(in_time, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
-        """Return the least time of contact [s] at a contact speed [m/s], that of the least excursion; NaN as there."""
+        """Return the shortest time of contact [s] for a contact speed [m/s], that of the smallest excursion, or NaN."""
         return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
-        """Return the least acceleration [m/s^2] with which any robot comes to a contact speed [m/s], or 0."""
-        # (v^2 - w^2) / (2 l0) - a, from the detection distance and whatever the excursion.
+        """Return the smallest acceleration [m/s^2] with which any robot reaches a contact speed [m/s], or 0."""
+        # It is (v^2 - w^2) / (2 l0) - a, with any excursion.
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
-        """Return the excursion at which an obstacle that brakes has come down to w above the largest speed."""
+        """Return the excursion at which a braking obstacle is faster than the speed limit by w."""
         if self.acceleration <= 0:
             return np.full(np.shape(w), np.nan)
         return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)
 
     def _time(self, excursion: FloatArray) -> FloatArray:
-        """Return when the obstacle is so far behind the robot's place of rest."""
+        """Return the time at which the obstacle is at this distance behind the robot's rest position."""
         return _arrival(self.distance + excursion, self.velocity, self.acceleration)
 
     def _duration(self, excursion: FloatArray) -> FloatArray:
-        """Return the least time that the robot takes to be that far back."""
+        """Return the shortest time of a retreat by this distance."""
         limit, top = np.asarray(self.acceleration_limit), self.speed_limit
         short = np.sqrt(2 * excursion / limit)
         if math.isinf(top):
@@ -147,18 +147,18 @@ class PhysicalBound(Value):
 def find_physical_bound(
     scenario: Scenario, *, acceleration_limit: ArrayLike, speed_limit: float = math.inf
 ) -> PhysicalBound:
-    """Find what no controller can beat in an encounter, from detection distance and motion of the obstacle.
+    """Find the physical bound of an encounter, from detection distance and motion of the obstacle.
 
     Args:
-        scenario: one encounter, with the plant at rest at its reference; the admittance is of no consequence.
+        scenario: one encounter, with the plant at rest at its reference; the admittance has no effect.
         acceleration_limit: the largest acceleration of the robot > 0 [m/s^2]; a number or an array.
-        speed_limit: its largest speed > 0 [m/s].
+        speed_limit: largest speed of the robot > 0 [m/s].
 
     Returns:
         The bound.
 
     Raises:
-        InvalidInputError: the plant does not rest at its reference, or the obstacle does not approach.
+        InvalidInputError: the plant is not at rest at its reference, or the obstacle does not approach.
 
     Examples:
         >>> from pretouch.motion import Admittance, Obstacle
@@ -182,107 +182,21 @@ def find_physical_bound(
 
 
 def why_no_bound(scenario: Scenario) -> str:
-    """Say why the bound does not speak of an encounter; the empty text where it does."""
+    """Return why the bound does not apply to an encounter; the empty text if it applies."""
     moving = (scenario.plant.velocity, scenario.reference.velocity, scenario.reference.acceleration)
     if any(np.ndim(v) for v in (scenario.distance, scenario.relative_velocity, scenario.obstacle.acceleration)):
         return "found an array of encounters, expected one"
     if any(np.any(np.asarray(v) != 0) for v in moving) or scenario.plant.position != scenario.reference.position:
-        return "found a plant that does not rest at its reference, of which the bound speaks"
+        return "found a plant that is not at rest at its reference, expected one that is"
     if scenario.obstacle.course:
-        return "found an obstacle with a course, expected a constant acceleration, of which the bound speaks"
+        return "found an obstacle with a course, expected a constant acceleration"
     if not scenario.obstacle.velocity < 0:
         return "found an obstacle that does not approach, expected a negative velocity"
     return ""
 
 
 def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
-    """Return when distance + velocity t + acceleration t^2 / 2 is first 0, infinite for never; velocity < 0."""
+    """Return the first t with distance + velocity t + acceleration t^2 / 2 = 0, infinite for none; velocity < 0."""
     square = np.asarray(velocity**2 - 2 * acceleration * distance)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.where(square >= 0, 2 * distance / (np.sqrt(np.maximum(square, 0)) - velocity), np.inf))
-
-
-_SAMPLES: Final = 400
-_FORWARD: Final = 1e-9  # of the excursion: a motion that goes farther toward the obstacle first is another case
-_NOTHING: Final = 1e-9  # of the deceleration that the approach needs: as good as no acceleration at all
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class BoundComparison(Value):
-    """Encounters beside the best that a robot with the same largest acceleration could do; floats or arrays.
-
-    Args:
-        acceleration: the largest acceleration that the encounter takes [m/s^2].
-        excursion: its deviation from the reference at contact, |x - x_d| [m].
-        least_excursion: the least excursion with which any robot of that acceleration comes to the same contact speed
-            [m]; NaN where the plant first moves toward the obstacle, of which the bound does not speak.
-        least_acceleration: the least acceleration with which any robot comes to that contact speed from the same
-            detection distance [m/s^2].
-    """
-
-    acceleration: Any
-    excursion: Any
-    least_excursion: Any
-    least_acceleration: Any
-
-    @property
-    def ratio(self) -> Any:
-        """How many times the least excursion the encounter takes, never below 1; NaN where the least is 0."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.where(
-                np.asarray(self.least_excursion) > 0, np.divide(self.excursion, self.least_excursion), np.nan
-            )
-        return float(found) if found.ndim == 0 else found
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as one JSON object, in SI; arrays as lists."""
-        others = {name: getattr(self, name) for name in ("excursion", "least_excursion", "least_acceleration")}
-        return {"largest_acceleration": self.acceleration, **others}
-
-    def __repr__(self) -> str:
-        return f"<BoundComparison: {np.size(self.acceleration)} encounters>"
-
-
-def compare_with_bound(
-    trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult
-) -> BoundComparison | None:
-    """Put encounters in contact beside the best that any robot with the same largest acceleration could do."""
-    # None where the bound does not speak of such encounters.
-    given = trials.freedom.scenario
-    if not trials.encounters.is_continuous or why_no_bound(given):
-        return None
-    end = result.end
-    acceleration, speed = np.asarray(end.largest_acceleration), np.abs(end.relative_velocity)
-    approach = given.obstacle.velocity**2 / given.distance
-    still = acceleration < _NOTHING * approach
-    bound = PhysicalBound(
-        distance=given.distance,
-        velocity=given.obstacle.velocity,
-        acceleration=given.obstacle.acceleration,
-        acceleration_limit=np.where(still, approach, acceleration),
-    )
-    least = np.where(still, 0.0, bound.excursion(speed))
-    least = np.where(_gives_way(trials, scenario, gain, result), least, np.nan)
-    return BoundComparison(
-        acceleration=float_or_array(acceleration),
-        excursion=float_or_array(np.abs(end.displacement)),
-        least_excursion=float_or_array(least),
-        least_acceleration=float_or_array(np.asarray(bound.least_acceleration(speed))),
-    )
-
-
-def _gives_way(trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult) -> BoolArray:
-    """Tell which plants never move toward the obstacle, past where they rested; of the shape of the gain."""
-    # Where the admittance is not under-damped, the gain mitigates and the obstacle does not brake, that is proved
-    # (docs/fast-designs.md: l' < 0 all the way, so the force only ever pushes, and such an admittance does not swing).
-    # Under a drag it is a premise of the motion (docs/drag.md). Elsewhere motions are sampled.
-    a = scenario.admittance
-    damped = np.square(a.damping) >= 4 * np.multiply(a.mass, a.stiffness) * (1 - 1e-12)
-    how, braked = trials.encounters.task, trials.freedom.scenario.obstacle.acceleration > 0
-    mitigates = damped & (np.asarray(gain) <= 0) & np.logical_not(braked) & (how.law == DAMPER)
-    proved = np.asarray(mitigates | (how.law == DRAG))
-    if np.all(proved):
-        return np.ones(np.shape(gain), dtype=bool)
-    motion = how.law.motion(scenario, how.sensor, gain, method=how.method, horizon=how.horizon, samples=_SAMPLES)
-    forward = motion.displacement.max(axis=-1) <= _FORWARD * np.abs(result.end.displacement)
-    return np.asarray(proved | forward)

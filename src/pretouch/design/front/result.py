@@ -1,4 +1,4 @@
-"""What a trade-off comes to: the front, its knee, the user's choice, and how far all of it is from what is possible."""
+"""Result of a Pareto front: points, knee, ends, the user's choice and the comparison with the physical bound."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ from pretouch.motion.contact import ContactResult
 
 from ..constraints import Constraint
 from ..problem import Answer
-from .physical_bound import BoundComparison, PhysicalBound
+from .bound_comparison import BoundComparison
+from .physical_bound import PhysicalBound
 
 
 class FrontStatus(StrEnum):
-    """How the search for a front ended."""
+    """Status of the search for a Pareto front."""
 
     FOUND = "found"
     INFEASIBLE = "infeasible"
@@ -31,21 +32,21 @@ class FrontStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class FrontPoint(Value):
-    """One encounter in the plane of quantities.
+    """One encounter in the space of quantities.
 
     Args:
-        name: `knee`, `choice`, or `least` with the quantity that is least there.
-        gain: D_p [N s].
+        name: `knee`, `choice`, or `least` with the quantity whose smallest value it has.
+        gain: the law's number, such as D_p [N s].
         natural_frequency: sqrt(K_a / M_a) [rad/s].
-        damping_ratio: D_a / (2 sqrt(M_a K_a)); NaN where the stiffness is 0.
+        damping_ratio: D_a / (2 sqrt(M_a K_a)); NaN if the stiffness is 0.
         values: the magnitude of each quantity in SI.
-        behind: by how much the front is lower in every quantity, of its extent; 0 on the front, where it may be less by
-            the distance of the front's points, and below that where the encounter breaks a limit or lies outside the
-            bounds.
-        feasible: whether every limit holds.
-        depth: of a knee: its distance from the plane through the ends of the front, of its extent; else None.
-        bound: the encounter beside the physical bound; None where that does not apply.
-        result: the encounter.
+        behind: amount by which the front is better in every quantity, as a share of its extent: 0 on the front, or
+            slightly negative between its points; clearly negative if the encounter exceeds a limit or lies outside of
+            the bounds.
+        feasible: whether it meets every limit.
+        depth: for a knee, its distance from the plane through the ends of the front, relative to the extent; else None.
+        bound: the comparison with the physical bound; None if the bound does not apply.
+        result: the solved encounter.
     """
 
     name: str
@@ -62,8 +63,8 @@ class FrontPoint(Value):
     def to_dict(self) -> dict[str, Any]:
         """Return the point as one JSON object, in SI."""
         names = ("name", "gain", "natural_frequency", "damping_ratio", "behind", "feasible", "depth")
-        known = {name: getattr(self, name) for name in names}
-        return {**known, **self.values, **({} if self.bound is None else self.bound.to_dict())}
+        document = {name: getattr(self, name) for name in names}
+        return {**document, **self.values, **({} if self.bound is None else self.bound.to_dict())}
 
     def __repr__(self) -> str:
         return f"<FrontPoint {self.name}: gain {self.gain:.4g}>"
@@ -71,32 +72,33 @@ class FrontPoint(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ParetoFront(Answer):
-    """What `pareto_front` returns: choices of which none is better than another in every quantity.
+    """Result of `pareto_front`: points of which none is better than another in every quantity.
 
     Args:
-        problem: the task, and the gains between which the front was sought.
-        status: found, infeasible (no choice meets the constraints) or no-contact.
-        quantities: what is traded, two or three names of QUANTITY_UNITS; their magnitudes are minimized.
-        free: what was chosen: `gain`, `natural_frequency`, `damping_ratio`.
-        gain: D_p of each point of the front [N s], shape (n,).
-        natural_frequency: of each point [rad/s].
-        damping_ratio: of each point.
-        values: magnitudes of the quantities in SI, shape (n, k), ascending in the first one; of three quantities
+        problem: the task and the bounds of the gain.
+        status: found, infeasible (no point meets the constraints) or no-contact.
+        quantities: two or three names of QUANTITY_UNITS, whose magnitudes are minimized.
+        free: the free parameters: `gain`, `natural_frequency`, `damping_ratio`.
+        gain: the law's number of each point, such as D_p [N s], shape (n,).
+        natural_frequency: natural frequency of each point [rad/s].
+        damping_ratio: damping ratio of each point.
+        values: magnitudes of the quantities in SI, shape (n, k), ascending in the first one; for three quantities
             over the gain alone, ascending in the gain.
-        piece: the number of the piece of the front that each point belongs to, shape (n,): the front may have gaps.
-        knee: where giving up a little of one quantity gains most of the others; None where the front bulges outward.
-        choice: the user's own choice; None where there is none.
-        ends: the points at which each quantity is least.
-        comparison: the points beside the physical bound; None where it does not apply.
-        bound: the physical bound of a robot with the acceleration (and speed) limit of the constraints; None without.
-        no_bound: why there is no comparison; empty where there is one.
-        scanned: magnitudes of every feasible encounter that was tried, shape (m, k).
-        tried: how many encounters were tried on the way.
-        missed: the largest amount by which the points of the front miss an encounter, of the front's extent, in all
-            quantities at once. It is sought between the points as well as among all that was tried.
-        natural_frequency_bounds: between which it was sought [rad/s]; None where it is not free.
-        damping_ratio_bounds: likewise; None where it is not free.
-        result: the encounters of the points; None where there are none.
+        piece: index of the connected piece of each point, shape (n,): the front may have gaps.
+        knee: the point at which a small loss in one quantity gains most in the others; None if the front is straight
+            or bulges outward.
+        choice: the user's choice; None without a choice.
+        ends: the points with the smallest value of each quantity.
+        comparison: the comparison of the points with the physical bound; None if the bound does not apply.
+        bound: the physical bound for the acceleration (and speed) limit of the constraints; None without such a limit.
+        no_bound: why there is no comparison; empty if there is one.
+        scanned: magnitudes of every feasible encounter of the search, shape (m, k).
+        tried: number of encounters of the search.
+        missed: largest amount by which an encounter is better than the front in every quantity, as a share of the
+            front's extent: of all encounters of the search, and of further ones between the points.
+        natural_frequency_bounds: its bounds [rad/s]; None if it is not free.
+        damping_ratio_bounds: its bounds; None if it is not free.
+        result: the encounters of the points; None without points.
     """
 
     status: FrontStatus
@@ -124,12 +126,12 @@ class ParetoFront(Answer):
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """The limits."""
+        """The constraints."""
         return self.problem.task.limits
 
     @property
     def marked(self) -> tuple[FrontPoint, ...]:
-        """The knee and the choice, as far as there are any."""
+        """The knee and the choice, as far as they exist."""
         return tuple(point for point in (self.knee, self.choice) if point is not None)
 
     @property
@@ -144,11 +146,11 @@ class ParetoFront(Answer):
         return np.asarray(self.values[:, self.quantities.index(quantity)])
 
     def meets(self, **limits: float) -> BoolArray:
-        """Tell which points, shape (n,), keep further limits in SI of its quantities, such as `displacement=0.05`."""
-        kept = np.ones(len(self.gain), dtype=bool)
+        """Return which points, shape (n,), meet further limits of the quantities in SI, such as `displacement=0.05`."""
+        meets = np.ones(len(self.gain), dtype=bool)
         for name, limit in limits.items():
-            kept &= self.of(name) <= limit
-        return kept
+            meets &= self.of(name) <= limit
+        return meets
 
     @property
     def headline(self) -> str:
@@ -156,34 +158,34 @@ class ParetoFront(Answer):
         names = [in_short(name) for name in self.quantities]
         traded = f"{', '.join(names[:-1])} and {names[-1]}"
         if self.status is FrontStatus.INFEASIBLE:
-            return f"Infeasible: no choice within the bounds meets every constraint, so {traded} cannot be traded."
+            return f"Infeasible: no point within the bounds meets every constraint, so {traded} have no Pareto front."
         if self.status is FrontStatus.NO_CONTACT:
-            return "No choice within the bounds ends in contact."
+            return "No point within the bounds ends in contact."
         if len(self.gain) == 1:
             every = "both" if len(names) == 2 else "all"
             return f"{traded[0].upper()}{traded[1:]} do not conflict: {self._chosen(self.ends[0])} is best in {every}."
         if self.knee is None:
-            return f"{len(self.gain)} choices trade {traded}; no knee stands out among them."
-        found = zip(names, self.knee.values.values(), self.units, strict=True)
-        values = ", ".join(f"{name} {format_quantity(value, unit)}" for name, value, unit in found)
-        return f"The knee of {traded} lies at {self._chosen(self.knee)}: {values}."
+            return f"The Pareto front of {traded} has {len(self.gain)} points and no knee."
+        quantities = zip(names, self.knee.values.values(), self.units, strict=True)
+        values = ", ".join(f"{name} {format_quantity(value, unit)}" for name, value, unit in quantities)
+        return f"The Pareto front of {traded} has its knee at {self._chosen(self.knee)}: {values}."
 
     @property
     def free_units(self) -> dict[str, str]:
-        """What can be chosen along the front, with its SI unit."""
+        """The parameters that may be free, with their SI units."""
         return {"gain": self.number.unit, "natural_frequency": "rad/s", "damping_ratio": ""}
 
     def _chosen(self, point: FrontPoint) -> str:
-        own = f"{self.number.symbol} = "
-        chosen = {"gain": own, "natural_frequency": "natural frequency ", "damping_ratio": "damping ratio "}
+        gain = f"{self.number.symbol} = "
+        labels = {"gain": gain, "natural_frequency": "natural frequency ", "damping_ratio": "damping ratio "}
         return ", ".join(
-            words + format_quantity(getattr(point, name), self.free_units[name])
-            for name, words in chosen.items()
+            label + format_quantity(getattr(point, name), self.free_units[name])
+            for name, label in labels.items()
             if name in ("gain", *self.free)
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the front as one JSON object: numbers in SI, None where there is none."""
+        """Return the front as one JSON object: numbers in SI, None for missing ones."""
         bound, least = self.bound, None
         if bound is not None:
             speed = bound.least_contact_speed
@@ -194,7 +196,7 @@ class ParetoFront(Answer):
         columns = {name: getattr(self, name) for name in ("gain", "natural_frequency", "damping_ratio", "piece")}
         traded = {name: self.of(name) for name in self.quantities}
         names = ("status", "free", "knee", "choice", "ends", "tried", "missed")
-        told: dict[str, Any] = plain(
+        document: dict[str, Any] = plain(
             {
                 **{name: getattr(self, name) for name in names},
                 "quantities": [{"name": n, "unit": u} for n, u in zip(self.quantities, self.units, strict=True)],
@@ -209,4 +211,4 @@ class ParetoFront(Answer):
                 "no_bound": self.no_bound or None,
             }
         )
-        return told
+        return document

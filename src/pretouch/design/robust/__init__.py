@@ -1,4 +1,4 @@
-"""Gains that hold when inputs are not known exactly: what is not known, what of it counts, and the design."""
+"""Robust gain design for uncertain inputs: distributions, measures of the objective, chance constraints."""
 
 from pretouch.uncertainty import (
     CorrelatedNormal,
@@ -14,7 +14,8 @@ from pretouch.uncertainty import (
 )
 
 from .design import design_robust_gain
-from .measures import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
+from .measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
+from .required import Required
 from .result import RobustDesign
 
 __all__ = [

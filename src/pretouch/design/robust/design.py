@@ -1,172 +1,57 @@
-"""The gain that is best for encounters that are not known exactly, on samples or in the worst case."""
+"""Robust gain design: minimize a measure of the objective over uncertain encounters."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import product
 from typing import Final
-
-import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion.evaluator import with_noise_after
-from pretouch.uncertainty import Distribution, Interval, Uncertainty, sample_inputs
+from pretouch.uncertainty import Interval, sample_inputs
 from pretouch.uncertainty.ensemble import check_draw
 
 from ..certificate import DesignStatus
 from ..gain import GainDesign
 from ..problem import GainProblem
-from ..search import EXACT, SAMPLED, GainAxis, Minimum, Scan, search_axis
-from ..search.minima import CertifiedMaximum, Function, maximize_on_box
-from ..task import Task, placed
-from .measures import Expected, Measure, Required, WorstCase, checked_measure, limits_of
-from .problem import RobustProblem, WorstEncounter, validate
+from ..search import EXACT, SAMPLED, GainAxis, search_axis
+from ..task import Task, with_file_location
+from .measures import Expected, Measure, WorstCase, checked_measure
+from .problem import RobustProblem
+from .required import Required, limits_of
 from .result import RobustDesign
-
-_MOST_INPUTS: Final = 8
-_INSIDE: Final = 64  # points inside the box to begin with
-_ROUNDS: Final = 30
-_SAME: Final = 1e-9  # of the objective: two worst encounters that are equally bad
-_TOLERANCE: Final = 1e-7  # of the objective, for a worst encounter inside the box
-_ACTIVE: Final = 1e-7  # of the objective: an encounter that is as bad decides, too
-_STEP: Final = 1e-4  # of an input's range, where a difference stands for a gradient
-
-
-def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
-    """Return the smallest and the largest value of each input by name; refuse one without bounds, and too many."""
-    if len(uncertainty) > _MOST_INPUTS:
-        raise InvalidInputError(
-            f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}: "
-            f"a box has 2^n corners"
-        )
-    found = {}
-    for name, known in uncertainty.items():
-        support = known.support if isinstance(known, Distribution) else (-np.inf, np.inf)
-        if not np.isfinite(support).all():
-            raise InvalidInputError(
-                f"uncertainty {name}: found {type(known).__name__}, which has no bounds, for a worst case; use an "
-                "Interval, or a TruncatedNormal with both bounds"
-            )
-        found[name] = support
-    return found
-
-
-# Over all corners of the box of inputs, its middle and points inside, the largest objective is minimized. At the gain
-# found the worst encounter of the whole box is searched for and certified (`search.box_maximum`). If it is worse than
-# those that were taken into account it joins them, and the gain is sought anew (Blankenship and Falk, J. Optim. Theory
-# Appl. 19 (1976) 261). So the last minimum is what no gain gets below, the certified maximum what the gain never
-# exceeds, and their difference is all that is not known.
-def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, list[Minimum], WorstEncounter | None]:
-    """Find the gain whose worst encounter is the mildest; return the last round and the worst encounter at the best."""
-    box = box_of(task.uncertainty)
-    low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
-    points = _first_points(box)
-    for _ in range(_ROUNDS):
-        problem = RobustProblem.over(task, axis, dict(zip(box, points.T, strict=True)))
-        scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1])
-        if not minima:
-            return problem, scanned, minima, None
-        gain, decided = float(problem.axis.gain(minima[0].coordinate)), minima[0].value
-        found = [
-            maximize_on_box(_function(problem, box, gain, which), low, high, tolerance=_TOLERANCE)
-            for which in range(-1, len(problem.limits))
-        ]
-        allowed = (decided, *(1.0 for _ in problem.limits))
-        worse = [f.point for f, most in zip(found, allowed, strict=True) if f.value > most * (1 + _SAME)]
-        if not worse:
-            break
-        points = np.concatenate([points, worse])
-    return problem, scanned, minima, _worst(found[0], decided, tuple(box), problem, gain)
-
-
-def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
-    """Return the corners of a box, its middle, and points inside."""
-    corners = np.array(list(product(*box.values())))
-    middle = np.array([[0.5 * (low + high) for low, high in box.values()]])
-    inside = sample_inputs({name: Interval(low=low, high=high) for name, (low, high) in box.items()}, _INSIDE)
-    return np.concatenate([corners, middle, np.stack([inside[name] for name in box], axis=1)])
-
-
-def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
-    """Return the objective (-1) or the ratio of a constraint as a function of the inputs, with its gradient."""
-    names = tuple(box)
-    low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
-
-    def at(points: FloatArray) -> RobustProblem:
-        return RobustProblem.over(problem.task, problem.axis, dict(zip(names, points.T, strict=True)))
-
-    def value(points: FloatArray) -> FloatArray:
-        objective, ratios = at(points).values(gain)
-        return objective if which < 0 else ratios[which]
-
-    def both(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = value(points)
-        if not np.isfinite(found).all():
-            return found, np.full(points.shape, np.nan)
-        if problem.has_slopes(which):
-            inner = at(points)
-            result = inner.ensemble.contacts(gain)
-            return found, np.stack([inner.slope(result, name, which) for name in names], axis=1)
-        slopes = []
-        for j, step in enumerate(_STEP * (high - low)):
-            ahead, behind = points.copy(), points.copy()
-            ahead[:, j] = np.minimum(points[:, j] + step, high[j])
-            behind[:, j] = np.maximum(points[:, j] - step, low[j])
-            slopes.append((value(ahead) - value(behind)) / (ahead[:, j] - behind[:, j]))
-        return found, np.stack(slopes, axis=1)
-
-    return both
-
-
-def _worst(
-    found: CertifiedMaximum, decided: float, names: tuple[str, ...], problem: RobustProblem, gain: float
-) -> WorstEncounter:
-    """Put together what is known of the worst encounter."""
-    values = problem.values(gain)[0]
-    points = np.stack([problem.ensemble.values[name] for name in names], axis=1)
-    deciding = np.unique(points[values >= decided * (1 - _ACTIVE)], axis=0)
-    return WorstEncounter(
-        inputs=dict(zip(names, found.point.tolist(), strict=True)),
-        value=found.value,
-        bound=found.bound,
-        lower=min(decided, found.bound),  # where they meet, each comes by a path of its own
-        boxes=found.boxes,
-        monotone={name: sign for name, sign in zip(names, found.signs, strict=True) if sign},
-        encounters=tuple(map(tuple, deciding.tolist())),
-    )
-
+from .validation import validate
+from .worst_case import WorstEncounter, search_worst_case
 
 NOTHING_UNCERTAIN: Final = (
-    'uncertainty: found none, expected what is known of inputs, such as {"obstacle.velocity": Uniform(low=-0.4, '
+    'uncertainty: found none, expected distributions of inputs, such as {"obstacle.velocity": Uniform(low=-0.4, '
     'high=-0.2)}; in a file [uncertainty] with obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }'
 )
-_FRESH: Final = 1  # what is added to the seed for the samples of the validation
+_FRESH: Final = 1  # added to the seed for the samples of the validation
 _SAMPLES: Final = 4096
-_SAMPLES_OF_OTHERS: Final = 256  # where somebody else solves the encounters: a loop takes a hundred times as long
+_SAMPLES_OF_EVALUATOR: Final = 256  # with `evaluate`: a loop takes a hundred times as long
 
 
 @check_arguments
-@placed
+@with_file_location
 def design_robust_gain(task: Task) -> RobustDesign:
-    """Find the gain D_p that minimizes a measure of an objective over encounters that are not known exactly.
+    """Find the gain D_p that minimizes a measure of an objective over encounters with uncertain inputs.
 
-    The measure is taken over samples of the uncertain inputs, the same for every gain; the gain is sought as
-    `design_gain` seeks it. Its promise is then held against fresh samples. A worst case is not sampled: the worst
-    encounter is searched for, and certified.
+    The measure is taken over samples of the uncertain inputs, which are the same for every gain. The gain is searched
+    as by `design_gain`, and then validated on fresh samples. A worst case is not sampled: the worst encounter is
+    searched for and certified.
 
-    With `evaluate` the encounters are run on a sampled loop: the i-th sample meets the noise of run i with every gain,
-    and the validation that of later runs. The nominal gain stays that of `design_gain` in continuous time, so that
-    `loss_of_nominal` says what the ideal design loses on the loop.
+    With `evaluate`, the encounters run on a sampled loop. The i-th sample has the noise of run i at every gain, and the
+    validation uses later runs. The nominal gain is still that of `design_gain` in continuous time, so that
+    `loss_of_nominal` is the loss of the ideal design on the loop.
 
     Args:
-        task: the encounter with every input at its likeliest value, the objective, the bounds, the uncertainty, which
-            beside `evaluate` may be empty (then only noise differs), and where given measure, constraints, impact,
+        task: the encounter with every input at its likeliest value, the objective, the bounds and the uncertainty,
+            which may be empty with `evaluate` (then only the noise varies); optionally measure, constraints, impact,
             samples, validation, seed, confidence, sampling, method, horizon and `evaluate`.
 
     Returns:
-        The design; infeasible and no-contact are statuses of it, not errors.
+        The design; infeasible and no-contact are statuses, not errors.
 
     Examples:
         >>> from pretouch.design import excursion_objective
@@ -187,7 +72,7 @@ def design_robust_gain(task: Task) -> RobustDesign:
         >>> round(design.gain, 3)
         -0.778
     """
-    axis, task = GainAxis.between(task.stable_bounds(), task.law.number), _settled(task)
+    axis, task = GainAxis.between(task.stable_bounds(), task.law.number), _with_defaults(task)
     samples, validation, seed, evaluate = task.samples or 0, task.validation or 0, task.seed or 0, task.evaluate
     nominal = GainDesign.of(GainProblem(task=task.replace(evaluate=None), axis=axis)).gain
     unseen = _draw(task, validation, seed + _FRESH, "random")
@@ -214,13 +99,13 @@ def design_robust_gain(task: Task) -> RobustDesign:
     )
 
 
-def _settled(task: Task) -> Task:
-    """Return the task with what it leaves open decided; refuse what makes no sense as a robust design problem."""
+def _with_defaults(task: Task) -> Task:
+    """Return the task with the default values of a robust design, after checking it."""
     measure = checked_measure(Expected() if task.measure is None else task.measure)
     limits = limits_of(task.constraints)
     _check(task, measure, limits)
-    most = _SAMPLES if task.evaluate is None else _SAMPLES_OF_OTHERS
-    samples = most if task.samples is None else task.samples
+    default = _SAMPLES if task.evaluate is None else _SAMPLES_OF_EVALUATOR
+    samples = default if task.samples is None else task.samples
     fresh = _SAMPLES if task.evaluate is None else 4 * samples
     return task.replace(
         measure=measure,
@@ -232,7 +117,7 @@ def _settled(task: Task) -> Task:
 
 
 def _draw(task: Task, count: int, seed: int, sampling: str) -> dict[str, FloatArray]:
-    """Draw samples of the inputs; none where only the noise of an evaluator differs."""
+    """Draw samples of the inputs; none if only the noise of an evaluator varies."""
     if task.uncertainty:
         return sample_inputs(task.uncertainty, count, seed=seed, sampling=sampling)
     check_draw(count, seed=seed, sampling=sampling)
@@ -248,19 +133,19 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
     if isinstance(measure, WorstCase):
         if task.evaluate is not None:
             raise InvalidInputError(
-                "measure: found WorstCase beside evaluate, expected Expected, Quantile or ConditionalValueAtRisk: the "
-                "search for the worst encounter needs the gradients of L(1), which others do not give"
+                "measure: found WorstCase with evaluate, expected Expected, Quantile or ConditionalValueAtRisk: the "
+                "search for the worst encounter needs gradients, which exist only in continuous time, L(1)"
             )
         for limit in limits:
             if limit.probability < 1:
                 raise InvalidInputError(
-                    f"constraint {limit.constraint.name}: found a probability of {limit.probability:g} beside a worst "
-                    "case, which knows none; give the Constraint itself"
+                    f"constraint {limit.constraint.name}: found a probability of {limit.probability:g} with a worst "
+                    "case, which has no probabilities; pass the Constraint without a probability"
                 )
         return
-    for name, known in task.uncertainty.items():
-        if type(known) is Interval:
+    for name, distribution in task.uncertainty.items():
+        if type(distribution) is Interval:
             raise InvalidInputError(
-                f"uncertainty {name}: found an interval, which says nothing about what is likely, for the measure "
-                f"{measure.label!r}; use Uniform where all of it is equally likely, or the measure WorstCase"
+                f"uncertainty {name}: found an interval, which has no probabilities, for the measure "
+                f"{measure.label!r}; use Uniform if all values are equally likely, or the measure WorstCase"
             )

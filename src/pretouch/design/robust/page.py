@@ -1,4 +1,4 @@
-"""What a robust design says: the gain, what fresh samples hold against it, and what is worth measuring better."""
+"""Report page of a robust design: gain, validation on fresh samples, and importance of the uncertain inputs."""
 
 from __future__ import annotations
 
@@ -17,52 +17,53 @@ from pretouch.motion.scenario import input_units
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from ..certificate import DesignStatus
-from ..constraints import impact_rows
+from ..impact import impact_rows
 from ..page import objective_rows
-from .beside import InputImportance, Price
-from .problem import LimitOutcome, Validation
+from .importance import InputImportance
+from .price import Price
 from .result import RobustDesign
+from .validation import LimitOutcome, Validation
 
 
 def importance_section(importance: tuple[InputImportance, ...]) -> Chapter | None:
-    """Say what share of the variance each input has; nothing of fewer than two inputs: one alone has all of it."""
-    found = [one for one in importance if math.isfinite(one.total)]
-    if len(found) < 2:
+    """Return the share of each input in the variance of the objective; None for fewer than two inputs."""
+    ranked = [entry for entry in importance if math.isfinite(entry.total)]
+    if len(ranked) < 2:
         return None
     rows = []
-    for one in found:
-        shares = ((one.alone, one.alone_error), (one.total, one.total_error))
+    for entry in ranked:
+        shares = ((entry.alone, entry.alone_error), (entry.total, entry.total_error))
         cells = (f"{max(0.0, 100 * share):.1f} % \u00b1 {100 * error:.1f}" for share, error in shares)
-        rows.append((one.name, *cells, "-" if one.by_gradient is None else f"{100 * one.by_gradient:.1f} %"))
+        rows.append((entry.name, *cells, "-" if entry.by_gradient is None else f"{100 * entry.by_gradient:.1f} %"))
     note = (
-        "Sobol indices with their standard errors. Alone: the share of the variance of the objective that knowing this "
-        "input exactly would save in the mean. With all interactions: the share that would be left if everything else "
-        "were known. To first order: from the derivatives at the given values. The first input is the one to measure "
-        "better."
+        "Sobol indices with their standard errors. Alone: the mean reduction of the variance of the objective if this "
+        "input were known exactly. With all interactions: the remaining variance if all other inputs were known. To "
+        "first order: from the derivatives at the given values. The most important input comes first: it is the one to "
+        "measure better."
     )
     head = ("uncertain input", "alone", "with all interactions", "to first order")
     table = Rows(head=head, rows=tuple(rows), note=note, brief=True)
-    return Chapter(title="What the objective varies with", titled=True, blocks=(table,))
+    return Chapter(title="Importance of the uncertain inputs", titled=True, blocks=(table,))
 
 
 def price_section(design: RobustDesign) -> Chapter | None:
-    """Say what knowing one input exactly would have gained, where a price is known."""
+    """Return the loss of the robust gain compared with the best gain for each exactly known input; None without it."""
     if not design.prices:
         return None
     caption = (
-        "Left: the gain that is best for each value of an input, beside the one robust gain. Right: how much worse the "
-        "one gain is than the best one for that value, the other inputs at their given values."
+        "Left: the optimal gain for each value of an input, and the robust gain. Right: the loss of the robust gain "
+        "compared with the optimal gain for that value. The other inputs have their given values."
     )
     note = (
-        "The gains made for each value keep no constraints, so that part of the loss may be what constraints cost the "
-        "robust gain. Inputs that were estimated together follow each other. Ranges are those that are possible, or "
-        "the middle 98 %."
+        "The optimal gains for each value ignore the constraints, so part of the loss may be caused by the constraints "
+        "of the robust gain. Inputs that were estimated together vary together. Ranges are the possible ranges, or the "
+        "middle 98 %."
     )
-    name = "Price of robustness over each uncertain input"
+    name = "Loss of the robust gain over each uncertain input"
     head = ("input", "range", "best gains", "largest loss", "median loss")
     table = Rows(head=head, rows=tuple(_price_row(p, design.number.unit) for p in design.prices), note=note)
     picture = Picture(figure="price", of=design, name=name, caption=caption)
-    return Chapter(title="What knowing one input would gain", blocks=(picture, table))
+    return Chapter(title="Value of knowing one input exactly", blocks=(picture, table))
 
 
 def _price_row(price: Price, unit: str) -> tuple[Cell, ...]:
@@ -78,39 +79,38 @@ Row = tuple[Cell, ...]
 
 _STATUS: Final = {
     DesignStatus.OPTIMAL: "robust gain found",
-    DesignStatus.INFEASIBLE: "infeasible: no gain within the bounds meets every constraint as often as it must",
-    DesignStatus.NO_CONTACT: "no contact: no gain within the bounds ends in contact as often as the measure asks for",
+    DesignStatus.INFEASIBLE: "infeasible: no gain within the bounds meets every constraint with its probability",
+    DesignStatus.NO_CONTACT: "no contact: no gain within the bounds ends in contact as often as the measure requires",
 }
-_NO_WAY_OUT: Final = {
+_ADVICE: Final = {
     DesignStatus.INFEASIBLE: (
-        "No gain within the bounds holds all constraints as often as they ask for. What can be tried: a smaller "
-        "probability, a relaxed limit, a wider range of gains, an earlier detection, another admittance, or knowing "
-        "the inputs better."
+        "No gain within the bounds meets all constraints with their probabilities. Try a smaller probability, a "
+        "relaxed limit, a wider range of gains, earlier detection, another admittance, or less uncertain inputs."
     ),
     DesignStatus.NO_CONTACT: (
-        "The measure counts encounters that end in contact with no gain. A quantile leaves a share of them out; or cut "
-        "off what is possible where there is no contact."
+        "Some encounters that the measure includes end without contact at every gain. Use a quantile, which excludes a "
+        "share of the encounters, or restrict the inputs to values with contact."
     ),
 }
 
 
 def robust_page(design: RobustDesign) -> Page:
-    """Describe a robust design of any status."""
-    way_out, v = _NO_WAY_OUT.get(design.status), design.validation
+    """Return the page of a robust design of any status."""
+    advice, v = _ADVICE.get(design.status), design.validation
     premise = Paragraph(
-        text="The gain is optimal for a sample average with common samples. The inputs are distributed as stated: "
-        "nothing here tests that, and an input that is distributed otherwise voids every share and every interval "
-        "above."
+        text="The gain is optimal for a sample average with common samples. The distributions of the inputs are "
+        "assumptions, which nothing here tests. If an input is distributed differently, the probabilities and "
+        "intervals above are not valid."
     )
     return Page(
-        kind="Gain for inputs that are not known exactly",
+        kind="Robust gain for uncertain inputs",
         headline=design.headline,
         status=_STATUS[design.status],
         good=design.status is DesignStatus.OPTIMAL,
         key_figures=() if v is None else tuple(_key_figures(design, v)),
         warnings=design.warnings,
         blocks=(
-            None if way_out is None else Paragraph(text=way_out),
+            None if advice is None else Paragraph(text=advice),
             None if v is None else _outcome(design, v),
             None if v is None or not v.limits else _constraints(v),
             _worst(design),
@@ -144,7 +144,7 @@ def _key_figures(design: RobustDesign, v: Validation) -> Iterator[tuple[str, Cel
     if v.nominal is not None:
         yield f"{label} with the {name}", Measured(v.nominal)
     if v.loss is not None:
-        yield f"more with the {name}", _loss(v)
+        yield f"increase with the {name}", _loss(v)
 
 
 def _loss(v: Validation) -> str:
@@ -158,40 +158,39 @@ def _loss(v: Validation) -> str:
 def _outcome(design: RobustDesign, v: Validation) -> Chapter:
     ideal = ", in continuous time and without noise" if design.on_evaluator else ""
     note = (
-        f"{v.samples} fresh, independent encounters that the design has not seen. The {design.nominal_name} is optimal "
-        f"where every input has its given value{ideal}; how much more it comes to is counted encounter by encounter. "
-        "Predicted, not measured."
+        f"{v.samples} fresh encounters, independent of the design. The {design.nominal_name} is optimal if every input "
+        f"has its given value{ideal}. Its loss is a paired comparison over these encounters. Predicted, not measured."
     )
     head = (f"on {v.samples} fresh samples ({100 * v.confidence:g} % confidence)", *design.compared)
-    return _section("What the gain leads to", head, _outcome_rows(design, v), note)
+    return _section("Results on fresh samples", head, _outcome_rows(design, v), note)
 
 
 def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
-    """Yield measure and contact of the gains side by side."""
+    """Yield rows that compare the gains: measure of the objective and contact quantities."""
     runs = design.compared.values()
-    unbounded = ", the largest that was seen" if v.low == v.value else ""
+    unbounded = ", the largest of the samples" if v.low == v.value else ""
     interval = f" ({v.low:.4g} to {v.high:.4g})" if math.isfinite(v.high) else unbounded
-    found = [float(design.measure.of(run.objective)) for run in runs]
-    cells = [Measured(value, beside="" if i else interval) for i, value in enumerate(found)]
+    values = [float(design.measure.of(run.objective)) for run in runs]
+    cells = [Measured(value, beside="" if i else interval) for i, value in enumerate(values)]
     yield f"{design.measure.label} of the objective", *cells
     if v.loss is not None:
-        yield "more than with the robust gain", "", _loss(v), ""
+        yield "increase over the robust gain", "", _loss(v), ""
     yield "end in contact", *(share_in_words(float(run.reached.mean())) for run in runs)
     for name in ("relative_velocity", "largest_excursion", "time"):
         for words, share in (("median", 0.5), ("exceeded in 5 %", 0.95)):
-            values = (run.reaches(name, share) for run in runs)
-            yield f"{words_for(name)}, {words}", *(Measured(value, unit_of(name), 3) for value in values)
+            quantiles = (run.reaches(name, share) for run in runs)
+            yield f"{words_for(name)}, {words}", *(Measured(value, unit_of(name), 3) for value in quantiles)
 
 
 def _constraints(v: Validation) -> Chapter:
     note = (
-        '"At least" is the exact lower bound (Clopper and Pearson) of the probability that the constraint holds, with '
-        f'a confidence of {100 * v.confidence:g} %. "Shown": that bound is no less than what is required; "within '
-        'chance": as few would be no surprise if it held as often as it must. A design that makes full use of a '
-        "constraint sits on it, so that fresh samples hold it about as often as required and cannot show it: ask for a "
-        "little more, to have that much shown."
+        '"At least" is the exact lower confidence bound (Clopper and Pearson) of the probability that the limit is '
+        f'met, with a confidence of {100 * v.confidence:g} %. "Demonstrated": this bound is at least the required '
+        'probability. "Within chance": the result is compatible with the required probability. An optimal design '
+        "often lies on a constraint, so that fresh samples meet it about as often as required and cannot demonstrate "
+        "it: require a slightly larger probability."
     )
-    head = ("constraint", "limit", "must hold in", "held in", "at least", "magnitude at that share", "state")
+    head = ("constraint", "limit", "required in", "met in", "at least", "quantile at the required share", "state")
     return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note)
 
 
@@ -204,45 +203,47 @@ def _limit_row(outcome: LimitOutcome, v: Validation) -> Row:
         share_in_words(outcome.held),
         share_in_words(outcome.low),
         Measured(outcome.magnitude, constraint.unit),
-        v.says_of(outcome),
+        v.state_of(outcome),
     )
 
 
 def _worst(design: RobustDesign) -> Chapter | None:
-    """Say what the worst encounter is and why none is worse, where it was searched for."""
+    """Return the worst encounter with its certificate; None unless the measure is the worst case."""
     w, units = design.worst, input_units(design.sensor)
     if w is None:
         return None
-    ways = {1: ", with which the objective only grows", -1: ", with which the objective only falls"}
+    notes = {1: " (the objective increases with it)", -1: " (the objective decreases with it)"}
     rows: tuple[Row, ...] = (
-        *((n, Measured(x, units.get(n, ""), beside=ways.get(w.monotone.get(n, 0), ""))) for n, x in w.inputs.items()),
-        ("objective there", Measured(w.value, "", 6)),
-        ("none exceeds", Measured(w.bound, "", 6)),
-        ("no gain gets below", Measured(w.lower, "", 6)),
-        ("boxes of inputs that were told apart", str(w.boxes)),
+        *((n, Measured(x, units.get(n, ""), beside=notes.get(w.monotone.get(n, 0), ""))) for n, x in w.inputs.items()),
+        ("objective of the worst encounter", Measured(w.value, "", 6)),
+        ("upper bound for all encounters", Measured(w.bound, "", 6)),
+        ("lower bound for all gains", Measured(w.lower, "", 6)),
+        ("boxes of inputs in the search", str(w.boxes)),
     )
-    note = "Searched for and bounded, not sampled: no possible encounter exceeds that bound."
+    note = (
+        "The worst encounter was searched for and bounded, not sampled: no possible encounter exceeds the upper bound."
+    )
     return _section("The worst encounter", (), rows, note, wraps=True)
 
 
 def _uncertain(design: RobustDesign) -> Chapter:
     rows = uncertainty_in_words(design.uncertainty, design.sensor)
     if design.on_evaluator:
-        of = "of the sampled loop" if design.method == "loop" else "of the function that was given, if it has any"
-        rows.append(("noise", f"that {of}, another run in each encounter"))
+        of = "of the sampled loop" if design.method == "loop" else "of the user-defined evaluator, if it has any"
+        rows.append(("noise", f"noise {of}, different in each encounter"))
     note = (
-        "Inputs are independent of each other where nothing else is said. All other inputs have their given values, "
-        "which stand below."
+        "Inputs are independent of each other unless stated otherwise. All other inputs have their given values, which "
+        "are listed below."
     )
-    head = ("uncertain input", "what is known of it")
-    return _section("What is uncertain", head, rows, note, wraps=True)
+    head = ("uncertain input", "distribution")
+    return _section("Uncertain inputs", head, rows, note, wraps=True)
 
 
 def _measure(design: RobustDesign) -> Chapter:
     caption = (
-        f"Left: the {design.measure.label} of the objective over the samples of the design, beside the objective of "
-        f"the {'ideal' if design.on_evaluator else 'nominal'} encounter. Thin and grey: gains that break a constraint. "
-        "Right: in how many of the fresh encounters the objective stays below a value."
+        f"Left: the {design.measure.label} of the objective over the samples of the design, and the objective of the "
+        f"{'ideal' if design.on_evaluator else 'nominal'} encounter. Thin and grey: gains that violate a constraint. "
+        "Right: cumulative distribution of the objective over the fresh encounters."
     )
     name = "Measure of the objective over the gain, and distribution of the objective"
     rows = tuple(objective_rows(design.definition))
@@ -253,32 +254,33 @@ def _measure(design: RobustDesign) -> Chapter:
 
 def _encounters(design: RobustDesign) -> Chapter | None:
     caption = (
-        "In how many of the fresh encounters a quantity stays below a value. A curve that ends below 100 %: the others "
-        "end without contact. Dotted: limits, and the share that is required of them. A curve that is missing is zero "
-        "throughout."
+        "Cumulative distributions of contact quantities over the fresh encounters. A curve that ends below 100 %: the "
+        "other encounters end without contact. Dotted: limits and their required probabilities. A quantity without a "
+        "curve is always zero."
     )
+    if design.status is DesignStatus.NO_CONTACT:
+        return None
     picture = Picture(figure="outcome", of=design, name="Distributions of contact quantities", caption=caption)
-    known = design.status is not DesignStatus.NO_CONTACT
-    return Chapter(title="What encounters come to", blocks=(picture,)) if known else None
+    return Chapter(title="Distributions of contact quantities", blocks=(picture,))
 
 
 def _evidence(design: RobustDesign) -> Chapter:
     note = (
-        "Every gain meets the same encounters, so that gains are compared and not samples. The gain is the best for "
-        "these encounters; what it promises for others is what the fresh ones say."
+        "All gains are compared on the same encounters. The gain is optimal for these encounters; the fresh samples "
+        "show its results on others."
     )
-    return _section("How this is known", (), _evidence_rows(design), note, wraps=True)
+    return _section("Evidence", (), _evidence_rows(design), note, wraps=True)
 
 
 def _evidence_rows(design: RobustDesign) -> Iterator[Row]:
     yield "searched", f"every gain from {format_range(design.bounds, design.number.unit)}"
     if design.strongest not in design.bounds:
-        known = f"gains stronger than {design.number.text(design.strongest)}: none can be better"
-        yield "left out by a proof", known
+        excluded = f"gains stronger than {design.number.text(design.strongest)}: none can be better"
+        yield "excluded by a proof", excluded
     yield "scan", f"{design.scanned} gains, each over the same {design.samples} encounters"
     if design.on_evaluator:
-        what = "the sampled loop" if design.method == "loop" else f"{design.method}, by the function that was given"
-        text = f"{what}, with the same noise for every gain; the ideal design is that in continuous time"
-        yield "encounters run on", text
+        evaluator = "the sampled loop" if design.method == "loop" else f"{design.method}, by the user-defined evaluator"
+        text = f"{evaluator}, with the same noise for every gain; the ideal design is in continuous time"
+        yield "encounters solved by", text
     yield "local minima found and refined", str(len(design.local_minima))
     yield "seed", str(design.seed)

@@ -1,12 +1,14 @@
-"""One search: a scan that resolves a function, a zoom into each of its minima, and what certifies them.
+"""Global search for gains: scan and refinement along one axis, local search over several parameters, certificates.
 
-`search_axis` is the engine along one coordinate. Compiled code takes the problems that it knows (`compiled`, `family`);
-arrays of others are scanned side by side (`many`). Over several coordinates, `Trials` on a cube are searched from a
-grid by local steps (`local`); `box_maximum` certifies the largest value on a box.
+`search_axis` scans one coordinate and refines each minimum. Compiled code solves the problems that it supports
+(`compiled`), and families of encounters that differ in one input are interpolated (`family`); arrays of other
+encounters are scanned together (`many`). Over several free parameters, `local` searches from a grid of `Trials`.
+`box_maximum` computes a certified maximum on a box.
 """
 
+from .gain_axis import GainAxis
 from .minima import Minimum, refine, search_axis
-from .scan import EXACT, HELD, RUNS, SAMPLED, Effort, GainAxis, Landscape, Scan, scan
+from .scan import EXACT, HELD, RUNS, SAMPLED, Effort, Landscape, Scan, scan
 
 __all__ = [
     "EXACT",

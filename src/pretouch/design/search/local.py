@@ -1,4 +1,4 @@
-"""Local search from a given point with SciPy's sequential quadratic programming, and what says that it has arrived."""
+"""Local search by SciPy's sequential quadratic programming (SLSQP), and the residual of the optimality conditions."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from pretouch._core.numbers import FloatArray
 from .scan import HELD
 from .trials import Trials
 
-_FAR: Final = 1e3  # what stands for a row without contact, beside rows of about 1
+_FAR: Final = 1e3  # value of a row without contact; other rows are about 1
 _ITERATIONS: Final = 120
-_CLOSE: Final = 1e-6  # of a limit or a bound: active
-_NEAR: Final = 1e-9  # of the range: where a bound so near is as good, it is meant; the solver stops a rounding before
-_SAME: Final = 1e-12  # of a value, to which encounters are known
-_INSIDE: Final = 1e-10  # of a limit, by which the search stays below it: what an SQP step leaves
+_CLOSE: Final = 1e-6  # a limit or bound within this relative distance is active
+_NEAR: Final = 1e-9  # a point within this share of the range from a bound is moved to the bound if it is as good
+_SAME: Final = 1e-12  # relative accuracy of encounters
+_INSIDE: Final = 1e-10  # the search keeps this relative distance from a limit, which an SQP step may violate
 
 
-Ask: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""From coordinates to rows and derivatives, each row over its scale."""
+Rows: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""From coordinates to rows and derivatives, each row divided by its scale."""
 
 
-def _remembered(trials: Trials, scale: FloatArray) -> Ask:
-    """Return what asks for rows and derivatives and remembers the last point: a solver asks for each in turn."""
+def _cached_rows(trials: Trials, scale: FloatArray) -> Rows:
+    """Return a function for rows and derivatives that caches the last point, because solvers read them one by one."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
-    def ask(at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(at: FloatArray) -> tuple[FloatArray, FloatArray]:
         key = at.tobytes()
         if key not in last:
             last.clear()
@@ -36,91 +36,91 @@ def _remembered(trials: Trials, scale: FloatArray) -> Ask:
             last[key] = np.where(np.isfinite(rows), rows / scale, _FAR), slopes / scale[:, None]
         return last[key]
 
-    return ask
+    return evaluate
 
 
 def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArray | None:
-    """Minimize a weighted sum of the measures within limits and bounds, from a start; None if it ends at no point."""
+    """Minimize a weighted sum of the measures within limits and bounds; None if the result is not feasible."""
     count, ratios = len(trials.measures), len(trials.constraints)
-    ask = _remembered(trials, np.ones(count + ratios))
-    first = float(weights @ ask(start)[0][:count]) or 1.0
-    found = _minimize(
-        lambda z: float(weights @ ask(z)[0][:count]) / first,
-        lambda z: weights @ ask(z)[1][:count] / first,
+    rows = _cached_rows(trials, np.ones(count + ratios))
+    first = float(weights @ rows(start)[0][:count]) or 1.0
+    minimum = _minimize(
+        lambda z: float(weights @ rows(z)[0][:count]) / first,
+        lambda z: weights @ rows(z)[1][:count] / first,
         start,
-        (lambda z: 1 - _INSIDE - ask(z)[0][count:], lambda z: -ask(z)[1][count:]) if ratios else None,
+        (lambda z: 1 - _INSIDE - rows(z)[0][count:], lambda z: -rows(z)[1][count:]) if ratios else None,
         [(0.0, 1.0)] * len(start),
     )
-    return _settled(trials, np.clip(found, 0.0, 1.0), lambda z: float(weights @ trials.values(z[None])[0]))
+    return _to_feasible(trials, np.clip(minimum, 0.0, 1.0), lambda z: float(weights @ trials.values(z[None])[0]))
 
 
 def advance(
     trials: Trials, start: FloatArray, origin: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Return the front's point on a ray from an origin in the plane of quantities, and its t; None if there is none."""
-    # the least t with quantities <= origin + t scale (Pascoletti and Serafini 1984), from coordinates to start with
+    """Return the front's point on a ray from an origin in the space of quantities, and its t; None without a result."""
+    # Minimizes t subject to quantities <= origin + t scale (Pascoletti and Serafini 1984).
     count = len(trials.measures)
-    ask = _remembered(trials, np.concatenate([scale, np.ones(len(trials.constraints))]))
+    rows = _cached_rows(trials, np.concatenate([scale, np.ones(len(trials.constraints))]))
     goal = origin / scale
 
-    def room(z: FloatArray) -> FloatArray:
-        rows = ask(z[:-1])[0]
-        return np.concatenate([z[-1] + goal - rows[:count], 1 - _INSIDE - rows[count:]])
+    def slack(z: FloatArray) -> FloatArray:
+        values = rows(z[:-1])[0]
+        return np.concatenate([z[-1] + goal - values[:count], 1 - _INSIDE - values[count:]])
 
-    def room_slope(z: FloatArray) -> FloatArray:
-        slopes = -ask(z[:-1])[1]
+    def slack_slope(z: FloatArray) -> FloatArray:
+        slopes = -rows(z[:-1])[1]
         return np.column_stack([slopes, np.where(np.arange(len(slopes)) < count, 1.0, 0.0)])
 
-    t = float((ask(start)[0][:count] - goal).max())
+    t = float((rows(start)[0][:count] - goal).max())
     up = np.append(np.zeros(len(start)), 1.0)
-    found = _minimize(
+    minimum = _minimize(
         lambda z: float(z[-1]),
         lambda _: up,
         np.append(start, t),
-        (room, room_slope),
+        (slack, slack_slope),
         [*[(0.0, 1.0)] * len(start), (None, None)],
     )
 
-    def missed(z: FloatArray) -> float:
+    def ray_parameter(z: FloatArray) -> float:
         return float((trials.values(z[None])[0] / scale - goal).max())
 
-    at = _settled(trials, np.clip(found[:-1], 0.0, 1.0), missed)
-    return None if at is None else (at, missed(at))
+    at = _to_feasible(trials, np.clip(minimum[:-1], 0.0, 1.0), ray_parameter)
+    return None if at is None else (at, ray_parameter(at))
 
 
-def _minimize(value: Any, slope: Any, start: FloatArray, room: Any, bounds: Any) -> FloatArray:
-    """Minimize within bounds and, where there is some, with room that stays positive, both with their derivatives."""
-    from scipy.optimize import minimize  # noqa: PLC0415 - `import pretouch` stays quick
+def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any) -> FloatArray:
+    """Minimize within bounds and, if there is a slack, with slack >= 0; both are passed with their derivatives."""
+    from scipy.optimize import minimize  # noqa: PLC0415 - keeps `import pretouch` fast
 
-    limits = [] if room is None else [{"type": "ineq", "fun": room[0], "jac": room[1]}]
+    limits = [] if slack is None else [{"type": "ineq", "fun": slack[0], "jac": slack[1]}]
     options: Any = {"maxiter": _ITERATIONS, "ftol": 1e-14}
-    found = minimize(value, start, jac=slope, method="SLSQP", bounds=bounds, constraints=limits, options=options)
-    return np.asarray(found.x, dtype=np.float64)
+    result = minimize(value, start, jac=slope, method="SLSQP", bounds=bounds, constraints=limits, options=options)
+    return np.asarray(result.x, dtype=np.float64)
 
 
-def _settled(trials: Trials, at: FloatArray, value: Callable[[FloatArray], float]) -> FloatArray | None:
-    """Return a point if it is feasible, on the bounds that it is near if that is as good."""
-    there = np.where(at <= _NEAR, 0.0, np.where(at >= 1 - _NEAR, 1.0, at))
-    kept, bound = _kept(trials, at), _kept(trials, there)
-    if kept is None or bound is None or np.array_equal(at, there):
-        return bound if kept is None else kept
-    own = value(kept)
-    return bound if value(bound) <= own + _SAME * abs(own) else kept
+def _to_feasible(trials: Trials, at: FloatArray, value: Callable[[FloatArray], float]) -> FloatArray | None:
+    """Return a point if it is feasible, moved onto nearby bounds if that is as good; else None."""
+    moved = np.where(at <= _NEAR, 0.0, np.where(at >= 1 - _NEAR, 1.0, at))
+    inner, bound = _if_feasible(trials, at), _if_feasible(trials, moved)
+    if inner is None or bound is None or np.array_equal(at, moved):
+        return bound if inner is None else inner
+    inner_value = value(inner)
+    return bound if value(bound) <= inner_value + _SAME * abs(inner_value) else inner
 
 
-def _kept(trials: Trials, at: FloatArray) -> FloatArray | None:
-    """Return a point if it is feasible."""
+def _if_feasible(trials: Trials, at: FloatArray) -> FloatArray | None:
+    """Return a point if it is feasible, else None."""
     return at if np.isfinite(at).all() and np.isfinite(trials.values(at[None])).all() else None
 
 
 def kkt_residual(trials: Trials, at: FloatArray, weights: FloatArray) -> tuple[float, tuple[str, ...], FloatArray]:
-    """Tell how well a point meets the first-order conditions (Karush, Kuhn and Tucker) of a weighted sum.
+    """Return the residual of the first-order conditions (Karush, Kuhn and Tucker) of a weighted sum at a point.
 
-    Multipliers are those, not negative, that come nearest to balancing the gradient; the search had no part in them.
+    The multipliers are the nonnegative least-squares solution, independent of the search.
 
     Returns:
-        What remains of the gradient by coordinates in [0, 1], over the value; the names of active limits and bounds
-        (`natural_frequency: lower bound`); and their multipliers, over the value.
+        The largest component of the gradient of the Lagrangian in coordinates in [0, 1], relative to the value; the
+        names of active limits and bounds (`natural_frequency: lower bound`); their multipliers, relative to the value.
     """
     from scipy.optimize import nnls  # noqa: PLC0415
 
@@ -141,5 +141,5 @@ def kkt_residual(trials: Trials, at: FloatArray, weights: FloatArray) -> tuple[f
     if not normals:
         return float(np.abs(gradient).max()), (), np.zeros(0)
     multipliers, _ = nnls(np.array(normals).T, -gradient)
-    left = gradient + np.array(normals).T @ multipliers
-    return float(np.abs(left).max()), tuple(names), np.asarray(multipliers)
+    residual = gradient + np.array(normals).T @ multipliers
+    return float(np.abs(residual).max()), tuple(names), np.asarray(multipliers)

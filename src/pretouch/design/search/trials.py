@@ -1,194 +1,35 @@
-"""What is free, and what is asked of encounters over it."""
+"""Evaluation of encounters over the free parameters: measures, constraints and their derivatives."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import BoolArray, FloatArray, nonnegative
-from pretouch.motion import DAMPER, DRAG, Admittance, ContactResult, ContinuousLaw, Scenario
-from pretouch.motion.scenario import map_fields
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.motion import ContactResult
 
 from ..constraints import Constraint
 from ..problem import Criterion, GainProblem, along, ratio
-from .scan import HELD, GainAxis
+from .freedom import Freedom
+from .scan import HELD
 
-_LOGARITHMIC: Final = 2.0  # ratio of the bounds from which the logarithm is the better coordinate
-Range = tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Freedom:
-    """The parameters that are free, each by a coordinate in [0, 1], the gain first; points have the shape (n, size)."""
-
-    scenario: Scenario  # the encounter, with the admittance whose mass is kept
-    axis: GainAxis  # the coordinate of the gain, with its bounds
-    natural_frequency: Range | None  # bounds of sqrt(K / M) [rad/s]; None where it is not free
-    damping_ratio: Range | None  # bounds of D / (2 sqrt(M K)); None where it is not free
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The free parameters, in the order of their coordinates."""
-        free = (("natural_frequency", self.natural_frequency), ("damping_ratio", self.damping_ratio))
-        return ("gain", *(name for name, bounds in free if bounds is not None))
-
-    @property
-    def size(self) -> int:
-        """How many parameters are free."""
-        return len(self.names)
-
-    def gain(self, at: FloatArray) -> FloatArray:
-        """Return the gains [N s] at coordinates, shape (n, size)."""
-        low, high = self.axis.span
-        return self.axis.gain(low + (high - low) * at[:, 0])
-
-    def coordinate(self, gain: float) -> float:
-        """Return the coordinate of a gain [N s]."""
-        low, high = self.axis.span
-        return float(np.clip((self.axis.coordinate(gain) - low) / (high - low), 0.0, 1.0))
-
-    def admittance(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return natural frequency [rad/s] and damping ratio at coordinates, each of shape (n,)."""
-        own = self.scenario.admittance
-        column = iter(at.T[1:])
-        frequency = (
-            np.full(len(at), own.natural_frequency)
-            if self.natural_frequency is None
-            else _between(self.natural_frequency, next(column))
-        )
-        if self.damping_ratio is not None:
-            return frequency, _between(self.damping_ratio, next(column))
-        ratio = own.damping_ratio if own.stiffness > 0 else np.nan
-        return frequency, np.full(len(at), ratio)
-
-    def scenarios(self, at: FloatArray) -> Scenario:
-        """Return the encounters at coordinates, shape (n, size)."""
-        if self.size == 1:
-            return self.scenario
-        frequency, ratio = self.admittance(at)
-        mass = np.full(len(at), self.scenario.admittance.mass)
-        admittance = Admittance.from_natural_frequency(mass=mass, natural_frequency=frequency, damping_ratio=ratio)
-        return replace(self.scenario, admittance=admittance)
-
-    def choice(self, at: FloatArray) -> tuple[Scenario, float]:
-        """Return the encounter and the gain [N s] at one point, shape (size,)."""
-        one = map_fields(self.scenarios(at[None]), lambda v: v.item() if np.ndim(v) else v)
-        return one, float(self.gain(at[None])[0])
-
-    def chain(self, at: FloatArray) -> tuple[tuple[tuple[str, float], ...], ...]:
-        """Return the inputs that follow each coordinate at one point, shape (size,), with their derivatives."""
-        point = at[None]
-        low, high = self.axis.span
-        gain = float(self.gain(point)[0])
-        found: list[tuple[tuple[str, float], ...]] = [(("gain", (high - low) * self.axis.stretch(gain)),)]
-        frequency, ratio = (float(v[0]) for v in self.admittance(point))
-        mass = self.scenario.admittance.mass
-        if self.natural_frequency is not None:
-            rate = _rate(self.natural_frequency, frequency)
-            damping, stiffness = 2 * ratio * mass * rate, 2 * frequency * mass * rate
-            found.append((("admittance.damping", damping), ("admittance.stiffness", stiffness)))
-        if self.damping_ratio is not None:
-            found.append((("admittance.damping", 2 * frequency * mass * _rate(self.damping_ratio, ratio)),))
-        return tuple(found)
-
-    def lattice(self, gains: int) -> FloatArray:
-        """Return a grid over all coordinates with their ends, shape (n, size)."""
-        others = {1: (), 2: (17,), 3: (13, 9)}[self.size]
-        columns = [np.linspace(0.0, 1.0, count) for count in (gains, *others)]
-        return np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, self.size)
-
-    def spread(self, count: int) -> FloatArray:
-        """Return points that lie nowhere dense and nowhere sparse between the ends, shape (count, size)."""
-        # multiples of the inverse powers of x, where x^(size + 1) = x + 1, which generalize the golden section
-        # (H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992, on such sequences)
-        x = float(np.roots([1.0, *([0.0] * (self.size - 1)), -1.0, -1.0]).real.max())
-        steps = x ** -np.arange(1.0, self.size + 1)
-        return np.asarray((0.5 + np.arange(count)[:, None] * steps) % 1.0)
-
-
-def make_freedom(
-    scenario: Scenario,
-    bounds: Range,
-    natural_frequency: Sequence[float] | None,
-    damping_ratio: Sequence[float] | None,
-    law: ContinuousLaw = DAMPER,
-) -> Freedom:
-    """Check what is free: bounds of the gain, and where given of natural frequency [rad/s] and damping ratio."""
-    axis = GainAxis.between(bounds, law.number)
-    if law == DRAG and not (natural_frequency is None and damping_ratio is None):
-        raise InvalidInputError(
-            f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: found it free with a virtual "
-            "drag, which holds the admittance off: neither stiffness nor damping changes the encounter; leave it out"
-        )
-    if scenario.shape:
-        raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {scenario.shape}, expected one; call for each"
-        )
-    own = scenario.admittance
-    if natural_frequency is not None and damping_ratio is None and own.stiffness == 0:
-        raise InvalidInputError(
-            "natural_frequency: found it free and a stiffness of 0 N/m, which has no damping ratio to keep; "
-            "give bounds of the damping ratio, too"
-        )
-    if damping_ratio is not None and natural_frequency is None and own.stiffness == 0:
-        raise InvalidInputError(
-            "damping_ratio: found it free and a stiffness of 0 N/m, for which there is no such ratio; "
-            "give bounds of the natural frequency, too"
-        )
-    return Freedom(
-        scenario=scenario,
-        axis=axis,
-        natural_frequency=_interval(natural_frequency, "natural_frequency", "rad/s"),
-        damping_ratio=_interval(damping_ratio, "damping_ratio", ""),
-    )
-
-
-def _interval(given: Sequence[float] | None, name: str, unit: str) -> Range | None:
-    if given is None:
-        return None
-    ends = np.asarray(nonnegative(given, name, unit))
-    if ends.shape != (2,) or not ends[0] < ends[1]:
-        raise InvalidInputError(
-            f"{name}: found {given!r}, expected two numbers in {unit or '1'}, the smaller one first"
-        )
-    return float(ends[0]), float(ends[1])
-
-
-def _is_log(bounds: Range) -> bool:
-    return bounds[0] > 0 and bounds[1] > _LOGARITHMIC * bounds[0]
-
-
-def _between(bounds: Range, at: FloatArray) -> FloatArray:
-    """Return the values at coordinates: a bound itself at 0 and 1."""
-    low, high = bounds
-    value = low * np.exp(np.log(high / low) * at) if _is_log(bounds) else low + (high - low) * at
-    return np.asarray(np.where(at == 1, high, np.clip(value, low, high)))
-
-
-def _rate(bounds: Range, value: float) -> float:
-    low, high = bounds
-    return float(value * np.log(high / low)) if _is_log(bounds) else high - low
-
-
-_STEP: Final = 2e-4  # of a coordinate in [0, 1]: differences of order 4 are then as good as the contacts
+_STEP: Final = 2e-4  # step in [0, 1] at which differences of order 4 are as accurate as the contacts
 _NODES: Final = np.arange(-2.0, 3.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trials:
-    """Everything that a search asks of encounters; coordinates have the shape (n, size)."""
+    """Evaluates encounters for a search over the free parameters; coordinates have the shape (n, size)."""
 
-    freedom: Freedom  # what is free
-    encounters: GainProblem  # how they are solved, and what they must keep
-    measures: tuple[Criterion, ...]  # what is minimized
+    freedom: Freedom  # the free parameters
+    encounters: GainProblem  # the task, which solves encounters and has the constraints
+    measures: tuple[Criterion, ...]  # the criteria to minimize
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """The limits."""
+        """The constraints."""
         return self.encounters.task.limits
 
     @property
@@ -201,25 +42,25 @@ class Trials:
         return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
 
     def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return measures, then |quantity| / limit of every constraint, infinite without contact; and where that is."""
+        """Return measures and |quantity| / limit of every constraint, infinite without contact; and the contacts."""
         result = self.run(at)
         reached = np.asarray(result.reached)
-        every = self.rows_of(result)
-        return np.where(reached[:, None], np.reshape(every, (len(at), -1)), np.inf), reached
+        rows = self.rows_of(result)
+        return np.where(reached[:, None], np.reshape(rows, (len(at), -1)), np.inf), reached
 
     def feasible(self, rows: FloatArray) -> BoolArray:
-        """Tell where there is contact and every limit holds."""
+        """Return which rows end in contact and meet every limit."""
         ratios = rows[:, len(self.measures) :]
         return np.asarray(np.isfinite(rows).all(axis=1) & (ratios <= HELD).all(axis=1))
 
     def values(self, at: FloatArray) -> FloatArray:
-        """Return the measures, infinite where the point is not feasible, shape (n, measures)."""
+        """Return the measures, infinite at points that are not feasible, shape (n, measures)."""
         rows, _ = self.rows(at)
         return np.where(self.feasible(rows)[:, None], rows[:, : len(self.measures)], np.inf)
 
     def differentiate(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the rows at one point, shape (size,), and their derivatives; infinite and zero without contact."""
-        # exact where the result has gradients of all that a row is made of, else differences within the bounds
+        # Derivatives are exact if the result has gradients for all quantities of a row, else differences are used.
         result = self.run(at[None])
         if not np.asarray(result.reached).all():
             count = len(self.criteria)
@@ -232,38 +73,39 @@ class Trials:
         return rows, slopes
 
     def rows_of(self, result: ContactResult) -> FloatArray:
-        """Return the rows of a result, its runs along the first axis."""
+        """Return the rows of a result, with the runs along the first axis."""
         return np.stack([np.asarray(c.value(result), dtype=np.float64) for c in self.criteria], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
-        """Return exact derivatives, NaN where there are none."""
+        """Return the exact derivatives, NaN for rows that have none."""
         criteria = self.criteria
-        found = np.full((len(criteria), len(at)), np.nan)
-        if not self.encounters.is_differentiable or not any(one.has_gradients for one in criteria):
-            return found
+        slopes = np.full((len(criteria), len(at)), np.nan)
+        if not self.encounters.is_differentiable or not any(criterion.has_gradients for criterion in criteria):
+            return slopes
         gradients = result.gradients
         chain = self.freedom.chain(at)
-        for i, one in enumerate(criteria):
-            if one.has_gradients:
-                by = {name: one.slope(result.end, along(gradients.of, name)) for some in chain for name, _ in some}
-                found[i] = [sum(rate * by[name].item() for name, rate in inputs) for inputs in chain]
-        return found
+        names = [name for inputs in chain for name, _ in inputs]
+        for i, criterion in enumerate(criteria):
+            if criterion.has_gradients:
+                by = {name: criterion.slope(result.end, along(gradients.of, name)) for name in names}
+                slopes[i] = [sum(rate * by[name].item() for name, rate in inputs) for inputs in chain]
+        return slopes
 
     def _differences(self, at: FloatArray) -> FloatArray:
-        """Return derivatives by differences of order 4, one-sided beside a bound."""
+        """Return derivatives by differences of order 4, one-sided near a bound."""
         size = len(at)
-        shift = np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)  # of the middle node, in steps
+        shift = np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)  # shift of the middle node, in steps
         offsets = _STEP * (_NODES + shift[:, None])
         points = np.repeat(at[None], 5 * size, axis=0).reshape(size, 5, size)
         for j in range(size):
             points[j, :, j] = np.clip(points[j, :, j] + offsets[j], 0.0, 1.0)
         rows, _ = self.rows(points.reshape(-1, size))
         samples = rows.reshape(size, 5, -1)
-        found = np.zeros((samples.shape[2], size))
+        slopes = np.zeros((samples.shape[2], size))
         for j in range(size):
             powers = np.vander((points[j, :, j] - at[j]) / _STEP, 5, increasing=True).T
             weights = np.linalg.solve(powers, np.array([0.0, 1.0, 0.0, 0.0, 0.0])) / _STEP
             with np.errstate(invalid="ignore"):
                 slope = weights @ samples[j]
-            found[:, j] = np.where(np.isfinite(slope), slope, 0.0)  # beside an edge of contact
-        return found
+            slopes[:, j] = np.where(np.isfinite(slope), slope, 0.0)  # not finite next to an edge of contact
+        return slopes

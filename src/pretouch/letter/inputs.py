@@ -1,4 +1,4 @@
-"""The letter's experiments as data: every input as printed, with its unit and the place where it stands."""
+"""Inputs of the letter's experiments as printed, with units and places, and the objects made from them."""
 
 from __future__ import annotations
 
@@ -17,39 +17,39 @@ from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, Inve
 from .printed import Parameter, resolution
 
 
-def _given(place: str, *lines: str) -> tuple[Parameter, ...]:
-    """Read inputs that stand at one place, each as `name: symbol = value unit`."""
-    found = [re.fullmatch(r"(.+): (.+) = (\S+) ?(.*)", text) for line in lines for text in line.split("; ")]
-    return tuple(Parameter(m[1], m[2], m[3], m[4], place) for m in found if m)
+def _parameters(place: str, *lines: str) -> tuple[Parameter, ...]:
+    """Parse inputs of one place in the letter, each written as `name: symbol = value unit`."""
+    matches = [re.fullmatch(r"(.+): (.+) = (\S+) ?(.*)", text) for line in lines for text in line.split("; ")]
+    return tuple(Parameter(m[1], m[2], m[3], m[4], place) for m in matches if m)
 
 
 SENSORS: Final[Mapping[str, tuple[Parameter, ...]]] = {
-    "inverse-power": _given(
+    "inverse-power": _parameters(
         "Table I", "scale: αβψ = 1.30e-5 V m^n; distance_offset: l_0 = 0.0419 m; exponent: n = 3.32"
     ),
-    "exponential-1": _given("Table I", "scale: a_1 = 0.458 V; rate: c_1 = -61.0 1/m"),
-    "exponential-2": _given("Table I", "scale: a_2 = 0.480 V; curvature: b_2 = 474 1/m^2; rate: c_2 = -74.0 1/m"),
-    "fingertip": _given("Section V-B", "scale: a_1 = 1.25 V; rate: c_1 = -63.46 1/m"),
+    "exponential-1": _parameters("Table I", "scale: a_1 = 0.458 V; rate: c_1 = -61.0 1/m"),
+    "exponential-2": _parameters("Table I", "scale: a_2 = 0.480 V; curvature: b_2 = 474 1/m^2; rate: c_2 = -74.0 1/m"),
+    "fingertip": _parameters("Section V-B", "scale: a_1 = 1.25 V; rate: c_1 = -63.46 1/m"),
 }
-"""The sensor curves by name: names of parameters are those of our own models."""
+"""The sensor curves by name; parameters have the names of the sensor models of pretouch."""
 
-ADMITTANCE: Final = _given(
+ADMITTANCE: Final = _parameters(
     "Section IV-B", "virtual mass: M_a = 1 kg; virtual damping: D_a = 10 N s/m; virtual stiffness: K_a = 25 N/m"
 )
-APPROACH: Final = ADMITTANCE + _given(
+APPROACH: Final = ADMITTANCE + _parameters(
     "Section IV-B",
     "reference position: x_d = 0 m; initial distance: ε = 0.0422 m; initial position of the obstacle: x_o,i = 0.0422 m",
     "velocity of the obstacle: v_o = -0.3 m/s; acceleration of the obstacle: a_o = 0 m/s^2",
 )
 """Sections IV-B and V-A: an obstacle approaches the plant, which rests at its reference."""
 
-EXPERIMENT_GAIN: Final = _given("Section IV-B", "virtual force gain: D_p = -1.0 N s")[0]
-F_1: Final = _given(
+EXPERIMENT_GAIN: Final = _parameters("Section IV-B", "virtual force gain: D_p = -1.0 N s")[0]
+F_1: Final = _parameters(
     "Section V-A",
     "weight of the position: w_1 = 1; weight of the velocity: w_2 = 1",
     "typical position: x_typ = -0.5 m; typical relative velocity: l'_typ = -0.3 m/s",
 )
-DISRUPTION: Final = ADMITTANCE + _given(
+DISRUPTION: Final = ADMITTANCE + _parameters(
     "Section V-B",
     "reference position: x_d = 0 m; initial distance: ε = 0.065 m; position of the obstacle: x_o,i = -0.035 m",
     "velocity of the obstacle: v_o = 0 m/s; initial relative velocity: μ = 0 m/s",
@@ -57,17 +57,17 @@ DISRUPTION: Final = ADMITTANCE + _given(
 )
 """Section V-B: the plant moves to its reference, and an obstacle at rest is in the way."""
 
-F_2: Final = _given(
+F_2: Final = _parameters(
     "Section V-C",
     "weight of the time: w_3 = 1; weight of the velocity: w_4 = 1",
     "typical time: t_typ = 1 s; typical relative velocity: l'_typ = -0.01 m/s",
 )
 BOUNDS: Final = (-20.0, -0.01)
-"""The range of gains [N s] in which an optimum is sought; the letter names none."""
+"""Bounds of the gain [N s] in the search for an optimum; the letter prints none."""
 
 
 def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
-    """Make a sensor curve of the letter by its key in SENSORS, with the printed parameters or others.
+    """Make a sensor curve of the letter by its key in SENSORS, with the printed or other parameter values.
 
     Returns:
         The curve.
@@ -80,39 +80,42 @@ def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
         "inverse-power": InversePower,
         "exponential-2": ExponentialSecondOrder,
     }
-    given = SENSORS[name]
-    numbers = [p.value for p in given] if values is None else values
-    return models.get(name, ExponentialFirstOrder)(**{p.name: float(v) for p, v in zip(given, numbers, strict=True)})
+    parameters = SENSORS[name]
+    numbers = [p.value for p in parameters] if values is None else values
+    arguments = {p.name: float(v) for p, v in zip(parameters, numbers, strict=True)}
+    return models.get(name, ExponentialFirstOrder)(**arguments)
 
 
 def approach(speed: float | FloatArray | None = None) -> Scenario:
-    """Make the encounter of Sections IV-B and V-A, or that of another speed of the obstacle [m/s]."""
-    given = {p.symbol: p.value for p in APPROACH}
-    return _encounter(given, given["v_o"] if speed is None else -speed)
+    """Make the encounter of Sections IV-B and V-A, with the printed or another speed of the obstacle [m/s]."""
+    values = {p.symbol: p.value for p in APPROACH}
+    return _encounter(values, values["v_o"] if speed is None else -speed)
 
 
 def disruption() -> Scenario:
     """Make the encounter of Section V-B."""
-    given = {p.symbol: p.value for p in DISRUPTION}
-    return _encounter(given, given["v_o"], given["v_o"] - given["μ"])
+    values = {p.symbol: p.value for p in DISRUPTION}
+    return _encounter(values, values["v_o"], values["v_o"] - values["μ"])
 
 
-def _encounter(given: Mapping[str, float], velocity: float | FloatArray, own: float = 0.0) -> Scenario:
+def _encounter(
+    values: Mapping[str, float], obstacle_velocity: float | FloatArray, plant_velocity: float = 0.0
+) -> Scenario:
     return Scenario(
-        admittance=Admittance(mass=given["M_a"], damping=given["D_a"], stiffness=given["K_a"]),
-        obstacle=Obstacle(position=given["x_o,i"], velocity=velocity),
-        plant=Plant(position=given["x_o,i"] - given["ε"], velocity=own),
+        admittance=Admittance(mass=values["M_a"], damping=values["D_a"], stiffness=values["K_a"]),
+        obstacle=Obstacle(position=values["x_o,i"], velocity=obstacle_velocity),
+        plant=Plant(position=values["x_o,i"] - values["ε"], velocity=plant_velocity),
     )
 
 
 def f_1() -> Objective:
-    """Make the objective of Section V-A, L(20) with the printed weights and typical values."""
+    """Make the letter's objective f_1, L(20), with the weights and typical values of Section V-A."""
     w_1, w_2, x_typ, v_typ = (p.value for p in F_1)
     return excursion_objective(position_scale=x_typ, velocity_scale=v_typ, position_weight=w_1, velocity_weight=w_2)
 
 
 def f_2() -> Objective:
-    """Make the objective of Section V-C, L(22) with the printed weights and typical values."""
+    """Make the letter's objective f_2, L(22), with the weights and typical values of Section V-C."""
     w_3, w_4, t_typ, v_typ = (p.value for p in F_2)
     return time_objective(time_scale=t_typ, velocity_scale=v_typ, time_weight=w_3, velocity_weight=w_4)
 
@@ -120,16 +123,18 @@ def f_2() -> Objective:
 def best_gain(
     curve: SensorModel, scenario: Scenario | None = None, objective: Objective | None = None, method: str = "auto"
 ) -> float:
-    """Return the optimal gain within BOUNDS [N s], by f_1 of the approach where nothing else is named; NaN for none."""
-    found = design_gain(Task(scenario or approach(), curve, objective or f_1(), bounds=BOUNDS, method=method)).gain
-    return float("nan") if found is None else found
+    """Return the optimal gain within BOUNDS [N s], by default for f_1 and the approach; NaN without an optimum."""
+    gain = design_gain(Task(scenario or approach(), curve, objective or f_1(), bounds=BOUNDS, method=method)).gain
+    return float("nan") if gain is None else gain
 
 
 def over_rounding(name: str, evaluate: Callable[[SensorModel], Any]) -> Any:
-    """Evaluate something over all sensors whose parameters round to the printed ones; the scale is held: it cancels.
+    """Return the range of a function over all sensors whose parameters round to the printed ones.
+
+    The scale of the sensor is fixed, because it cancels in the virtual force.
 
     Returns:
-        The smallest and the largest of each number over the ends and the middle of every parameter's rounding: an
+        The smallest and the largest value over the ends and the middle of every parameter's rounding interval: an
         array of the shape (..., 2), or a pair of floats for one number.
 
     Examples:
@@ -147,4 +152,4 @@ def over_rounding(name: str, evaluate: Callable[[SensorModel], Any]) -> Any:
 
 
 ONE_APPROACH: Final = {"admittance": approach().admittance, "scenario": approach(), "sensor": sensor("inverse-power")}
-"""What most programs begin with, by the names that they have for it."""
+"""Inputs of most programs, by their variable names."""

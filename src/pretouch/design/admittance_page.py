@@ -1,0 +1,62 @@
+"""Report page of a design of gain and admittance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from pretouch._core.blocks import Cell, Chapter, Measured, Page, Paragraph, Picture, Rows
+
+from .admittance_result import AdmittanceDesign
+from .page import gain_page
+
+Row = tuple[Cell, ...]
+
+
+def admittance_page(design: AdmittanceDesign) -> Page:
+    """Return the page of a design of any status: the admittance, then the page of its gain."""
+    chosen = design.gain_design is not None
+    page = gain_page(design.gain_design or design.as_it_is)
+    head = ("", "natural frequency", "damping ratio", design.number.label, "objective")
+    evidence = tuple(_evidence(design))
+    follows = Paragraph(
+        text=f"{'At this admittance' if chosen else 'With the unchanged admittance'}: {page.headline}", brief=True
+    )
+    picture = Picture(
+        figure="admittance",
+        of=design,
+        name="Best objective over the admittance",
+        caption="The best objective over the gains for each admittance of the search grid, and the optimum, which was "
+        "refined from the grid.",
+    )
+    admittance = Chapter(
+        title="The admittance",
+        blocks=(
+            Rows(head=head, rows=tuple(_rows(design)), brief=True),
+            picture if design.certificate is not None else None,
+            Rows(rows=evidence, wraps=True, brief=True) if evidence else None,
+            follows,
+        ),
+    )
+    return replace(page, headline=design.headline, good=chosen, blocks=(admittance, *page.blocks))
+
+
+def _rows(design: AdmittanceDesign) -> Iterator[Row]:
+    for i, m in enumerate(() if design.certificate is None else design.certificate.local_minima):
+        cells = (Measured(m.damping_ratio), Measured(m.gain, design.number.unit), Measured(m.objective))
+        yield "local minimum" if i else "optimal", Measured(m.natural_frequency, "rad/s"), *cells
+    before = design.as_it_is
+    unchanged = before.scenario.admittance
+    ratio = Measured(float(unchanged.damping_ratio) if unchanged.stiffness > 0 else None)
+    cells = (ratio, Measured(before.gain, design.number.unit), Measured(before.objective))
+    yield "unchanged", Measured(float(unchanged.natural_frequency), "rad/s"), *cells
+
+
+def _evidence(design: AdmittanceDesign) -> Iterator[Row]:
+    c = design.certificate
+    if c is None:
+        return
+    active = ", ".join(f"{name.replace('_', ' ')} (multiplier {value:.3g})" for name, value in c.active)
+    yield "searched", f"{c.grid} encounters on a grid; none of {c.tests} other encounters is better than the optimum"
+    yield "active limits and bounds", active or "none: the optimum lies inside"
+    yield "first-order residual, relative to the objective", f"{c.residual:.1e}"

@@ -1,0 +1,148 @@
+"""User-defined objectives: objects with a method `value`, and functions of the state at contact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Final, Protocol, TypeAlias
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.motion.contact import ContactState
+
+from .impact import ImpactModel
+from .objectives import Objective, Term
+
+_SUM: Final = 1e-9  # relative error up to which parts add up to the value: far above rounding, invisible in reports
+
+
+class Valued(Protocol):
+    """A user-defined object that evaluates a contact; it may have a method `parts` with the same arguments."""
+
+    def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None) -> Any:
+        """Return the number >= 0 to minimize, of the shape of the state."""
+
+
+AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
+"""An objective, or a user-defined object or function instead of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnObjective(Objective):
+    """Wrapper of a user-defined objective: an object with `value`, or a function of the state at contact.
+
+    Its parts are those that the object declares by `parts`, if they add up to the value; otherwise it has none.
+
+    Args:
+        terms: empty; the wrapped object may compute anything.
+        name: the name of the class or of the function.
+        given: the wrapped object or function.
+    """
+
+    terms: tuple[Term, ...] = field(default=(), repr=False)
+    given: Any
+
+    def __post_init__(self) -> None:
+        pass
+
+    def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> FloatArray:
+        """Evaluate the wrapped objective, of the shape of the state."""
+        try:
+            if callable(getattr(self.given, "value", None)):
+                value = self.given.value(state, obstacle_speed, impact)
+            else:
+                value = self.given(state)
+            numbers = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(
+                f"objective: {self.name} failed on contacts of the shape {np.shape(state.time)} ({error}); it is "
+                "called with many contacts at once, so use functions of arrays, such as those of NumPy"
+            ) from error
+        if numbers.ndim and numbers.shape != np.shape(state.time):
+            raise InvalidInputError(
+                f"objective: {self.name} gave the shape {numbers.shape} for contacts of the shape "
+                f"{np.shape(state.time)}, expected the same"
+            )
+        return np.broadcast_to(numbers, np.shape(state.time))
+
+    def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
+        """Return the parts that the wrapped objective declares; none if they do not add up to the value."""
+        if not _declares_parts(self.given):
+            return {}
+        parts: Mapping[str, Any] = self.given.parts(state, obstacle_speed, impact)
+        whole = self.value(state, obstacle_speed, impact)
+        with np.errstate(invalid="ignore"):
+            error = np.abs(np.asarray(sum(parts.values()), dtype=np.float64) - whole)
+        finite = np.isfinite(whole)
+        return parts if parts and np.all(error[finite] <= _SUM * np.abs(whole[finite])) else {}
+
+
+def as_objective(given: AnyObjective) -> Objective:
+    """Convert an objective, or a user-defined object or function, to an Objective.
+
+    Args:
+        given: an Objective; an object with `value(state, obstacle_speed, impact)` and, optionally, `parts` with the
+            same arguments for reports; or a function of the state at contact.
+
+    Returns:
+        The objective itself if it is a plain sum of terms, otherwise an OwnObjective that wraps it.
+
+    Raises:
+        InvalidInputError: the argument is none of these.
+
+    Examples:
+        >>> def gentle(state):
+        ...     return state.time**2 + 40 * state.relative_velocity**2
+        >>> as_objective(gentle).name
+        'gentle'
+    """
+    if type(given) is OwnObjective or (type(given) is Objective and all(type(t) is Term for t in given.terms)):
+        return given
+    if isinstance(given, type) or not (callable(getattr(given, "value", None)) or callable(given)):
+        raise InvalidInputError(
+            f"objective: found {given!r}, expected an Objective, an object with value(state, obstacle_speed, impact), "
+            "or a function of the state at contact"
+        )
+    return OwnObjective(name=_name_of(given), given=given)
+
+
+def appraise(
+    objective: Objective,
+    state: ContactState,
+    reached: BoolArray,
+    obstacle_speed: Any,
+    impact: ImpactModel | None,
+) -> FloatArray:
+    """Evaluate an objective, infinite without contact; raise an error if a user-defined one is negative or NaN."""
+    value = objective.value(state, obstacle_speed, impact)
+    if type(objective) is OwnObjective:
+        wrong = np.asarray(reached) & ~(value >= 0)
+        if wrong.any():
+            time = np.broadcast_to(np.asarray(state.time), wrong.shape)[wrong]
+            raise InvalidInputError(
+                f"objective: {objective.name} gave {float(value[wrong][0]):g} for a contact after "
+                f"{float(time[0]):g} s, expected a number that is not negative, because losses are reported relative "
+                "to it; add a constant"
+            )
+    return np.where(reached, value, np.inf)
+
+
+def _declares_parts(given: Any) -> bool:
+    """Return whether an object declares parts of its value; `Objective.parts` does not fit an overridden value."""
+    if not callable(getattr(given, "parts", None)):
+        return False
+    if not isinstance(given, Objective):
+        return True
+    return type(given).parts is not Objective.parts or type(given).value is Objective.value
+
+
+def _name_of(given: Any) -> str:
+    if type(given) is Objective:
+        return given.name
+    if isinstance(given, partial):
+        return _name_of(given.func)
+    name = getattr(given, "__name__", type(given).__name__)
+    return "a function without a name" if name == "<lambda>" else str(name)

@@ -1,0 +1,126 @@
+"""Pareto front along a curve: all gains, if only the gain is free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
+
+from ..search import Effort, Landscape, refine, scan
+from .dominance import FoundFront, extent_of, non_dominated, shortfall
+
+_EFFORT: Final = Effort(share=0.01)  # a quantity may pass through 0
+_HALVINGS: Final = 44  # until the neighbors of an end are 1e-13 of the axis apart
+_FINEST: Final = 12
+_CURVE_SPACING: Final = 0.01  # distance between neighbors on the front, as a share of its extent
+
+
+# The curve is scanned until it is well interpolated. The ends of the front's pieces are then found to rounding: the
+# minima of the quantities, the edges of feasibility, and the points where another part of the curve becomes better.
+def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
+    """Find the Pareto front of a curve over [0, 1]: `evaluate` returns quantities, (n, k), at coordinates, (n,)."""
+    # Quantities are infinite if not feasible. The points ascend in the first quantity, or with three quantities in the
+    # coordinate; pieces are separated by worse coordinates. The front is empty if nothing is feasible.
+    samples = _Samples(evaluate)
+    for k in range(samples.values.shape[1]):
+        lowest = refine(lambda u, k=k: evaluate(u)[:, k], samples.at, samples.values[:, k])  # type: ignore[misc]
+        samples.add(np.array([m.coordinate for m in lowest]))
+    if np.isfinite(samples.values).all(axis=1).any():
+        samples.find_ends()
+        samples.fill()
+    best = non_dominated(samples.values)
+    piece = np.cumsum(np.concatenate([[True], best[1:] & ~best[:-1]]))
+    kept = np.flatnonzero(_thinned(samples.values, best))
+    order = kept[np.argsort(samples.values[kept, 0] if samples.values.shape[1] == 2 else kept, kind="stable")]
+    numbers = np.concatenate([[0], np.cumsum(np.diff(piece[order]) != 0)])[: len(order)]
+    connected = np.diff(piece[kept]) == 0
+    between = _between(evaluate, samples.at[kept], samples.values[kept], connected)
+    points = samples.at[order, None], samples.values[order], numbers
+    return FoundFront.of(*points, (samples.at[:, None], samples.values), between)
+
+
+_PARTS: Final = 8  # parts of an interval at whose ends the curve is compared with the points of the front
+_WORST: Final = 16  # number of intervals that are refined
+
+
+def _between(
+    evaluate: Callable[[FloatArray], FloatArray], at: FloatArray, values: FloatArray, connected: BoolArray
+) -> FloatArray:
+    """Return quantities between connected neighbors, to 1/128 of the intervals in which the error is largest."""
+    low, high = at[:-1][connected], at[1:][connected]
+    if not len(low):
+        return values[:0]
+    shares = np.arange(1, _PARTS) / _PARTS
+    first = evaluate((low[:, None] + shares * (high - low)[:, None]).ravel())
+    extent = extent_of(values)
+    missed = shortfall(first / extent, values / extent).reshape(len(low), -1)
+    worst = np.argsort(-missed.max(axis=1), kind="stable")[:_WORST]
+    place = shares[missed[worst].argmax(axis=1)]
+    near = place[:, None] + np.linspace(-1, 1, 2 * _WORST + 1) / _PARTS
+    again = evaluate((low[worst, None] + near * (high - low)[worst, None]).ravel())
+    return np.concatenate([first, again])
+
+
+class _Samples:
+    """All evaluated points of the curve, in order."""
+
+    def __init__(self, evaluate: Callable[[FloatArray], FloatArray]) -> None:
+        def landscape(at: FloatArray) -> Landscape:
+            return Landscape(objective=evaluate(at).T, ratios=np.empty((0, len(at))))
+
+        scanned = scan(landscape, 0.0, 1.0, _EFFORT)
+        self.evaluate = evaluate
+        self.at, self.values = scanned.coordinate, scanned.landscape.objective.T
+
+    def add(self, at: FloatArray) -> None:
+        """Evaluate more points and insert them in order."""
+        at = np.setdiff1d(at, self.at)
+        if not len(at):
+            return
+        every = np.concatenate([self.at, at])
+        order = np.argsort(every, kind="stable")
+        self.values = np.concatenate([self.values, self.evaluate(at)])[order]
+        self.at = every[order]
+
+    def halve(self, which: BoolArray) -> bool:
+        """Halve intervals; return whether there were any."""
+        where = np.flatnonzero(which)
+        self.add(0.5 * (self.at[where] + self.at[where + 1]))
+        return len(where) > 0
+
+    def find_ends(self) -> None:
+        """Halve every interval that has exactly one end on the front, until the ends are found to rounding."""
+        for _ in range(_HALVINGS):
+            best = non_dominated(self.values)
+            if not self.halve((best[1:] != best[:-1]) & (np.diff(self.at) > 1e-13)):
+                return
+
+    def fill(self) -> None:
+        """Halve intervals of the front whose ends lie far apart in the space of quantities."""
+        for _ in range(_FINEST):
+            best = non_dominated(self.values)
+            with np.errstate(invalid="ignore"):
+                gaps = (np.abs(np.diff(self.values, axis=0)) / extent_of(self.values[best])).max(axis=1)
+            if not self.halve(best[1:] & best[:-1] & (gaps > _CURVE_SPACING)):
+                return
+
+
+def _thinned(values: FloatArray, best: BoolArray) -> BoolArray:
+    """Return the points without close neighbors; the ends of pieces and the minima of the quantities are kept."""
+    kept, front = best.copy(), np.flatnonzero(best)
+    if not len(front):
+        return kept
+    padded = np.concatenate([[False], best, [False]])
+    inner: BoolArray = padded[:-2] & padded[2:]
+    needed = {*np.flatnonzero(best & ~inner), *front[np.argmin(values[front], axis=0)]}
+    shares = values / extent_of(values[front])
+    last = front[0]
+    for i in front[1:]:
+        if i not in needed and np.abs(shares[i] - shares[last]).max() < _CURVE_SPACING / 4:
+            kept[i] = False
+        else:
+            last = i
+    return kept

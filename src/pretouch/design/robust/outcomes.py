@@ -1,0 +1,66 @@
+"""Outcomes of a gain in uncertain encounters, and the measure over the gain."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.values import Value
+from pretouch.motion import ContactState
+
+from ..impact import ImpactModel
+from ..quantities import quantity_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class RobustOutcomes(Value):
+    """Results of one gain in each of the fresh encounters.
+
+    Args:
+        gain: the law's number, such as D_p [N s].
+        objective: the objective, shape (n,); infinite without contact.
+        reached: which encounters end in contact, shape (n,).
+        state: the state at the end of each encounter, fields of shape (n,).
+        inputs: the uncertain inputs by name, in SI, shape (n,) each.
+        impact: the physical properties, or None.
+    """
+
+    gain: float
+    objective: FloatArray
+    reached: BoolArray
+    state: ContactState
+    inputs: dict[str, FloatArray]
+    impact: ImpactModel | None
+
+    def magnitude(self, quantity: str) -> FloatArray:
+        """Return |quantity| in SI for a name of QUANTITY_UNITS, shape (n,); infinite without contact."""
+        values = np.abs(np.asarray(quantity_of(quantity, self.state, self.impact)))
+        return np.where(self.reached, np.broadcast_to(values, self.reached.shape), np.inf)
+
+    def reaches(self, quantity: str, share: float) -> float:
+        """Return a quantile of the magnitude of a quantity, in SI: it is not exceeded in this share of encounters."""
+        return float(np.sort(self.magnitude(quantity))[math.ceil(share * len(self.objective)) - 1])
+
+    def __repr__(self) -> str:
+        return f"<RobustOutcomes: {len(self.objective)} encounters with gain {self.gain:.4g}>"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class RobustTradeOff(Value):
+    """The measure of the objective over the gain, on the samples of the design.
+
+    Args:
+        gain: the law's number, such as D_p [N s], ascending, shape (n,).
+        value: the measure; infinite if relevant encounters end without contact.
+        feasible: whether every constraint holds with its required probability.
+    """
+
+    gain: FloatArray
+    value: FloatArray
+    feasible: BoolArray
+
+    def __repr__(self) -> str:
+        return f"<RobustTradeOff: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g}>"

@@ -1,0 +1,95 @@
+"""Loss of a robust gain compared with the optimal gain for each exactly known value of an input."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError, ResultUnavailableError
+from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
+from pretouch.motion.scenario import SCENARIO_INPUTS, input_units
+from pretouch.uncertainty import JointDistribution, Uncertainty, make_ensemble
+from pretouch.uncertainty.ensemble import names_of
+
+from ..gain import GainDesign
+from ..problem import GainProblem
+
+_TAIL = 0.01  # probability of each tail that is cut off the range of an unbounded input
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Price(Value):
+    """Comparison of the robust gain with the optimal gain for each exactly known value of one input.
+
+    Args:
+        name: the input.
+        unit: its SI unit.
+        value: its values, shape (n,).
+        best_gain: the optimal gain for each value, such as D_p [N s]; NaN without an optimal gain.
+        best: the objective of the optimal gain.
+        robust: the objective of the robust gain; NaN without contact.
+        low: the smallest possible value of the input, or its 1 % quantile if it has no bounds.
+        high: the largest possible value, or the 99 % quantile.
+    """
+
+    name: str
+    unit: str
+    value: FloatArray
+    best_gain: FloatArray
+    best: FloatArray
+    robust: FloatArray
+    low: float
+    high: float
+
+    @property
+    def loss(self) -> FloatArray:
+        """Relative loss of the robust gain compared with the optimal one."""
+        return self.robust / self.best - 1
+
+    def __repr__(self) -> str:
+        most = np.max(self.loss, initial=0.0, where=np.isfinite(self.loss))
+        return f"<Price: {self.name} from {self.low:g} to {self.high:g} {self.unit}, loss up to {most:.3g}>"
+
+
+def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float | None) -> Price:
+    """Compare one gain with the optimal gain for each of many values of an input, the others at their given values."""
+    # Inputs that were estimated together with it take their likeliest values. The optimal gains ignore constraints, so
+    # that the loss is never negative; part of the loss may be caused by constraints.
+    if type(count) is not int or count < 2:
+        raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
+    if gain is None:
+        raise ResultUnavailableError("price: there is no robust gain to compare; see the status, or pass a gain")
+    task = problem.task.replace(constraints=())
+    joint, members = _distribution_of(task.uncertainty, name)
+    marginal = joint.alone(members.index(name))
+    low, high = marginal.support
+    if not (np.isfinite(low) and np.isfinite(high)):
+        low, high = marginal.quantile(_TAIL), marginal.quantile(1 - _TAIL)
+    x = np.linspace(low, high, count)
+    values = dict(zip(members, joint.others(members.index(name), x), strict=True)) | {name: x}
+    ensemble = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
+    result = ensemble.contacts(gain)
+    robust = np.where(result.reached, task.goal.value(result.end, ensemble.speed, task.impact), np.nan)
+
+    def design(**changes: Any) -> GainDesign:
+        return GainDesign.of(GainProblem(task=task.replace(**changes), axis=problem.axis))
+
+    if all(member in SCENARIO_INPUTS for member in ensemble.values):
+        designs = design(scenario=ensemble.scenario)
+        best, least = np.asarray(designs.gain), np.asarray(designs.objective)
+    else:
+        each = [design(scenario=s, sensor=c) for s, c in map(ensemble.at, range(count))]
+        best, least = (np.array([getattr(d, n) for d in each], dtype=np.float64) for n in ("gain", "objective"))
+    unit = input_units(task.sensor)[name]
+    return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, low=low, high=high)
+
+
+def _distribution_of(uncertainty: Uncertainty, name: str) -> tuple[JointDistribution, tuple[str, ...]]:
+    """Return the joint distribution of an input, and the names of all inputs that it describes."""
+    for key, joint in uncertainty.items():
+        if name in joint.inputs(key):
+            return joint, joint.inputs(key)
+    raise InvalidInputError(f"price: found {name!r}, expected an uncertain input: {', '.join(names_of(uncertainty))}")

@@ -1,0 +1,140 @@
+"""Validation of a robust gain on fresh samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
+
+from .problem import RobustProblem
+from .required import Required, least_probability
+
+_ROUNDING: Final = 1e-12  # relative excess of a limit that is tolerated as rounding
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitOutcome(Value):
+    """One constraint at the chosen gain, on fresh samples.
+
+    Args:
+        required: the constraint and the probability with which it must hold.
+        held: the share of the fresh samples in which it holds.
+        low: exact (Clopper-Pearson) one-sided lower confidence bound of the probability that it holds.
+        magnitude: quantile of |quantity| at the required probability (the maximum for a probability of 1), in SI.
+    """
+
+    required: Required
+    held: float
+    low: float
+    magnitude: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the outcome as one JSON object, in SI."""
+        c = self.required.constraint
+        constraint = {"name": c.name, "limit": c.limit, "unit": c.unit, "probability": self.required.probability}
+        return {**constraint, "held": self.held, "held_at_least": self.low, "magnitude": self.magnitude}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LossOfNominal(Value):
+    """Loss of the nominal gain compared with the robust gain, on the same fresh samples.
+
+    Args:
+        relative: relative increase of the measure over that of the robust gain; negative if the nominal gain is better.
+        standard_error: its standard error, from paired differences; NaN if the measure gives none.
+    """
+
+    relative: float
+    standard_error: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Validation(Value):
+    """Validation of a robust gain on fresh samples, independent of the design.
+
+    Args:
+        samples: number of samples.
+        confidence: confidence level of the intervals.
+        value: the measure of the objective.
+        low: lower end of its confidence interval.
+        high: upper end of its confidence interval.
+        nominal: the measure with the nominal gain, which is optimal without uncertainty; None without such a gain.
+        loss: the loss of the nominal gain compared with the robust one; None if a measure is not finite.
+        nominal_breaks: the constraints that the nominal gain does not meet with their required probabilities.
+        limits: the outcome of each constraint.
+        reached: the share of the samples that end in contact.
+    """
+
+    samples: int
+    confidence: float
+    value: float
+    low: float
+    high: float
+    nominal: float | None
+    loss: LossOfNominal | None
+    nominal_breaks: tuple[str, ...]
+    limits: tuple[LimitOutcome, ...]
+    reached: float
+
+    def may_hold(self, outcome: LimitOutcome) -> bool:
+        """Return whether the samples are compatible with the required probability of a constraint."""
+        missed = self.samples - round(outcome.held * self.samples)
+        return 1 - least_probability(missed, self.samples, self.confidence) >= outcome.required.probability
+
+    def state_of(self, outcome: LimitOutcome) -> str:
+        """Return whether the samples demonstrate the required probability of a constraint, in words."""
+        if outcome.held < outcome.required.probability:
+            return "missed, within chance" if self.may_hold(outcome) else "missed"
+        if outcome.low >= outcome.required.probability:
+            return "demonstrated"
+        return "met in every sample" if outcome.held == 1 else "met, not demonstrated"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the validation as one JSON object, in SI."""
+        names = ("samples", "confidence", "value", "low", "high", "nominal", "nominal_breaks", "reached")
+        document = {name: getattr(self, name) for name in names}
+        return {**document, "loss_of_nominal": self.loss, "constraints": self.limits}
+
+
+def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Validation:
+    """Validate a gain and the nominal gain on fresh encounters, independent of the design."""
+    confidence = problem.task.confidence
+    objective, ratios = problem.values(gain)
+    value, low, high = problem.measure.estimate(objective, confidence)
+    nominal_value, loss = None, None
+    violated: tuple[str, ...] = ()
+    if nominal is not None:
+        nominal_objective, nominal_ratios = problem.values(nominal)
+        pairs = zip(problem.limits, nominal_ratios, strict=True)
+        violated = tuple(r.constraint.name for r, ratio in pairs if r.share(ratio) > 1 + _ROUNDING)
+        nominal_value = float(problem.measure.of(nominal_objective))
+        with np.errstate(invalid="ignore"):  # both objectives are infinite without contact
+            change, error = problem.measure.difference(objective, nominal_objective)
+        if np.isfinite(change) and value > 0:
+            loss = LossOfNominal(relative=change / value, standard_error=error / value)
+    return Validation(
+        samples=len(objective),
+        confidence=confidence,
+        value=value,
+        low=low,
+        high=high,
+        nominal=nominal_value,
+        loss=loss,
+        nominal_breaks=violated,
+        limits=tuple(_limit(r, ratio, confidence) for r, ratio in zip(problem.limits, ratios, strict=True)),
+        reached=float(np.isfinite(objective).mean()),
+    )
+
+
+def _limit(required: Required, ratio: FloatArray, confidence: float) -> LimitOutcome:
+    count = int((ratio <= 1 + _ROUNDING).sum())
+    return LimitOutcome(
+        required=required,
+        held=count / len(ratio),
+        low=least_probability(count, len(ratio), confidence),
+        magnitude=float(required.share(ratio)) * required.constraint.limit,
+    )

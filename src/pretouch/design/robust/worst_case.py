@@ -1,0 +1,155 @@
+"""Gain with the best worst case over a box of inputs, with a certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
+from pretouch.uncertainty import Distribution, Interval, Uncertainty, sample_inputs
+
+from ..search import GainAxis, Minimum, Scan, search_axis
+from ..search.box_maximum import CertifiedMaximum, Function, maximize_on_box
+from ..task import Task
+from .problem import RobustProblem
+
+_MOST_INPUTS: Final = 8
+_INSIDE: Final = 64  # initial points inside the box
+_ROUNDS: Final = 30
+_SAME: Final = 1e-9  # two objectives within this relative difference are equal
+_TOLERANCE: Final = 1e-7  # relative tolerance of the certified maximum
+_DECIDING: Final = 1e-7  # encounters within this relative difference of the worst one are reported as deciding
+_STEP: Final = 1e-4  # step of differences that replace a gradient, as a share of an input's range
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorstEncounter(Value):
+    """The worst possible encounter at a gain, with its certificate.
+
+    Args:
+        inputs: the inputs of the encounter by name, in SI.
+        value: its objective.
+        bound: upper bound of the objective of all possible encounters, certified by the search of boxes.
+        lower: lower bound of the worst case of all gains, from the encounters in `encounters` alone.
+        boxes: number of boxes of inputs in the search.
+        monotone: inputs in which the objective only grows (1) or only falls (-1) over the whole box.
+        encounters: the encounters that decide the gain, as rows of inputs in the order of `inputs`.
+    """
+
+    inputs: dict[str, float]
+    value: float
+    bound: float
+    lower: float
+    boxes: int
+    monotone: dict[str, int]
+    encounters: tuple[tuple[float, ...], ...]
+
+
+def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
+    """Return the smallest and the largest value of each input; raise an error for unbounded or too many inputs."""
+    if len(uncertainty) > _MOST_INPUTS:
+        raise InvalidInputError(
+            f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}: "
+            "the search evaluates 2^n corners"
+        )
+    box = {}
+    for name, distribution in uncertainty.items():
+        support = distribution.support if isinstance(distribution, Distribution) else (-np.inf, np.inf)
+        if not np.isfinite(support).all():
+            raise InvalidInputError(
+                f"uncertainty {name}: found {type(distribution).__name__}, which has no bounds, expected bounds for a "
+                "worst case; use an Interval, or a TruncatedNormal with both bounds"
+            )
+        box[name] = support
+    return box
+
+
+# The largest objective over a finite set of encounters is minimized: the corners of the box of inputs, its middle and
+# points inside. At the optimal gain, the worst encounter of the whole box is searched for and certified
+# (`search.box_maximum`). If it is worse than the set, it joins the set, and the gain is optimized again (Blankenship
+# and Falk, J. Optim. Theory Appl. 19 (1976) 261). So the last minimum is a lower bound for all gains, and the certified
+# maximum is an upper bound for the optimal gain. Their difference is the optimality gap.
+def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, list[Minimum], WorstEncounter | None]:
+    """Find the gain with the best worst case; return the last problem, its scan and minima, and the worst encounter."""
+    box = box_of(task.uncertainty)
+    low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
+    points = _first_points(box)
+    for _ in range(_ROUNDS):
+        problem = RobustProblem.over(task, axis, dict(zip(box, points.T, strict=True)))
+        scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1])
+        if not minima:
+            return problem, scanned, minima, None
+        gain, lower = float(problem.axis.gain(minima[0].coordinate)), minima[0].value
+        maxima = [
+            maximize_on_box(_function(problem, box, gain, which), low, high, tolerance=_TOLERANCE)
+            for which in range(-1, len(problem.limits))
+        ]
+        allowed = (lower, *(1.0 for _ in problem.limits))
+        worse = [m.point for m, most in zip(maxima, allowed, strict=True) if m.value > most * (1 + _SAME)]
+        if not worse:
+            break
+        points = np.concatenate([points, worse])
+    return problem, scanned, minima, _worst(maxima[0], lower, tuple(box), problem, gain)
+
+
+def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
+    """Return the corners of a box, its middle, and points inside."""
+    corners = np.array(list(product(*box.values())))
+    middle = np.array([[0.5 * (low + high) for low, high in box.values()]])
+    inside = sample_inputs({name: Interval(low=low, high=high) for name, (low, high) in box.items()}, _INSIDE)
+    return np.concatenate([corners, middle, np.stack([inside[name] for name in box], axis=1)])
+
+
+def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
+    """Return a function of the inputs with its gradient: the objective (-1) or the ratio of a constraint."""
+    names = tuple(box)
+    low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
+
+    def at(points: FloatArray) -> RobustProblem:
+        return RobustProblem.over(problem.task, problem.axis, dict(zip(names, points.T, strict=True)))
+
+    def value(points: FloatArray) -> FloatArray:
+        objective, ratios = at(points).values(gain)
+        return objective if which < 0 else ratios[which]
+
+    def both(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        values = value(points)
+        if not np.isfinite(values).all():
+            return values, np.full(points.shape, np.nan)
+        if problem.has_slopes(which):
+            inner = at(points)
+            result = inner.ensemble.contacts(gain)
+            return values, np.stack([inner.slope(result, name, which) for name in names], axis=1)
+        slopes = []
+        for j, step in enumerate(_STEP * (high - low)):
+            ahead, behind = points.copy(), points.copy()
+            ahead[:, j] = np.minimum(points[:, j] + step, high[j])
+            behind[:, j] = np.maximum(points[:, j] - step, low[j])
+            slopes.append((value(ahead) - value(behind)) / (ahead[:, j] - behind[:, j]))
+        return values, np.stack(slopes, axis=1)
+
+    return both
+
+
+def _worst(
+    maximum: CertifiedMaximum, lower: float, names: tuple[str, ...], problem: RobustProblem, gain: float
+) -> WorstEncounter:
+    """Make the worst encounter from the certified maximum and the lower bound for all gains."""
+    values = problem.values(gain)[0]
+    points = np.stack([problem.ensemble.values[name] for name in names], axis=1)
+    deciding = np.unique(points[values >= lower * (1 - _DECIDING)], axis=0)
+    return WorstEncounter(
+        inputs=dict(zip(names, maximum.point.tolist(), strict=True)),
+        value=maximum.value,
+        bound=maximum.bound,
+        lower=min(lower, maximum.bound),  # equal bounds may differ by rounding, since they are computed differently
+        boxes=maximum.boxes,
+        monotone={name: sign for name, sign in zip(names, maximum.signs, strict=True) if sign},
+        encounters=tuple(map(tuple, deciding.tolist())),
+    )

@@ -1,0 +1,86 @@
+"""Search coordinate of the gain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import BoolArray, FloatArray, finite
+from pretouch._core.units import pretty_unit
+from pretouch.motion import LawNumber
+
+_ROUNDING = 16 * np.finfo(np.float64).eps  # relative rounding of u: sinh(asinh) is exact to 4 units on every processor
+
+_AT_END = 1e-9  # distance from a bound, as a share of the range of u, within which u counts as the bound
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GainAxis:
+    """The search coordinate u = asinh(gain / s) of a gain: logarithmic far from zero, linear around it.
+
+    A gain is the law's number, such as D_p [N s].
+
+    Args:
+        low: lower bound of the gain.
+        high: upper bound of the gain.
+    """
+
+    low: float
+    high: float
+
+    @classmethod
+    def between(cls, bounds: Sequence[float], number: LawNumber | None = None) -> GainAxis:
+        """Make the axis between two bounds; raise an error if they are no interval or exclude all mitigating gains."""
+        unit = "N*s" if number is None else number.unit
+        low, high = bounds
+        low, high = finite(low, "bounds", unit), finite(high, "bounds", unit)
+        if not low < high:
+            raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] {unit}, expected the smaller gain first")
+        if number is not None and max(number.sign * low, number.sign * high) <= 0:
+            shown = pretty_unit(unit)
+            raise InvalidInputError(
+                f"bounds: {low:g} to {high:g} {shown} make the robot chase the object; mitigating {number.name}s are "
+                f"{number.mitigating}. Did you mean {0.0 - high:g} to {0.0 - low:g} {shown}?"
+            )
+        return cls(low=low, high=high)
+
+    @property
+    def scale(self) -> float:
+        """The gain s around which the axis changes from linear to logarithmic."""
+        small, large = sorted((abs(self.low), abs(self.high)))
+        return small if self.low * self.high > 0 else 1e-3 * large
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both bounds of the gain, the lower one first."""
+        return self.low, self.high
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The coordinates of both bounds."""
+        low, high = self.coordinate(np.array(self.ends))
+        return float(low), float(high)
+
+    def coordinate(self, gain: FloatArray | float) -> FloatArray:
+        """Return u of a gain."""
+        return np.asarray(np.arcsinh(np.asarray(gain) / self.scale))
+
+    def gain(self, coordinate: FloatArray | float) -> FloatArray:
+        """Return the gain at u, never outside of the bounds; exactly a bound if u is that bound up to rounding."""
+        gain = np.clip(self.scale * np.sinh(coordinate), self.low, self.high)
+        for bound, end in zip(self.ends, self.span, strict=True):
+            gain = np.where(np.abs(coordinate - end) <= _ROUNDING * max(1.0, abs(end)), bound, gain)
+        return gain
+
+    def is_end(self, coordinate: FloatArray | float) -> BoolArray:
+        """Return which u lie on a bound, to 1e-9 of the range."""
+        low, high = self.span
+        return np.asarray(np.minimum(np.abs(coordinate - low), np.abs(coordinate - high)) <= _AT_END * (high - low))
+
+    def stretch(self, gain: float) -> float:
+        """Return d gain / du at a gain."""
+        return math.hypot(gain, self.scale)

@@ -188,6 +188,8 @@ class Page(Value):
         key_figures: the most important numbers, with their names.
         open: sentences above the headline, on answers that no data support.
         warnings: sentences to read before relying on the answer.
+        findings: short sentences on limits and reasons, for the short text of a terminal.
+        next_step: what to do next, in one sentence, for the same text.
         blocks: all further blocks; None is skipped.
         source: name of the input file, for the title.
     """
@@ -199,6 +201,8 @@ class Page(Value):
     key_figures: tuple[tuple[str, Cell], ...] = ()
     open: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+    next_step: str = ""
     blocks: tuple[Any, ...] = ()
     source: str = ""
 
@@ -260,7 +264,7 @@ def page_as_text(page: Page) -> str:
     """
     parts = ["\n".join([page.headline, *page.open])]
     if page.warnings:
-        parts.append("\n".join(f"warning: {_bare(text)}" for text in page.warnings))
+        parts.append("\n".join(f"warning: {plain_text(text)}" for text in page.warnings))
     return "\n\n".join([*parts, *_parts(page.blocks)])
 
 
@@ -276,12 +280,12 @@ def _parts(blocks: Iterable[Block]) -> Iterator[str]:
             rows = [block.head, *block.rows] if block.head else list(block.rows)
             yield "\n".join(aligned([[cell_as_text(cell) for cell in row] for row in rows], left=block.wraps))
         elif isinstance(block, Listing):
-            yield "\n".join(f"  {_bare(item)}" for item in block.items)
+            yield "\n".join(f"  {plain_text(item)}" for item in block.items)
         elif isinstance(block, Paragraph | Code):
-            yield _bare(block.text) if isinstance(block, Paragraph) else block.text
+            yield plain_text(block.text) if isinstance(block, Paragraph) else block.text
 
 
-def _bare(text: str) -> str:
+def plain_text(text: str) -> str:
     """Remove the markup of code and links."""
     return LINK.sub(r"\1", text).replace("`", "")
 
@@ -291,7 +295,7 @@ def cell_as_text(cell: Cell) -> str:
     if isinstance(cell, Named):
         return cell.words
     if not isinstance(cell, Measured):
-        return _bare(cell)
+        return plain_text(cell)
     if cell.value is None or math.isnan(cell.value):
         return "-"
     return format_quantity(cell.value, cell.unit, cell.digits) + cell.beside

@@ -37,9 +37,33 @@ def calibration_page(report: CalibrationReport) -> Page:
         headline=_headline(report),
         status=f"verdict: {report.verdict}",
         good=usable,
+        key_figures=tuple(_key_figures(report)),
         warnings=() if usable else report.reasons,
+        findings=tuple(f"left out: {text}" for text in report.left_out),
+        next_step="" if best is None else "use it in a scenario file, see the section [sensor] in the report",
         blocks=(_picture(report), *first, *blocks, Chapter(title="Provenance", blocks=tuple(_provenance(report)))),
     )
+
+
+def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
+    best, offset, slope = report.best, report.offset, report.slope
+    if best is None:
+        return
+    low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))
+    yield "usable distances", f"{low} to {high}"
+    middle, unit = best.middle_slope, report.calibration.unit
+    yield (
+        "slope g in the middle of these; " + _interval(middle.low, middle.high, "1/m", 3),
+        Measured(middle.value, "1/m"),
+    )
+    if slope is not None:
+        worst, place = float(slope.uncertainty.max()), format_quantity(slope.worst_at, "m", 3)
+        yield f"largest uncertainty of g; 95 %, at {place}", f"{100 * worst:.2g} %"
+    if offset is not None:
+        yield (
+            f"offset, {offset.kind}; 95 %: {_interval(offset.low, offset.high, unit, 4)}",
+            Measured(offset.value, unit),
+        )
 
 
 def fit_page(fit: SensorFit) -> Page:
@@ -186,10 +210,10 @@ def _parameter_row(name: str, estimate: Estimate, output_unit: str) -> Row:
     return words_for(name), Measured(estimate.value, unit, 5), error, _interval(estimate.low, estimate.high, unit)
 
 
-def _interval(low: float, high: float, unit: str) -> str:
+def _interval(low: float, high: float, unit: str, digits: int = 5) -> str:
     if not (math.isfinite(low) or math.isfinite(high)):
         return "no bounds"
-    return " to ".join(format_quantity(v, unit, 5) for v in (low, high))
+    return " to ".join(format_quantity(v, unit, digits) for v in (low, high))
 
 
 def _scenario_text(fit: SensorFit) -> str:

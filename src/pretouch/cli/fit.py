@@ -135,7 +135,9 @@ def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:
     if not shown.json and curve.source is not None:
         _print_notes(report.calibration, curve.source.notes)
     label = re.sub(r"[^\w.-]+", "-", f"-{curve.label}") if request.select else ""
-    shown.show(report, f"{request.path.stem}{label}-fit.html", good=report.best is not None, inputs=request.files)
+    shown.show(
+        report, f"{request.path.stem}{label}-fit.html", good=report.best is not None, inputs=request.files, lines=20
+    )
 
 
 def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presentation) -> None:

@@ -1,10 +1,10 @@
-"""Summarize the page of a result for a terminal: the answer, the numbers that matter, limits, warnings, next step."""
+"""Summarize the page of a result for a terminal: answer, important numbers, limits, warnings and next step."""
 
 from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from pretouch._core.blocks import Page, cell_as_text, plain_text
@@ -12,61 +12,68 @@ from pretouch._core.blocks import Page, cell_as_text, plain_text
 WIDTH: Final = 100
 """Columns of a terminal."""
 
-_FIGURES: Final = 4  # numbers that are printed, of those of a report
+_FIGURES: Final = 4  # key figures that are printed
 
 
 def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: Sequence[str] = ()) -> str:
-    """Return a page as a short text of at most 100 columns.
+    """Return a short text of a page, at most 100 columns wide.
 
     Args:
         page: the page.
-        lines: how many lines there may be; warnings that do not fit are counted instead of printed.
+        lines: the largest number of lines. Warnings and findings that do not fit are counted instead of printed.
         opening: sentences before the headline, such as that readings contradict the answer.
-        ending: lines at the end, such as where the report is.
+        ending: lines at the end, such as the verdict on the calibration.
 
     Returns:
         The text.
     """
     top = [line for text in (*opening, page.headline, *page.open) for line in _wrapped(text)]
-    body = [*_figures(page), *(line for text in page.limits for line in _wrapped(text, first="  ", indent="    "))]
-    close = [*(_wrapped(f"Next: {page.next_step}") if page.next_step else []), *ending]
-    gaps = [""] if body else []
-    room = lines - len(top) - len(body) - len(gaps) - len(close) - (1 if close else 0)
-    warnings = list(_warnings(page.warnings, room))
-    blocks = [top, body, [*warnings, *close]]
-    return "\n".join(line for i, block in enumerate(filter(None, blocks)) for line in (["", *block] if i else block))
+    figures = _figures(page)[: max(lines - len(top) - len(ending) - 3, 0)]
+    step = _wrapped(f"Next: {page.next_step}.", indent="  ") if page.next_step else []
+    room = lines - len(top) - len(figures) - len(ending) - len(step) - 2  # one empty line before and after the figures
+    if room < 1:
+        step, room = [], room + len(step)
+    findings = [_wrapped(text, first="  - ", indent="    ") for text in page.findings]
+    warnings = [_wrapped(_first_sentence(text), first="Warning: ", indent="  ") for text in page.warnings]
+    shown = _fitting([*findings, *warnings], room, len(findings))
+    return "\n\n".join("\n".join(block) for block in (top, [*figures, *shown], [*step, *ending]) if block)
 
 
-def _figures(page: Page) -> Iterator[str]:
-    """Yield one line for each of the first key figures: its name, its value, and what it is compared with."""
+def _figures(page: Page) -> list[str]:
+    """Return one line for each of the first key figures: name, value, and the numbers to compare it with."""
     rows = []
     for name, cell in page.key_figures[:_FIGURES]:
         label, _, comparison = name.partition("; ")
         rows.append((label, cell_as_text(cell), comparison.replace("; ", ", ")))
     width = max((len(label) for label, *_ in rows), default=0)
-    for label, value, comparison in rows:
-        line = f"  {label:<{width}}  {value}" + (f"  ({comparison})" if comparison else "")
-        yield line if len(line) <= WIDTH else textwrap.shorten(line[2:], WIDTH - 2, placeholder=" ...").rjust(0)
+    lines = []
+    for label, value, more in rows:
+        line = f"  {label:<{width}}  {value}"
+        full = f"{line}  ({more})" if more else line
+        lines.append(full if len(full) <= WIDTH else line)
+    return lines
 
 
-def _warnings(texts: Sequence[str], room: int) -> Iterator[str]:
-    """Yield warnings, shortened to their first sentence, as far as there is room; then how many are left."""
-    shown = [_wrapped(_first_sentence(plain_text(text)), first="Warning: ", indent="  ") for text in texts]
-    for i, lines in enumerate(shown):
-        rest = len(shown) - i
-        if len(lines) + (rest > 1) > room:
-            yield f"{'Also' if i else 'There are'} {rest} {'more ' if i else ''}warning{'s' if rest > 1 else ''}: use --verbose."
-            return
-        yield from lines
-        room -= len(lines)
+def _fitting(paragraphs: Sequence[Sequence[str]], room: int, findings: int) -> list[str]:
+    """Return the first paragraphs that fit into `room` lines; a last line counts the others."""
+    lines: list[str] = []
+    for i, paragraph in enumerate(paragraphs):
+        rest = len(paragraphs) - i - 1
+        if len(lines) + len(paragraph) + (rest > 0) > room:
+            hidden = len(paragraphs) - max(i, findings)
+            kind = f"{hidden} warning{'s' if hidden != 1 else ''}" if hidden else f"{rest + 1} more"
+            return [*lines, f"  ... and {kind}: see --verbose"] if room > len(lines) else lines
+        lines += paragraph
+    return lines
 
 
 def _first_sentence(text: str) -> str:
     """Return the first sentence of a text; a period within a number or an abbreviation does not end it."""
-    return re.split(r"(?<=[a-z)%\d][.!?])\s+(?=[A-Z])", text, maxsplit=1)[0]
+    return re.split(r"(?<=[\w)%][.!?])\s+(?=[A-Z])", text, maxsplit=1)[0]
 
 
 def _wrapped(text: str, *, first: str = "", indent: str = "") -> list[str]:
-    return textwrap.wrap(
-        plain_text(text), WIDTH, initial_indent=first, subsequent_indent=indent, break_on_hyphens=False
-    ) or [""]
+    """Break a text into lines, but never between a number and its unit."""
+    kept = re.sub(r"(?<=\d) (?=[^\W\d]|%)|(?<=\bN) (?=s\b)", "\u00a0", plain_text(text))
+    lines = textwrap.wrap(kept, WIDTH, initial_indent=first, subsequent_indent=indent, break_on_hyphens=False)
+    return [line.replace("\u00a0", " ") for line in lines]

@@ -38,6 +38,10 @@ _OPTIONS: Final[dict[str, tuple[Any, Any]]] = {
         Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Path of the HTML report.")],
         None,
     ),
+    "verbose": (
+        Annotated[bool, typer.Option("--verbose", "-v", help="Print all tables instead of a summary.")],
+        False,
+    ),
     "report": (Annotated[bool, typer.Option("--report/--no-report", help="Write the HTML report.")], True),
     "force": (
         Annotated[
@@ -236,27 +240,40 @@ class Presentation:
 
     Args:
         json: whether to print only a JSON object on stdout.
+        verbose: whether to print all tables instead of a summary.
         output: path of the report; None for the default path.
         report: whether to write a report, unless `json` is set.
         force: whether any file may be replaced; otherwise only an unchanged report of pretouch.
     """
 
     json: bool
+    verbose: bool
     output: Path | None
     report: bool
     force: bool
 
     def show(
-        self, result: Any, default: str, task: Task | None = None, *, good: bool, inputs: Sequence[Path] = ()
+        self,
+        result: Any,
+        default: str,
+        task: Task | None = None,
+        *,
+        good: bool,
+        inputs: Sequence[Path] = (),
+        lines: int | None = 15,
     ) -> None:
         """Print a result, write its report, by default to the path `default`, and exit with the code of its answer.
 
-        The files that were read, those of the task and `inputs`, are never overwritten.
+        The text has at most `lines` lines, unless that is None or the option --verbose is given. The files that were
+        read, those of the task and `inputs`, are never overwritten.
         """
         target = self.output or Path(default)
         inputs = (*inputs, *getattr(None if task is None else task.source, "inputs", ()))
         reservations = None if task is None else reservations_about(task, result)
-        text = self.formatted(reservations, result.to_dict, result.__str__)
+        if lines is None or self.json or self.verbose:
+            text = self.formatted(reservations, result.to_dict, result.__str__)
+        else:
+            text = self._summary(result, reservations, lines - self.report)
         if self.json and self.output is not None:
             self._write(result, target, task, inputs)
         try:
@@ -265,7 +282,8 @@ class Presentation:
             if self.report and not self.json:
                 self._write(result, target, task, inputs)
         if self.report and not self.json:
-            print_text(f"\nReport with figures: {target}")
+            gap = "\n" if lines is None or self.verbose else ""
+            print_text(f"{gap}Report with figures: {target}")
         end(good=good and not (reservations is not None and reservations.is_refuted))
 
     def formatted(
@@ -275,6 +293,17 @@ class Presentation:
         if self.json:
             return as_json(as_dict() if reservations is None else reservations.around_dict(as_dict()))
         return as_text() if reservations is None else reservations.around_text(as_text())
+
+    def _summary(self, result: Any, reservations: Reservations | None, lines: int) -> str:
+        """Return the short text of a result, with the verdict on its calibration."""
+        from pretouch._core.blocks import page_of  # noqa: PLC0415 - `pretouch --help` stays fast
+
+        from .summary import summary_of  # noqa: PLC0415
+
+        opening = () if reservations is None or reservations.headline is None else (reservations.headline,)
+        calibration = () if reservations is None else (reservations.verdict,)
+        ending = (*calibration, "All numbers: --verbose")
+        return summary_of(page_of(result), lines=lines, opening=opening, ending=ending)
 
     def _write(self, result: Any, target: Path, task: Task | None, inputs: Sequence[Path]) -> None:
         refuse_input(target, inputs)

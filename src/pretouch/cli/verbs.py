@@ -159,7 +159,7 @@ def verify(
 
     task = _load_loop(file, "simulating encounters on the loop", gain, seed)
     verdict = verify_gain(task if runs is None else task.replace(runs=runs), changes=changes)
-    shown.show(verdict, f"{file.stem}-verify.html", task, good=verdict.status in {"holds", "holds-narrowly"})
+    shown.show(verdict, f"{file.stem}-verify.html", task, good=verdict.status in {"holds", "holds-narrowly"}, lines=20)
 
 
 @verb
@@ -186,4 +186,4 @@ def reproduce(
     from pretouch.letter import reproduce as compute  # noqa: PLC0415
 
     experiment = compute(ids or (), progress=lambda name: print_progress(f"computing {name}"))
-    shown.show(experiment, "letter-reproduction.html", good=experiment.holds)
+    shown.show(experiment, "letter-reproduction.html", good=experiment.holds, lines=None)

@@ -124,9 +124,8 @@ class GainDesign(GainEvidence):
             before = self.no_mitigation
             if before.reached.all():
                 free = abs(before.end.relative_velocity)
-                change = f"{100 * abs(1 - speed / free):.1f} % {'less' if speed <= free else 'more'}"
-                text += f" instead of {format_quantity(free, 'm/s')} without mitigation ({change})"
-            return text + f", after an excursion of {format_quantity(self.result.end.largest_excursion, 'm')}."
+                text += f" instead of {format_quantity(free, 'm/s')} without mitigation"
+            return f"{text}."
         if self.nearest is not None:
             return "Infeasible: " + _conflict(self)
         return "No gain within the bounds ends in contact."

@@ -15,7 +15,7 @@ from pretouch.motion import ContactResult, ContactStatus, LawNumber
 from pretouch.motion.contact import ContactState
 from pretouch.motion.page_sections import inputs_section, method_section, solved_on
 
-from .certificate import ConstraintOutcome, DesignStatus
+from .certificate import ACTIVE, ConstraintOutcome, DesignStatus
 from .custom_objectives import OwnObjective
 from .drag.alternative import drag_alternative
 from .evidence_page import evidence_section, sensitivity_section
@@ -62,6 +62,8 @@ def gain_page(design: GainDesign) -> Page:
         good=design.status is DesignStatus.OPTIMAL,
         key_figures=tuple(_key_figures(design)),
         warnings=design.warnings,
+        findings=tuple(_findings(design)),
+        next_step=_next_step(design),
         blocks=(
             _contact(design),
             _constraints(design) if design.constraints else None,
@@ -96,6 +98,22 @@ def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
         yield "without mitigation", Measured(free, "m/s", 3)
         yield "change of speed", f"{100 * (speed / free - 1):+.1f} %"
     yield words_for("time"), Measured(float(run.end.time), "s", 3)
+
+
+def _findings(design: GainDesign) -> Iterator[str]:
+    """Yield each constraint with its value."""
+    for c in design.constraints:
+        value, limit = ("none" if x is None else format_quantity(x, c.unit, 3) for x in (c.value, c.limit))
+        state = "met" if c.margin is not None and c.margin >= -ACTIVE * c.limit else "exceeded"
+        yield f"{words_for(c.quantity)} {value}, limit {limit}: {state}"
+
+
+def _next_step(design: GainDesign) -> str:
+    if design.result is None:
+        return (
+            "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
+        )
+    return "describe sensor chain and controller, then run `pretouch verify` to check the gain on the sampled loop"
 
 
 def _contact(design: GainDesign) -> Chapter:

@@ -219,6 +219,13 @@ class Reservations(Value):
             [head, *(f"  - {text}" for text in self.report.reasons), *(f"  {text}" for text in self.lines)]
         )
 
+    @property
+    def verdict(self) -> str:
+        """The verdict on the calibration, in one line."""
+        count = len(self.report.reasons)
+        reasons = "" if self.report.verdict == "usable" or not count else f" ({count} reason{'s' if count > 1 else ''})"
+        return f"Calibration {self.report.calibration.name}: {self.report.verdict}{reasons}"
+
     def around_text(self, text: str) -> str:
         """Return the text of a result, with the headline before it and the reservations after it."""
         return "\n\n".join(part for part in (self.headline, text, str(self)) if part)

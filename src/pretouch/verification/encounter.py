@@ -270,6 +270,7 @@ def encounter_page(encounter: SimulatedEncounter) -> Page:
         good=bool(e.run.touched),
         key_figures=tuple(_key_figures(e)),
         warnings=e.warnings,
+        next_step="run `pretouch verify`, which repeats the encounter with other noise and checks every limit",
         blocks=(
             _comparison(e),
             _course(e),

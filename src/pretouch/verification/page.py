@@ -76,6 +76,8 @@ def verdict_page(verdict: Verdict) -> Page:
         good=v.status in {VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY},
         key_figures=tuple(_key_figures(v)),
         warnings=v.warnings,
+        findings=tuple(_findings(v)),
+        next_step=_next_step(v),
         blocks=(
             Paragraph(text=v.status.meaning, quiet=True),
             _reasons(v),
@@ -104,8 +106,8 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
     for name in ("relative_velocity", "impact_force", "peak_force"):
         c = v.comparison(name)
         if c is not None:
-            shown = ((c.predicted, "predicted"), (_mean(c.unmitigated), "without mitigation"))
-            others = [f"{format_quantity(value, c.unit, 3)} {text}" for value, text in shown if value is not None]
+            shown = (("predicted", c.predicted), ("unmitigated", _mean(c.unmitigated)))
+            others = [f"{text} {format_quantity(value, c.unit, 3)}" for text, value in shown if value is not None]
             yield "; ".join([f"mean {c.label}", *others]), Measured(_mean(c.simulated), c.unit, 3)
     check = v.stability
     if check is None:
@@ -116,6 +118,27 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
     least = "none is enough" if math.isinf(check.lowest_rate_with_margin) else f"{check.lowest_rate_with_margin:.3g} Hz"
     name = f"lowest sensor rate for this gain; {least} for a gain margin of 2; the sensor has {check.rate:.3g} Hz"
     yield name, _rate(check.lowest_rate)
+
+
+def _findings(v: Verdict) -> Iterator[str]:
+    """Yield the other reasons of the status, and the limits that are met."""
+    yield from v.reasons[1:]
+    for c in v.limits:
+        if c.is_met:
+            share, p = share_in_words(c.held), c.required.probability
+            required = "every run" if p == 1 else f"{100 * p:g} %"
+            yield f"{c.label} within {format_quantity(c.limit, c.unit)} in {share} of {_runs(v)} ({required} required)"
+
+
+def _next_step(v: Verdict) -> str:
+    if v.gain is None:
+        return "relax a limit, widen the bounds of the gain, or detect the object earlier"
+    if v.calibration_check is not None and not v.calibration_check.is_good_enough:
+        return v.calibration_check.remedy
+    if v.best_change is not None:
+        sentence = v.best_change.sentence
+        return f"{sentence[0].lower()}{sentence[1:].removesuffix('.')}"
+    return "none of the tried changes helps; see the report for the causes" if v.changes and v.reasons else ""
 
 
 def _strongest(check: StabilityCheck, number: LawNumber) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Picture, Rows
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
-from pretouch._core.vocabulary import unit_of
+from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
 from pretouch.motion.page_sections import inputs_section, method_section
 
@@ -21,7 +21,7 @@ from ..gain import GainDesign, design_gain
 from ..impact import ImpactModel, impact_rows
 from ..quantities import quantity_of
 from .limits import DragEffect
-from .result import DragDesign
+from .result import ROUNDING, DragDesign
 
 Row = tuple[Cell, ...]
 
@@ -76,6 +76,8 @@ def drag_page(design: DragDesign) -> Page:
         good=design.holds,
         key_figures=tuple(_key_figures(design, run)),
         warnings=tuple(warnings),
+        findings=tuple(_findings(design, run)),
+        next_step="describe sensor chain and controller, then run `pretouch verify` to check it on the sampled loop",
         blocks=(
             _contact(design, run),
             _limits(design, run) if task.limits else None,
@@ -87,6 +89,15 @@ def drag_page(design: DragDesign) -> Page:
             method_section(run.method),
         ),
     )
+
+
+def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
+    """Yield each limit of the task with its value."""
+    for c in design.asked.limits:
+        value = abs(float(c.magnitude(run.end, design.asked.impact)))
+        state = "met" if value <= c.limit * (1 + ROUNDING) else "exceeded"
+        value, limit = (format_quantity(x, c.unit, 3) for x in (value, c.limit))
+        yield f"{words_for(c.quantity)} {value}, limit {limit}: {state}"
 
 
 def letters_optimum(design: DragDesign) -> GainDesign | None:

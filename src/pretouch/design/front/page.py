@@ -48,6 +48,8 @@ def front_page(front: ParetoFront) -> Page:
         status=_STATUS[front.status],
         good=front.status is FrontStatus.FOUND,
         key_figures=tuple(_key_figures(front)),
+        findings=tuple(_sentences(front)) if len(front.gain) else (),
+        next_step="choose a point of the front in the report, and design with its limits",
         blocks=(
             _points(front) if len(front.gain) else None,
             _evidence(front) if len(front.gain) else None,

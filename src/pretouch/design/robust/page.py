@@ -94,6 +94,20 @@ _ADVICE: Final = {
 }
 
 
+_VERIFY: Final = (
+    "describe sensor chain and controller, then run `pretouch verify` to check the gain on the sampled loop"
+)
+
+
+def _findings(v: Validation) -> Iterator[str]:
+    """Yield how often each limit is met on fresh samples."""
+    for outcome in v.limits:
+        c, p = outcome.required.constraint, outcome.required.probability
+        required = "always" if p == 1 else f"{100 * p:g} %"
+        label, limit = words_for(c.quantity), format_quantity(c.limit, c.unit)
+        yield f"{label} within {limit} in {share_in_words(outcome.held)} of fresh samples ({required} required)"
+
+
 def robust_page(design: RobustDesign) -> Page:
     """Return the page of a robust design of any status."""
     advice, v = _ADVICE.get(design.status), design.validation
@@ -108,6 +122,8 @@ def robust_page(design: RobustDesign) -> Page:
         status=_STATUS[design.status],
         good=design.status is DesignStatus.OPTIMAL,
         key_figures=() if v is None else tuple(_key_figures(design, v)),
+        findings=() if v is None else tuple(_findings(v)),
+        next_step=_ADVICE.get(design.status, "").partition(". ")[2] or _VERIFY,
         warnings=design.warnings,
         blocks=(
             None if advice is None else Paragraph(text=advice),

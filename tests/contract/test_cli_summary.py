@@ -1,0 +1,90 @@
+"""The terminal prints the answer first, in few lines of 100 columns; `--verbose` prints everything."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pretouch._core.blocks import Page
+from pretouch.cli.summary import WIDTH, summary_of
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+LINES = {"verify": 20, "fit": 20}
+
+
+def printed(command: str, folder: Path) -> list[str]:
+    words = [sys.executable, "-m", "pretouch", *command.replace("EXAMPLES", str(EXAMPLES)).split()]
+    answer = subprocess.run(words, capture_output=True, text=True, check=False, cwd=folder)
+    assert answer.returncode in {0, 1}, answer.stderr
+    return answer.stdout.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("command", "first"),
+    [
+        ("fit EXAMPLES/sensor.csv", "sensor.csv: usable from 5 mm to 90 mm."),
+        ("design EXAMPLES/approach.toml", "Optimal gain D_p = -0.7463 N s: contact at 0.07906 m/s instead of 0.3 m/s"),
+        ("design EXAMPLES/drag.toml", "Drag"),
+        ("design EXAMPLES/fingertip.toml", "Optimal gain"),
+        ("design EXAMPLES/tradeoff.toml", "Optimal admittance"),
+        ("pareto EXAMPLES/tradeoff.toml", "The Pareto front"),
+        ("robust EXAMPLES/robust.toml --samples 256", "Robust gain"),
+        ("simulate EXAMPLES/loop.toml", "Contact on the loop at 0.078 m/s; predicted 0.0791 m/s"),
+        ("simulate EXAMPLES/loop.toml --gain 0.5", "Harder than without mitigation: contact on the loop at "),
+        ("verify EXAMPLES/loop.toml --runs 40", "Does not hold: relative velocity at contact above 0.1 m/s"),
+        ("verify EXAMPLES/loop.toml --runs 40 --gain 0.5", "Does not hold: D_p = 0.5 N s makes the robot chase the"),
+        ("verify EXAMPLES/loop.toml --runs 40 --gain -3", "Does not hold: the loop is unstable: "),
+    ],
+)
+def test_a_verb_prints_the_answer_first_in_few_lines(command: str, first: str, tmp_path: Path) -> None:
+    lines = printed(command, tmp_path)
+    verb = command.partition(" ")[0]
+    assert lines[0].startswith(first)
+    assert len(lines) <= LINES.get(verb, 15), "\n".join(lines)
+    assert max(map(len, lines)) <= WIDTH
+    assert "All numbers: --verbose" in lines
+    assert lines[-1].startswith("Report with figures: ")
+    assert Path(tmp_path, lines[-1].removeprefix("Report with figures: ")).exists()
+
+
+def test_verbose_prints_the_tables_that_the_summary_leaves_out(tmp_path: Path) -> None:
+    short = printed("design EXAMPLES/approach.toml --no-report", tmp_path)
+    whole = printed("design EXAMPLES/approach.toml --no-report --verbose", tmp_path)
+    assert whole[0].startswith(short[0])
+    assert len(whole) > 2 * len(short)
+    assert any(line.startswith("plant velocity at contact") for line in whole)
+
+
+def page(warnings: int, findings: int = 0, figures: int = 4) -> Page:
+    return Page(
+        kind="test",
+        headline="The answer is 12.5 N s.",
+        key_figures=tuple((f"figure {i}; more {i}", "1 m") for i in range(figures)),
+        findings=tuple(f"finding {i}" for i in range(findings)),
+        warnings=tuple(f"Warning sentence {i} at 0.5 m/s. Details of it." for i in range(warnings)),
+        next_step="do this",
+    )
+
+
+@pytest.mark.parametrize("lines", [8, 10, 15, 20])
+@pytest.mark.parametrize("count", [0, 1, 3, 30])
+def test_what_does_not_fit_is_counted(lines: int, count: int) -> None:
+    text = summary_of(page(count, 2), lines=lines, ending=["the end"]).splitlines()
+    assert len(text) <= lines
+    assert text[0] == "The answer is 12.5 N s."
+    assert text[-1] == "the end"
+    shown = sum(line.startswith("Warning: Warning sentence") for line in text)
+    counted = [line for line in text if "see --verbose" in line]
+    assert shown == count or counted, "a warning is neither shown nor counted"
+    if shown < count and lines >= 10:
+        assert counted == [f"  ... and {count - shown} warning{'s' if count - shown > 1 else ''}: see --verbose"]
+    assert not any("Details" in line for line in text)
+
+
+def test_a_number_stays_with_its_unit() -> None:
+    for start in range(60, 100):
+        text = summary_of(Page(kind="test", headline=f"{'x' * start} 12.5 N s."), lines=15)
+        assert "12.5 N s." in text

@@ -184,10 +184,10 @@ def test_what_is_not_known_is_asked_for() -> None:
         kind="shock", number=DRAG.number, force=lambda phi, _, rate: -phi * max(rate, 0.0) ** 2, holds_off=True
     )
     with pytest.raises(
-        InvalidInputError, match=r"^relative_velocity: found none, expected .* of a virtual-drag follows"
+        InvalidInputError, match=r"^relative_velocity: found none, expected .* of a virtual-drag depends on it"
     ):
         gain_limit(CURVE, LETTER, TIMING, distance=0.0, law=DRAG)
-    with pytest.raises(InvalidInputError, match=r"^law: found a shock whose damping is not known"):
+    with pytest.raises(InvalidInputError, match=r"^law: found a shock with unknown damping"):
         gain_limit(CURVE, LETTER, TIMING, distance=0.0, law=own, relative_velocity=-0.1)
     known, velocity = replace(own, damping=DRAG.damping), np.array([-0.1, -0.3])
     limits = [

@@ -206,10 +206,10 @@ def test_a_family_whose_fit_fails_costs_no_other_its_fit(kind: str, reason: str,
     report = rank_models(readings, None if module.startswith("pretouch.") else (*model_names(), "failing"))
     assert list(report.not_fitted) == ["failing"]
     assert reason in report.not_fitted["failing"]
-    assert f"failing: not fitted. Its fit ends in {reason}" in str(report)
+    assert f"failing: not fitted. Its fit raised {reason}" in str(report)
     assert report.best is not None
     assert len(report.fits) == len(set(model_names()) - {"failing"})
-    with pytest.raises(pt.errors.ResultUnavailableError, match=r"failing cannot be fitted\. Its fit ends in"):
+    with pytest.raises(pt.errors.ResultUnavailableError, match=r"failing cannot be fitted\. Its fit raised"):
         pt.fit_sensor(readings, "failing")
     del made
     gc.collect()

@@ -91,7 +91,7 @@ def test_a_run_without_contact_ends_with_1(run):
 def test_verify_prints_the_verdict_and_where_the_page_is(run):
     code, out, err = run("verify", "loop.toml", "--no-changes")
     assert (code, err) == (0, "")
-    for words in ("relative velocity at contact", "met in every run", "40 runs", "predicted", "without mitigation"):
+    for words in ("relative velocity at contact", "40 runs (every run required)", "predicted", "without mitigation"):
         assert words in out
     assert "loop-verify.html" in out.splitlines()[-1]
     assert is_own_unchanged("loop-verify.html")
@@ -124,7 +124,7 @@ def test_without_a_gain_verify_says_so_and_simulate_asks_for_one(run):
     assert (code, strict(out)["status"]) == (1, "no-gain")
     code, out, err = run("simulate", "no.toml")
     assert (code, out) == (2, "")
-    assert "the design is infeasible, so there is none to simulate; name one" in err
+    assert "the design is infeasible, so there is none to simulate; set one" in err
 
 
 @pytest.mark.parametrize("verb", ["simulate", "verify"])

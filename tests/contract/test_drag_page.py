@@ -151,8 +151,8 @@ def test_what_is_seen_nearer_is_touched_faster(page: str) -> None:
 def test_text_and_notebook_say_the_same(design: Any) -> None:
     text = str(design)
     assert text.splitlines()[0] == (
-        f"Drag \u03c6 = {PHI:.4g} N s\u00b2: contact at 15 % of any approach speed, after an excursion of "
-        f"{1e3 * excursion(PHI):.4g} mm at every speed. At 0.3 m/s: contact at 0.045 m/s."
+        f"Drag \u03c6 = {PHI:.4g} N s\u00b2: contact at 15 % of the approach speed after an excursion of "
+        f"{1e3 * excursion(PHI):.4g} mm, at every speed. For 0.3 m/s: contact at 0.045 m/s."
     )
     assert line(text, "excursion").split("mm")[1].strip() == f"{1e3 * excursion(PHI):.4g}"
     assert f"{1e3 * excursion(PHI):.4g} mm" in design._repr_html_()

@@ -72,7 +72,7 @@ def test_without_a_law_a_file_means_the_damper(read):
 
 
 def test_every_key_arrives_in_the_sampled_law(read):
-    task = read(replaced('ratio = 0.15                                   # of any approach speed is left at contact\n'
+    task = read(replaced('ratio = 0.15                                   # contact speed over approach speed\n'
                          'smoothing_time = "5 ms"\n', SAMPLED, TEXT))  # fmt: skip
     assert task.law is DRAG
     assert task.loop.law.law == DRAG_LAW
@@ -126,7 +126,9 @@ def test_a_verdict_is_of_the_drag_that_the_effect_chooses(read):
     assert found.stability.margin > task.stability_margin
     assert pt.verify_gain(task.replace(runs=20, gain=0.01), changes=False).gain == 0.01
     line = TEXT.splitlines().index("[law]") + 1
-    with pytest.raises(pt.errors.ScenarioFileError, match=rf"line {line}: law: found one without objective or bounds"):
+    with pytest.raises(
+        pt.errors.ScenarioFileError, match=rf"line {line}: law: found no objective or no bounds with it"
+    ):
         pt.verify_gain(task.replace(bounds=None))
 
 

@@ -46,7 +46,7 @@ def test_a_design_report_shows_the_loop() -> None:
     page = report_html(found)
     assert "Simulation of the sampled loop: sensor chain" in page
     assert "One run of the sampled loop" in page
-    assert "one run and its noise" in page
+    assert "with the same noise for every gain" in page
     assert "impulse balance" not in page  # the loop has none
     assert "Time is continuous" not in page
     assert not re.search(r"\bnan\b", page)
@@ -58,7 +58,7 @@ def test_a_design_report_shows_the_loop() -> None:
 
 def test_the_report_of_a_design_by_a_function_says_that_its_motion_is_not_known() -> None:
     page = report_html(design(theirs))
-    assert "the function that the design was handed gives none" in page
+    assert "the user-defined evaluator returns no motions" in page
     assert "its assumptions are unknown here" in page
     assert "Time is continuous" not in page
 
@@ -92,9 +92,9 @@ def test_a_robust_report_names_the_ideal_design() -> None:
         "gain of the ideal design",
         "no mitigation",
     ]
-    assert row(page, "noise") == ["that of the sampled loop, another run in each encounter"]
+    assert row(page, "noise") == ["noise of the sampled loop, different in each encounter"]
     assert row(page, "encounters solved by")[0].startswith("the sampled loop, with the same noise for every gain")
-    assert "The sampled loop: sensor chain" in page
+    assert "Simulation of the sampled loop: sensor chain" in page
     assert "nominal gain" not in page
     assert "Price of robustness" not in page  # it is known in continuous time only
     assert found.to_dict()["method"] == "loop"

@@ -44,7 +44,7 @@ def test_a_scan_shows_how_many_values_it_has_and_between_which() -> None:
 
 def test_a_verdict_shows_one_line_and_prints_a_report() -> None:
     found = verdict(NOISY, constraints=[velocity_limit(0.1)])
-    assert repr(found).startswith("<Verdict: holds, D_p = -0.7463 N s, 60 runs, margin ")
+    assert repr(found).startswith("<Verdict: holds, D_p = -0.7463 N s, 60 runs, gain margin ")
     assert found.loss is not None
     assert repr(found.loss.curve).startswith("<LoopCurve: ")
     assert all("\n" not in repr(v) for v in (found, found.loss.curve))
@@ -53,8 +53,8 @@ def test_a_verdict_shows_one_line_and_prints_a_report() -> None:
     for part in (
         "relative velocity at contact",
         "Best gain on this loop" if found.loss.loop_gain is None else "best gain on this loop",
-        "what was tried",
-        "what this rests on",
+        "tried changes",
+        "assumptions",
     ):
         assert part in text
     assert text.count("\n") > 25

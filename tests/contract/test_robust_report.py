@@ -140,7 +140,7 @@ def test_a_report_contains_the_numbers_of_the_design(one: RobustDesign, page: st
     own = np.abs(one.outcomes().state.relative_velocity)
     assert row(page, "relative velocity at contact, median")[0] == f"{np.sort(own)[127]:.3g} m/s"
     told = row(page, "sensor.exponent", "Uncertain inputs")
-    assert told == ["normal, 3.32 with a standard deviation of 0.1, together with the others of calibration"]
+    assert told == ["normal, 3.32 with a standard deviation of 0.1, jointly with the other inputs of calibration"]
     (speed, excursion) = v.limits
     cells = row(page, "relative velocity at contact |l\u2032|", "Constraints")
     assert cells[:4] == ["0.1 m/s", "95 %", share_in_words(speed.held), share_in_words(speed.low)]

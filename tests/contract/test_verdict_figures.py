@@ -79,7 +79,7 @@ def test_runs_that_end_without_contact_leave_a_curve_below_the_whole() -> None:
     none = case("never in time")
     assert none.reached.simulated == 0
     assert set(plots.verdict(none).axes[0].lines[1].get_ydata()) == {0.0}
-    assert "5 end without the one that is predicted" in parse(report_html(none)).words
+    assert "5 end without the predicted contact" in parse(report_html(none)).words
 
 
 def test_the_two_runs_are_the_median_and_the_worst_by_speed_and_end_where_they_touch(one: pt.Verdict) -> None:

@@ -281,7 +281,7 @@ def test_what_the_limit_cut_off_is_not_held_against_later_readings() -> None:
     [
         ({"floor": 0.0}, "floor"),
         ({"floor": math.nan}, "floor"),
-        ({"floor": 1e-25}, "another unit"),
+        ({"floor": 1e-25}, "smaller unit"),
         ({"floor": np.array([1.0, 2.0])}, "array"),
         ({"saturation": 1e-4}, "saturation"),
         ({"saturation": 1e13}, "saturation"),
@@ -292,7 +292,7 @@ def test_what_the_limit_cut_off_is_not_held_against_later_readings() -> None:
         ({"sensor_period": 5e-4}, "every n-th reading"),
         ({"timeout": 5e-4}, "timeout"),
         ({"low_pass_order": 2}, "cutoff"),
-        ({"low_pass_order": 2, "cutoff": 500.0}, "half of the sensor's rate"),
+        ({"low_pass_order": 2, "cutoff": 500.0}, "half of the sensor's sampling rate"),
         ({"period": 0.0}, "period"),
         ({"gain": math.nan}, "gain"),
         ({"gain": -1e7}, "gain"),

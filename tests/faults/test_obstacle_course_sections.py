@@ -83,5 +83,7 @@ def test_a_loop_from_a_file_runs_a_course(write):
     placed = rf"^[^,]*, line {line_of('[[obstacle.course]]', text)}: obstacle\.course: found 1 stretch,"
     with pytest.raises(ScenarioFileError, match=placed):
         pt.verify_gain(task)
-    with pytest.raises(ScenarioFileError, match=r"gain: no ideal design knows an obstacle with a course.* name one"):
+    with pytest.raises(
+        ScenarioFileError, match=r"gain: an ideal design does not support an obstacle with a course.* set one"
+    ):
         pt.simulate_encounter(task)

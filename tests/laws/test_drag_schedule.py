@@ -283,7 +283,7 @@ def test_rails_may_be_given_by_ratios() -> None:
         ({"steps": 0}, "steps: found 0, expected a whole number of at least 1"),
         ({"steps": 2.0}, "steps: found 2.0"),
         ({"distance": -1.0}, "distance: found -1 m"),
-        ({"sensor": RISING}, "sensor: found a slope of 5 1/m"),
+        ({"sensor": RISING}, "found a slope of 5 1/m"),
         ({"sensor": InversePower(scale=1e-5, distance_offset=0.04, exponent=3.0, minimum_distance=0.01)}, "0.01 m"),
     ],
 )

@@ -193,16 +193,16 @@ def test_noise_counts_beside_the_inputs_that_vary() -> None:
     assert "noise" in text
     assert "the sampled loop" in text
     assert "nan" not in text
-    with pytest.raises(pt.errors.ResultUnavailableError, match="continuous time only"):
+    with pytest.raises(pt.errors.ResultUnavailableError, match="expected one in continuous time"):
         design.price("obstacle.velocity")
 
 
 def test_a_design_on_a_loop_says_so() -> None:
     design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=NOISY))
     assert design.method == "loop"
-    assert line(str(design), "motion") == "sampled loop, run with every gain"
+    assert line(str(design), "motion") == "sampled loop, simulated with every gain"
     assert "nan" not in str(design)
-    assert any("one run and its noise" in w for w in design.warnings)
+    assert any("one run with its noise" in w for w in design.warnings)
     told = design.to_dict()
     assert told["method"] == "loop"
     assert told["contact"]["impulse_residual"] is None

@@ -538,7 +538,7 @@ FIRST = {"scale": 0.458, "rate": -61.0}
         (InversePower, POWER | {"maximum_distance": 0.0}, "maximum_distance: found 0 m, which must exceed"),
         (ExponentialFirstOrder, FIRST | {"rate": 61.0}, "rate: found 61 1/m, which must be negative"),
         (ExponentialFirstOrder, FIRST | {"rate": 0.0}, "rate: found 0 1/m, which must be negative"),
-        (ExponentialSecondOrder, FIRST | {"curvature": np.nan}, "curvature: found nan 1/m.2, which must be finite"),
+        (ExponentialSecondOrder, FIRST | {"curvature": np.nan}, "curvature: found nan 1/m², which must be finite"),
         (ExponentialSecondOrder, FIRST | {"rate": 1.0, "curvature": 1.0}, "rate: found 1 1/m, which must be negative"),
         (MittagLeffler, FIRST | {"order": 0.0}, r"order: found 0, which must lie in \(0, 1\]"),
         (MittagLeffler, FIRST | {"order": 1.5}, r"order: found 1\.5, which must lie in \(0, 1\]"),

@@ -218,7 +218,7 @@ def test_no_gain_is_a_verdict_without_numbers() -> None:
     assert found.status is NO_GAIN
     assert found.gain is found.predicted is found.reached is found.mitigated is None
     assert found.comparisons == found.limits == found.changes == ()
-    assert "relative_velocity cannot be held" in found.headline
+    assert "relative_velocity cannot be limited to" in found.headline
     assert found.headline.endswith(" N s.")
     assert as_json(found.to_dict())
 

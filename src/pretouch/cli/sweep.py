@@ -86,7 +86,7 @@ def sweep(
 
     Exit status: 0 some encounter ends in contact, or has an optimal gain, 1 none does, 2 a mistake in the request.
     """
-    shown = Presentation(json=json, output=output, report=False, force=force)
+    shown = Presentation(json=json, verbose=False, output=output, report=False, force=force)
     run = partial(_sweep, shown, file, axis, results=result, gain=gain, figure=figure, dask=dask)
     conclude(run, json_wanted=json)
 

@@ -1,4 +1,4 @@
-"""Report progress: one listener is called regularly while encounters are solved."""
+"""Report progress: one listener is called about once a second while long work is done."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final, TypeAlias
 
-Listener: TypeAlias = Callable[[int, float], object]
-"""A function of the number of encounters solved so far and the elapsed time [s]."""
+Listener: TypeAlias = Callable[[str], object]
+"""A function of a sentence that says what is done."""
 
-_INTERVAL: Final = 2.0  # s between two calls
+_INTERVAL: Final = 1.0  # s between two calls
 
 
-class _Count:
-    """Counts solved encounters, and calls the listener."""
+class _Progress:
+    """Counts solved encounters, and calls the listener at most once per interval."""
 
     def __init__(self, listener: Listener) -> None:
         self._listener, self._start, self._solved = listener, time.monotonic(), 0
@@ -24,28 +24,38 @@ class _Count:
     def add(self, count: int) -> None:
         with self._lock:
             self._solved += count
-            now = time.monotonic()
-            if now < self._next:
-                return
-            self._next = now + _INTERVAL
-            self._listener(self._solved, now - self._start)
+            if self._is_due():
+                seconds = time.monotonic() - self._start
+                self._listener(f"{self._solved:,} encounters solved in {seconds:.0f} s, still running")
+
+    def name(self, work: str) -> None:
+        with self._lock:
+            if self._is_due():
+                self._listener(f"{work} ({time.monotonic() - self._start:.0f} s)")
+
+    def _is_due(self) -> bool:
+        now = time.monotonic()
+        if now < self._next:
+            return False
+        self._next = now + _INTERVAL
+        return True
 
 
-_current: _Count | None = None
+_current: _Progress | None = None
 
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Call a listener every two seconds while encounters are solved, in the thread that solves them.
+    """Call a listener about once a second while long work is done, in the thread that does it.
 
     Args:
-        listener: function of the number of solved encounters and the time [s] since this context was entered.
+        listener: function of a sentence, such as `12,000 encounters solved in 3 s, still running`.
 
     Yields:
         Nothing.
     """
     global _current  # noqa: PLW0603 - encounters are solved in many threads, for one listener
-    before, _current = _current, _Count(listener)
+    before, _current = _current, _Progress(listener)
     try:
         yield
     finally:
@@ -56,3 +66,9 @@ def note_solved(count: int) -> None:
     """Add solved encounters to the count of the current listener."""
     if _current is not None:
         _current.add(count)
+
+
+def note_work(work: str) -> None:
+    """Tell the current listener which work begins, such as `trying changes, 3 of 9`."""
+    if _current is not None:
+        _current.name(work)

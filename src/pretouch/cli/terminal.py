@@ -181,11 +181,6 @@ def print_progress(text: str) -> None:
         print_message(text)
 
 
-def print_count(solved: int, seconds: float) -> None:
-    """Print the number of solved encounters as progress."""
-    print_progress(f"{solved:,} encounters solved in {seconds:.0f} s, still running")
-
-
 def _write(stream: Any, text: str) -> None:
     encoding = getattr(stream, "encoding", None) or "utf-8"
     stream.write(text.encode(encoding, "replace").decode(encoding) + "\n")
@@ -218,7 +213,7 @@ def verb(run: Callable[..., None]) -> Callable[..., None]:
         def checked() -> None:
             if shown.output is not None and "file" in options:
                 refuse_input(shown.output, [options["file"]])  # before anything is computed
-            with listening(print_count):
+            with listening(print_progress):
                 run(shown, **options)
 
         conclude(checked, json_wanted=shown.json)

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
 from pretouch.control import Controller
 from pretouch.design import Task
@@ -93,6 +94,7 @@ def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[floa
     at_rest = replace(loop, plant=IdealPlant(), contact=None, horizon=_rest(law), seed=task.loop.seed + 1)
 
     def largest(places: FloatArray, count: int, first: int) -> FloatArray:
+        note_work("simulating a robot at rest")
         here = Scenario(admittance=task.scenario.admittance, obstacle=Obstacle(position=np.repeat(places, count)))
         found = at_rest.after(first).run(here, task.sensor, gain).largest_excursion
         return np.asarray(found).reshape(len(places), count)

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, finite_or_none
+from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.calibration import CalibrationReport
@@ -185,6 +186,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
     limits = [limit for limit in task.limits if limit.name != "gain"]
     speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
     for i, drawn in enumerate(sensors):
+        note_work(f"simulating sensor {i + 1} of {len(sensors)} that the calibration allows")
         there = replace(chain, offset=chain.offset + drawn.offset - own)
         loop = replace(task.loop.after(i), chain=there)
         result = loop.run(task.scenario, drawn.sensor, gain)

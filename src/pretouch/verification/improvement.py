@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from pretouch._core.numbers import FloatArray, finite_or_none
+from pretouch._core.progress import note_work
 from pretouch._core.values import Value
 from pretouch.design import GainDesign, Task
 from pretouch.design.search import RUNS, GainAxis, Landscape, refine, scan
@@ -136,7 +137,7 @@ def find_improvements(
     task, gain, runs = problem.draws.task, known.gain, problem.draws.compared
     loop = task.loop
     search = _best_on_loop(problem, known)
-    optimum, best, found = search.best, None, []
+    optimum, best, changes = search.best, None, []
     better = search.nearest if optimum is None else optimum
     if better is not None:
         # over all runs: on the runs by which it was chosen alone, it would look too good
@@ -145,18 +146,21 @@ def find_improvements(
         best = None if optimum is None else outcomes.objective
         if not same:
             candidate = Candidate("gain", _redesign(problem.draws.task.law.number, gain, better, margin), loop)
-            found.append(_compared(task, candidate, better, known.outcomes, replace(outcomes, margin=margin)))
+            changes.append(_compared(task, candidate, better, known.outcomes, replace(outcomes, margin=margin)))
     first = part_of(known.outcomes.result, slice(runs))
     part = replace(problem.appraised(first, loop, gain), margin=known.outcomes.margin)
-    for candidate in _candidates(problem, known):
+    candidates = _candidates(problem, known)
+    for number, candidate in enumerate(candidates, 1):
+        note_work(f"simulating change {number} of {len(candidates)}")
         outcomes = problem.appraise(problem.compared(candidate.loop), gain, runs)
         after = None
         if known.limit is not None:
             after = stability_margin(limit_of(candidate.loop, task.sensor, known.passed), gain)
-        found.append(_compared(task, candidate, gain, part, replace(outcomes, margin=after)))
-    own = (Candidate("as-it-is", "", loop), gain)
-    as_it_is = tuple(_compared(task, *own, one, one) for one in (part, known.outcomes)[: 2 if runs < task.runs else 1])
-    return _loss(task, known, search, best), tuple(sorted(found, key=_rank)), as_it_is
+        changes.append(_compared(task, candidate, gain, part, replace(outcomes, margin=after)))
+    unchanged = Candidate("as-it-is", "", loop)
+    references = (part, known.outcomes)[: 2 if runs < task.runs else 1]
+    as_it_is = tuple(_compared(task, unchanged, gain, reference, reference) for reference in references)
+    return _loss(task, known, search, best), tuple(sorted(changes, key=_rank)), as_it_is
 
 
 def _candidates(problem: LoopProblem, known: Verified) -> list[Candidate]:
@@ -222,9 +226,9 @@ class _Search:
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
             gains = self.axis.gain(np.array(list(new.values())))
-            several = self.problem.appraise_each(gains)
-            for place, gain, found in zip(new, gains.tolist(), several, strict=True):
-                self.tried[place] = _Tried(gain, found.mean, found.standing, found.whole_share, found.is_kept)
+            note_work(f"searching the best gain on the loop, {len(self.tried)} gains simulated")
+            for place, gain, o in zip(new, gains.tolist(), self.problem.appraise_each(gains), strict=True):
+                self.tried[place] = _Tried(gain, o.mean, o.standing, o.whole_share, o.is_kept)
         of = (self.tried[round(u, _DIGITS)] for u in coordinate.tolist())
         return np.array([one.objective if one.kept else math.inf for one in of])
 

@@ -10,6 +10,7 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
+from pretouch._core.progress import note_work
 from pretouch.design import GainDesign, Task, design_gain
 from pretouch.design.gain import designed_number
 from pretouch.design.task import with_file_location
@@ -86,17 +87,18 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
     if chosen is None:
         reason = f"the ideal design is {design.status.value}"
         return Verdict(**asked, status=VerdictStatus.NO_GAIN, reasons=(reason,), compared_runs=0)
-    found = Verdict(**asked, status=VerdictStatus.HOLDS, reasons=(), **_found(task, design, chosen, changes))
+    found = Verdict(**asked, status=VerdictStatus.HOLDS, reasons=(), **_verdict_fields(task, design, chosen, changes))
     status, reasons = judge(found)
     return replace(found, status=status, reasons=reasons)
 
 
-def _found(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
+def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
     """Return the fields of a verdict, before it is judged."""
     loop, sensor = task.loop, task.sensor
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
     draws = draw_encounters(task)
+    note_work(f"simulating {task.runs} encounters without and with the gain")
     unmitigated = draws.run(loop, 0.0)
     foreseen = draws.predicted(gain)
     problem = LoopProblem(draws=draws, predicted=np.isfinite(foreseen), unmitigated=unmitigated)
@@ -106,6 +108,7 @@ def _found(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[s
     effect = effect_of(outcomes.result, unmitigated, foreseen)
     quiet = draws.run(without_noise(loop), gain, draws.compared)
     fast = compare_with_fast_sensor(loop, lambda one: draws.run(one, gain, draws.compared), quiet, task.speed_tolerance)
+    note_work("computing the stability of the loop")
     stability = check_stability(loop, sensor, passed, gain, limit)
     runs = outcomes.result, unmitigated
     comparisons = compare_quantities(task, runs, (predicted, free))

@@ -85,7 +85,7 @@ def test_the_numbers_in_the_text_of_the_page_hold(problem):
 
 
 def test_pareto_prints_the_knee_and_where_the_report_is(run):
-    code, out, err = run("pareto", "approach.toml")
+    code, out, err = run("pareto", "approach.toml", "--verbose")
     assert (code, err) == (0, "")
     assert out.startswith("The Pareto front of deviation from the reference and relative velocity has its knee at D_p")
     told = strict(run("pareto", "approach.toml", "--json")[1])

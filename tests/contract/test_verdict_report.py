@@ -120,7 +120,7 @@ def test_the_change_that_helps_most_stands_out_with_its_numbers() -> None:
     ]
     assert [cells[-1] for cells in tried] == [change.sentence for change in slow.changes]
     assert [cells[0].endswith(": helps") for cells in tried] == [change.helps for change in slow.changes]
-    assert best.sentence in parse(page[page.index(title) : page.index("Tried changes")]).words
+    assert best.sentence in parse(page[page.rindex(title) : page.rindex("Tried changes")]).words
 
 
 def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hold() -> None:

@@ -138,7 +138,7 @@ def _flaw(code: Any, out: str, err: str, json_wanted: bool) -> str:
         return "exit code 2 without a word"
     if code != 2 and err.strip():
         return "exit code 0 or 1 with words on stderr"
-    if code != 2 and not json_wanted and re.search(r"(?<![\w-])[-+]?(nan)(?![\w-])", out):
+    if code != 2 and not json_wanted and re.search(r"(?<![\w=-])[-+]?(nan)(?![\w-])", out):
         return "text that says nan"
     if json_wanted and not (code == 2 and "Usage:" in err):
         try:

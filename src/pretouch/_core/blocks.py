@@ -190,6 +190,7 @@ class Page(Value):
         warnings: sentences to read before relying on the answer.
         findings: short sentences on limits and reasons, for the short text of a terminal.
         next_step: what to do next, in one sentence, for the same text.
+        lead: name of the figure that a report shows first, below the answer.
         blocks: all further blocks; None is skipped.
         source: name of the input file, for the title.
     """
@@ -203,6 +204,7 @@ class Page(Value):
     warnings: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
     next_step: str = ""
+    lead: str = ""
     blocks: tuple[Any, ...] = ()
     source: str = ""
 

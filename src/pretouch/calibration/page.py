@@ -41,6 +41,7 @@ def calibration_page(report: CalibrationReport) -> Page:
         warnings=() if usable else report.reasons,
         findings=tuple(f"left out: {text}" for text in report.left_out),
         next_step="" if best is None else "use it in a scenario file, see the section [sensor] in the report",
+        lead="calibration",
         blocks=(_picture(report), *first, *blocks, Chapter(title="Provenance", blocks=tuple(_provenance(report)))),
     )
 

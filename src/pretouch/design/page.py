@@ -64,6 +64,7 @@ def gain_page(design: GainDesign) -> Page:
         warnings=design.warnings,
         findings=tuple(_findings(design)),
         next_step=_next_step(design),
+        lead="motion",
         blocks=(
             _contact(design),
             _constraints(design) if design.constraints else None,

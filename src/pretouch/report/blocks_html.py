@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from html import escape
 from typing import Final
 from urllib.parse import quote
@@ -39,15 +40,63 @@ def page_as_excerpt(page: Page) -> str:
     return re.sub(r'<a href="#[^"]*">(.*?)</a>', r"\1", excerpt)
 
 
-def page_top(page: Page) -> str:
-    """Write the top of a report: status, answer, key figures and warnings."""
+def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
+    """Write a report: status, answer, figure, key figures and warnings, then all sections, folded, after their titles.
+
+    Args:
+        page: the page.
+        draw: draws a figure, as an SVG element.
+
+    Returns:
+        The elements of the body.
+    """
+    lead, blocks = _without_lead(page.blocks, page.lead)
+    sections = [block for block in blocks if isinstance(block, Chapter)]
+    anchors = {id(section): section.anchor or f"section-{i}" for i, section in enumerate(sections, 1)}
+    parts = [page_top(page, "" if lead is None else "\n".join(blocks_as_html((lead,), draw)))]
+    parts += blocks_as_html((block for block in blocks if not isinstance(block, Chapter)), draw)
+    if sections:
+        links = (f'<li><a href="#{anchors[id(s)]}">{_inline(s.title)}</a></li>' for s in sections)
+        parts.append("\n".join(['<nav aria-label="Contents">', "<ul>", *links, "</ul>", "</nav>"]))
+    for section in sections:
+        head = f'<details id="{anchors[id(section)]}">\n<summary><h2>{_inline(section.title)}</h2></summary>'
+        parts += [head, *blocks_as_html(section.blocks, draw, 3), "</details>"]
+    return "\n".join(parts)
+
+
+def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, list[Block]]:
+    """Return the first figure of a name, and the blocks without it and without sections that it leaves empty."""
+    lead, others = None, []
+    for block in blocks:
+        rest = block
+        if lead is None and name and isinstance(block, Picture) and block.figure == name:
+            lead = block
+            continue
+        if lead is None and isinstance(block, Chapter):
+            lead, inner = _without_lead(block.blocks, name)
+            if lead is not None:
+                rest = replace(block, blocks=tuple(inner))
+        if rest is block or rest.blocks:
+            others.append(rest)
+    return lead, others
+
+
+def page_top(page: Page, figure: str = "") -> str:
+    """Write the top of a report: status, answer, a figure, key figures, findings and warnings."""
     parts = [f'<p class="state{"" if page.good else " bad"}">{escape(page.status)}</p>'] if page.status else []
     parts += [f'<p class="warning">{_inline(text)}</p>' for text in page.open]
     parts.append(f'<p class="answer">{escape(page.headline)}</p>')
+    if figure:
+        parts.append(figure)
     if page.key_figures:
         tiles = (f"<li><b>{cell_as_html(cell)}</b><span>{escape(name)}</span></li>" for name, cell in page.key_figures)
         parts.append("\n".join(['<ul class="tiles">', *tiles, "</ul>"]))
-    return "\n".join([*parts, *(f'<p class="warning">{_inline(text)}</p>' for text in page.warnings)])
+    if page.findings:
+        parts.append("\n".join(["<ul>", *(f"<li>{_inline(text)}</li>" for text in page.findings), "</ul>"]))
+    parts += [f'<p class="warning">{_inline(text)}</p>' for text in page.warnings]
+    if page.next_step:
+        parts.append(f'<p class="next"><b>Next:</b> {_inline(page.next_step)}.</p>')
+    return "\n".join(parts)
 
 
 def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], level: int = 2) -> Iterator[str]:
@@ -92,11 +141,15 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
 
 
 def _table(table: Rows) -> str:
-    cell = '<td class="text">' if table.wraps else "<td>"
-    head = "".join(f'<th scope="col">{cell_as_html(c)}</th>' for c in table.head)
+    kind = ' class="text"' if table.wraps else ""
+    titles = [cell_as_html(c) for c in table.head]
+    head = "".join(f'<th scope="col">{title}</th>' for title in titles)
+    labels = [f' data-label="{escape(re.sub(r"<[^>]*>", "", title))}"' if title else "" for title in titles]
     rows = (
         "".join(
-            f'<th scope="row">{cell_as_html(c)}</th>' if i == 0 else f"{cell}{cell_as_html(c)}</td>"
+            f'<th scope="row">{cell_as_html(c)}</th>'
+            if i == 0
+            else f"<td{kind}{labels[i] if i < len(labels) else ''}>{cell_as_html(c)}</td>"
             for i, c in enumerate(row)
         )
         for row in table.rows

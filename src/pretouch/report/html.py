@@ -20,7 +20,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import refuse_input, sign, write_text
 
 from . import plots
-from .blocks_html import blocks_as_html, page_top
+from .blocks_html import page_as_html
 from .style import draw_svg
 
 if TYPE_CHECKING:
@@ -86,8 +86,8 @@ def report_html(result: Any, *, calibration: CalibrationReport | None = None, so
 def page_html(page: Page) -> str:
     """Return a page as HTML, with the versions of the software and pretouch's signature."""
     shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
-    title = f"{page.kind}: {page.source}" if page.source else page.kind
-    body = "\n".join([page_top(page), *blocks_as_html(page.blocks, _draw)])
+    title = f"{page.kind}{'' if page.kind.endswith('?') else ':'} {page.source}" if page.source else page.kind
+    body = page_as_html(page, _draw)
     versions = ", ".join(f"{name} {number}" for name, number in _versions())
     return sign(shell.substitute(title=escape(title), body=body, made=escape(versions)))
 

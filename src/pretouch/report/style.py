@@ -180,6 +180,10 @@ def drawing() -> Iterator[None]:
         yield
 
 
+_OVERLAP: Final = 0.5  # of the smaller one: axes that overlap by more are one panel
+_WIDE: Final = 0.6  # of the figure: wider panels stand one below the other
+
+
 def draw_svg(figure: Figure, name: str) -> str:
     """Draw a figure as an SVG element for an HTML page; the output is reproducible.
 
@@ -192,11 +196,45 @@ def draw_svg(figure: Figure, name: str) -> str:
     """
     content = StringIO()
     figure.savefig(content, format="svg")
+    panels = _panel_boxes(figure)
     text = content.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :].strip(), flags=re.DOTALL)
     text = re.sub(r' xmlns(?::\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
-    text = re.sub(r'<g id="[^"]*">', "<g>", text)
-    return re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{name}-", text)
+    text = re.sub(r'<g id="[^"]*">', "<g>", text).replace("<g>", '<g id="all">', 1)
+    whole = re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{name}-", text)
+    if len(panels) < 2:
+        return whole
+    # a narrow screen shows the panels one below the other: views of the same drawing
+    views = (
+        f'<svg viewBox="{x:.1f} {y:.1f} {w:.1f} {h:.1f}" style="max-width: {w:.0f}pt"><use href="#{name}-all"/></svg>'
+        for x, y, w, h in panels
+    )
+    return f'<div class="whole">{whole}</div>\n<div class="panels">{"".join(views)}</div>'
+
+
+def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
+    """Return the panels of a figure that has several columns: x, y (from the top), width and height of each [pt]."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - loaded with Matplotlib
+
+    renderer, scale = FigureCanvasAgg(figure).get_renderer(), 72 / figure.dpi
+    height = 72 * figure.get_figheight()
+    boxes: list[list[float]] = []
+    for part in (*figure.legends, *figure.axes):
+        box = part.get_tightbbox(renderer)
+        if box is None or not part.get_visible():
+            continue
+        x0, y0, x1, y1 = (scale * value for value in (box.x0, box.y0, box.x1, box.y1))
+        for known in boxes:  # axes that overlap, such as twins and insets, are one panel
+            if min(x1, known[2]) - max(x0, known[0]) > _OVERLAP * min(x1 - x0, known[2] - known[0]) and min(
+                y1, known[3]
+            ) - max(y0, known[1]) > _OVERLAP * min(y1 - y0, known[3] - known[1]):
+                known[:] = [min(x0, known[0]), min(y0, known[1]), max(x1, known[2]), max(y1, known[3])]
+                break
+        else:
+            boxes.append([x0, y0, x1, y1])
+    if all(box[2] - box[0] > _WIDE * 72 * figure.get_figwidth() for box in boxes):  # a single column
+        return []
+    return [(x0 - 2, height - y1 - 2, x1 - x0 + 4, y1 - y0 + 4) for x0, y0, x1, y1 in boxes]
 
 
 def log_axis(axes: Axes, which: str, low: float, high: float) -> None:

@@ -271,6 +271,7 @@ def encounter_page(encounter: SimulatedEncounter) -> Page:
         key_figures=tuple(_key_figures(e)),
         warnings=e.warnings,
         next_step="run `pretouch verify`, which repeats the encounter with other noise and checks every limit",
+        lead="simulation",
         blocks=(
             _comparison(e),
             _course(e),

@@ -78,6 +78,7 @@ def verdict_page(verdict: Verdict) -> Page:
         warnings=v.warnings,
         findings=tuple(_findings(v)),
         next_step=_next_step(v),
+        lead="verdict_run",
         blocks=(
             Paragraph(text=v.status.meaning, quiet=True),
             _reasons(v),
@@ -124,7 +125,7 @@ def _findings(v: Verdict) -> Iterator[str]:
     """Yield the other reasons of the status, and the limits that are met."""
     yield from v.reasons[1:]
     for c in v.limits:
-        if c.is_met:
+        if c.is_met and not any(c.statement in reason for reason in v.reasons):
             share, p = share_in_words(c.held), c.required.probability
             required = "every run" if p == 1 else f"{100 * p:g} %"
             yield f"{c.label} within {format_quantity(c.limit, c.unit)} in {share} of {_runs(v)} ({required} required)"

@@ -78,6 +78,7 @@ def drag_page(design: DragDesign) -> Page:
         warnings=tuple(warnings),
         findings=tuple(_findings(design, run)),
         next_step="describe sensor chain and controller, then run `pretouch verify` to check it on the sampled loop",
+        lead="drag",
         blocks=(
             _contact(design, run),
             _limits(design, run) if task.limits else None,

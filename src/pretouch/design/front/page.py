@@ -50,6 +50,7 @@ def front_page(front: ParetoFront) -> Page:
         key_figures=tuple(_key_figures(front)),
         findings=tuple(_sentences(front)) if len(front.gain) else (),
         next_step="choose a point of the front in the report, and design with its limits",
+        lead="pareto",
         blocks=(
             _points(front) if len(front.gain) else None,
             _evidence(front) if len(front.gain) else None,

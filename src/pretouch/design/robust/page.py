@@ -124,6 +124,7 @@ def robust_page(design: RobustDesign) -> Page:
         key_figures=() if v is None else tuple(_key_figures(design, v)),
         findings=() if v is None else tuple(_findings(v)),
         next_step=_ADVICE.get(design.status, "").partition(". ")[2] or _VERIFY,
+        lead="outcome",
         warnings=design.warnings,
         blocks=(
             None if advice is None else Paragraph(text=advice),

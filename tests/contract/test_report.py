@@ -41,6 +41,7 @@ from pretouch.report.style import log_ticks, scale_for
 from pretouch.sensors import ExponentialFirstOrder, InversePower, Recessed
 from scenario_text import ENCOUNTER
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 POWER = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 ADMITTANCE = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 LETTER = Scenario(admittance=ADMITTANCE, obstacle=Obstacle(position=0.0422, velocity=-0.3))
@@ -315,3 +316,37 @@ def test_logarithmic_axes_have_some_ticks_and_not_too_many(low: float, high: flo
     ticks = log_ticks(low, high)
     assert 2 <= len(ticks) <= 7
     assert all(low <= tick <= high for tick in ticks)
+
+
+def test_a_report_begins_with_answer_figure_numbers_limits_and_next_step_and_folds_the_rest() -> None:
+    design = design_gain(load_scenario(EXAMPLES / "approach.toml"))
+    page = report_html(design)
+    assert_sound(page)
+    order = [page.index(part) for part in ('class="answer"', "<figure>", 'class="tiles"', "limit 200 mm: met", "Next:")]
+    assert order == sorted(order)
+    first_section = page.index("<details id=")
+    assert order[-1] < page.index("<nav") < first_section
+    sections = re.findall(r'<details id="([^"]+)">\n<summary><h2>(.*?)</h2></summary>', page)
+    assert [title for _, title in sections][-1] == "Provenance"
+    assert re.findall(r'<li><a href="#([^"]+)">', page[page.index("<nav") : first_section]) == [a for a, _ in sections]
+    assert "<details open" not in page[:first_section]
+    assert page.count('id="motion-all"') == 1, "the first figure is drawn once"
+
+
+def test_a_narrow_screen_shows_panels_and_cards_and_a_dark_one_inverts_figures() -> None:
+    page = report_html(design_gain(load_scenario(EXAMPLES / "approach.toml")))
+    views = re.findall(r'<svg viewBox="([\d. -]+)" style="max-width: (\d+)pt"><use href="#motion-all"/></svg>', page)
+    assert len(views) == 4  # distance, position, velocity, force
+    whole = [float(v) for v in re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', page).groups()]
+    boxes = [[float(v) for v in box.split()] for box, _ in views]
+    for x, y, width, height in boxes:
+        assert 0.3 * whole[0] < width < 0.6 * whole[0]
+        assert -5 <= x < x + width <= whole[0] + 5
+        assert -5 <= y < y + height <= whole[1] + 5
+    centers = {(round(x + w / 2) // 100, round(y + h / 2) // 100) for x, y, w, h in boxes}
+    assert len(centers) == 4, "panels are different parts of the figure"
+    assert 'data-label="without mitigation"' in page
+    style = page[page.index("<style>") : page.index("</style>")]
+    assert "prefers-color-scheme: dark" in style
+    assert re.search(r"figure svg \{ filter: invert", style)
+    assert re.search(r"@media \(max-width: 600px\)[^@]*\.whole[^@]*attr\(data-label\)", style, re.DOTALL)

@@ -50,34 +50,34 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
     Returns:
         The elements of the body.
     """
-    lead, blocks = _without_lead(page.blocks, page.lead)
+    computed = (block.make() if isinstance(block, LazyBlock) else block for block in page.blocks)
+    lead, blocks = _without_lead((block for block in computed if block is not None), page.lead)
     sections = [block for block in blocks if isinstance(block, Chapter)]
-    anchors = {id(section): section.anchor or f"section-{i}" for i, section in enumerate(sections, 1)}
     parts = [page_top(page, "" if lead is None else "\n".join(blocks_as_html((lead,), draw)))]
     parts += blocks_as_html((block for block in blocks if not isinstance(block, Chapter)), draw)
-    if sections:
-        links = (f'<li><a href="#{anchors[id(s)]}">{_inline(s.title)}</a></li>' for s in sections)
-        parts.append("\n".join(['<nav aria-label="Contents">', "<ul>", *links, "</ul>", "</nav>"]))
-    for section in sections:
-        head = f'<details id="{anchors[id(section)]}">\n<summary><h2>{_inline(section.title)}</h2></summary>'
-        parts += [head, *blocks_as_html(section.blocks, draw, 3), "</details>"]
-    return "\n".join(parts)
+    links, folded = [], []
+    for number, section in enumerate(sections, 1):
+        anchor, title = section.anchor or f"section-{number}", _inline(section.title)
+        links.append(f'<li><a href="#{anchor}">{title}</a></li>')
+        folded.append(f'<details id="{anchor}">\n<summary><h2>{title}</h2></summary>')
+        folded += [*blocks_as_html(section.blocks, draw, 3), "</details>"]
+    contents = ['<nav aria-label="Contents">', "<ul>", *links, "</ul>", "</nav>"] if links else []
+    return "\n".join([*parts, *contents, *folded])
 
 
 def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, list[Block]]:
     """Return the first figure of a name, and the blocks without it and without sections that it leaves empty."""
-    lead, others = None, []
+    lead: Picture | None = None
+    others: list[Block] = []
     for block in blocks:
-        rest = block
-        if lead is None and name and isinstance(block, Picture) and block.figure == name:
+        if lead is None and isinstance(block, Picture) and block.figure == name:
             lead = block
-            continue
-        if lead is None and isinstance(block, Chapter):
+        elif lead is None and isinstance(block, Chapter):
             lead, inner = _without_lead(block.blocks, name)
-            if lead is not None:
-                rest = replace(block, blocks=tuple(inner))
-        if rest is block or rest.blocks:
-            others.append(rest)
+            if lead is None or inner:
+                others.append(replace(block, blocks=tuple(inner)))
+        else:
+            others.append(block)
     return lead, others
 
 

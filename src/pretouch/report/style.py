@@ -216,7 +216,8 @@ def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
     """Return the panels of a figure that has several columns: x, y (from the top), width and height of each [pt]."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - loaded with Matplotlib
 
-    renderer, scale = FigureCanvasAgg(figure).get_renderer(), 72 / figure.dpi
+    canvas: Any = FigureCanvasAgg(figure)
+    renderer, scale = canvas.get_renderer(), 72 / figure.dpi
     height = 72 * figure.get_figheight()
     boxes: list[list[float]] = []
     for part in (*figure.legends, *figure.axes):

@@ -97,8 +97,8 @@ def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
     for c in design.asked.limits:
         value = abs(float(c.magnitude(run.end, design.asked.impact)))
         state = "met" if value <= c.limit * (1 + ROUNDING) else "exceeded"
-        value, limit = (format_quantity(x, c.unit, 3) for x in (value, c.limit))
-        yield f"{words_for(c.quantity)} {value}, limit {limit}: {state}"
+        reached, limit = (format_quantity(x, c.unit, 3) for x in (value, c.limit))
+        yield f"{words_for(c.quantity)} {reached}, limit {limit}: {state}"
 
 
 def letters_optimum(design: DragDesign) -> GainDesign | None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+import pretouch as pt
 from pretouch._core.blocks import Page
 from pretouch.cli.summary import WIDTH, summary_of
 
@@ -88,3 +91,34 @@ def test_a_number_stays_with_its_unit() -> None:
     for start in range(60, 100):
         text = summary_of(Page(kind="test", headline=f"{'x' * start} 12.5 N s."), lines=15)
         assert "12.5 N s." in text
+
+
+@pytest.mark.parametrize("verb", ["fit", "design", "sweep", "pareto", "robust", "simulate", "verify", "reproduce"])
+def test_the_help_of_a_verb_has_two_examples_that_run_and_a_page(verb: str, tmp_path: Path) -> None:
+    help_text = printed(f"{verb} --help", tmp_path)
+    start = help_text.index("  Examples:")
+    examples = [line.strip() for line in help_text[start + 1 : start + 3]]
+    page = help_text[-1].removeprefix("  Documentation: ")
+    assert (EXAMPLES.parent / page).is_file()
+    for path in EXAMPLES.glob("*.*"):
+        shutil.copy(path, tmp_path)
+    for example in examples:
+        words = shlex.split(example)
+        assert words[:2] == ["pretouch", verb]
+        quick = ["table-2"] if example == "pretouch reproduce" else ["--runs", "20"] if verb == "verify" else []
+        command = [sys.executable, "-m", *words, *quick]
+        answer = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+        assert answer.returncode in ({0, 1} if verb == "verify" else {0}), answer.stdout + answer.stderr
+
+
+def test_a_wrong_name_of_the_package_suggests_the_right_one() -> None:
+    for wrong, right in (("verify", "verify_gain"), ("pareto", "pareto_front"), ("Taks", "Task")):
+        with pytest.raises(AttributeError, match=rf"has no attribute '{wrong}'; did you mean .*{right}"):
+            getattr(pt, wrong)
+    with pytest.raises(AttributeError, match=r"has no attribute 'zzzz'$"):
+        pt.zzzz  # noqa: B018
+
+
+def test_shell_completion_can_be_installed(tmp_path: Path) -> None:
+    shown = printed("--help", tmp_path)
+    assert any("--install-completion" in line for line in shown)

@@ -31,7 +31,8 @@ def lazy_names(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str
             return names()
         origin = None if name.startswith("__") else listed(module).get(name)
         if origin is None:
-            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+            hint = "" if name.startswith("_") else _hint(name, names())
+            raise AttributeError(f"module {module!r} has no attribute {name!r}{hint}")
         home = None if origin[0] == module else import_module(origin[0])
         value = getattr(home, origin[1]) if hasattr(home, origin[1]) else import_module(".".join(origin))
         setattr(sys.modules[module], name, value)
@@ -41,6 +42,15 @@ def lazy_names(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str
         return sorted(listed(module))
 
     return load, names
+
+
+def _hint(name: str, names: list[str]) -> str:
+    """Return a suggestion for a missing name, such as verify_gain for verify; empty if none is similar."""
+    from difflib import get_close_matches  # noqa: PLC0415 - only for mistakes
+
+    similar = [known for known in names if len(name) > 2 and name.lower() in known.lower()]
+    similar = similar[:3] or get_close_matches(name, names, 1)
+    return f"; did you mean {' or '.join(similar)}?" if similar else ""
 
 
 class _AliasFinder:

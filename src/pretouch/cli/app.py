@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -16,14 +16,34 @@ from .verbs import design, pareto, reproduce, robust, simulate, verify
 
 app = typer.Typer(
     name="pretouch",
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-for _verb in (fit, design, sweep, pareto, robust, simulate, verify, reproduce):  # in the order of the help
-    app.command(_verb.__name__)(_verb)
+_EXAMPLES: Final = {  # in the order of the help: two commands for each verb, and the page of the documentation
+    fit: ("fit sensor.csv", 'fit sensor.csv --offset "61 counts" --model inverse-power', "calibration.md"),
+    design: ("design approach.toml", "design approach.toml --json", "design.md"),
+    sweep: (
+        'sweep approach.toml --axis "obstacle.velocity=-1 m/s:-0.1 m/s:50"',
+        "sweep approach.toml --axis gain=-1:-0.1:20 --output gains.nc",
+        "sweeps.md",
+    ),
+    pareto: ("pareto tradeoff.toml", "pareto tradeoff.toml --verbose --no-report", "trade-offs.md"),
+    robust: ("robust robust.toml", "robust robust.toml --samples 1024 --seed 1", "robust.md"),
+    simulate: ("simulate loop.toml", 'simulate loop.toml --gain "-0.86 N*s" --seed 2', "simulation.md"),
+    verify: ("verify loop.toml", 'verify loop.toml --gain "-0.86 N*s" --runs 2000', "verification.md"),
+    reproduce: ("reproduce", "reproduce table-2 figure-4", "letter.md"),
+}
+
+
+def _epilog(first: str, second: str, page: str) -> str:
+    """Return the last part of the help of a verb; the mark keeps its lines."""
+    return f"\b\nExamples:\n  pretouch {first}\n  pretouch {second}\n\n\b\nDocumentation: docs/{page}"
+
+
+for _verb, _example in _EXAMPLES.items():
+    app.command(_verb.__name__, epilog=_epilog(*_example))(_verb)
 
 
 def _version(wanted: bool) -> None:

@@ -59,3 +59,24 @@ def test_a_verdict_shows_one_line_and_prints_a_report() -> None:
         assert part in text
     assert text.count("\n") > 25
     assert "<table" in found._repr_html_()
+
+
+def test_notebooks_show_a_table_of_inputs_and_results_and_the_figure_of_what_has_one() -> None:
+    task = pt.load_scenario(EXAMPLES / "loop.toml")
+    contact = pt.find_contact(task.scenario, task.sensor, -0.7)
+    motion = pt.solve_motion(task.scenario, task.sensor, -0.7)
+    for value, words, has_figure in (
+        (task, ("virtual-damper", "excursion", "200 mm", "exponent"), False),
+        (task.scenario, ("approaches at 0.3 m/s", "42.2 mm", "25 N/m"), False),
+        (contact, (f"{contact.end.relative_velocity:.4g} m/s", "largest virtual force"), False),
+        (motion, (f"{1e3 * motion.time[-1]:.4g} ms",), True),
+        (pt.design_gain(task), ("-0.7463 N s",), True),
+    ):
+        html = value._repr_html_()
+        assert "<table>" in html
+        assert all(word in html for word in words), (type(value), words)
+        assert ("<img alt=" in html) == has_figure
+        assert "<script" not in html
+        assert "http" not in html
+    several = pt.find_contact(task.scenario, task.sensor, [-0.7, -0.8])
+    assert "2 of 2 encounters end in contact" in several._repr_html_()

@@ -303,10 +303,10 @@ def cell_as_text(cell: Cell) -> str:
     return format_quantity(cell.value, cell.unit, cell.digits) + cell.beside
 
 
-class Described:
-    """A base class of results: `str` gives the short text of its page, and notebooks show an excerpt.
+class InNotebooks:
+    """A base class of values that notebooks show as an excerpt of a page: headline, figure and first table.
 
-    A class names the function that makes its page as text, so that results do not import what renders them.
+    A class names the function that makes its page as text, so that values do not import what renders them.
     """
 
     __slots__ = ()
@@ -314,15 +314,21 @@ class Described:
     page: ClassVar[str]
     """Module and function that make the page, such as `pretouch.design.page:gain_page`."""
 
-    def __str__(self) -> str:
-        return page_as_text(page_of(self))
-
     def _repr_html_(self) -> str | None:
-        excerpt: Callable[[Page], str] = import_module("pretouch.report.blocks_html").page_as_excerpt
+        excerpt: Callable[[Page], str] = import_module("pretouch.report.html").excerpt_html
         return excerpt(page_of(self))
 
 
-def page_of(result: Described) -> Page:
+class Described(InNotebooks):
+    """A base class of results: `str` gives the short text of its page."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return page_as_text(page_of(self))
+
+
+def page_of(result: InNotebooks) -> Page:
     """Make the page of a result.
 
     Args:

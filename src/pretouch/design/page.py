@@ -13,7 +13,7 @@ from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import QUANTITIES, words_for
 from pretouch.motion import ContactResult, ContactStatus, LawNumber
 from pretouch.motion.contact import ContactState
-from pretouch.motion.page_sections import inputs_section, method_section, solved_on
+from pretouch.motion.page_sections import inputs_section, method_section, scenario_rows, sensor_rows, solved_on
 
 from .certificate import ACTIVE, ConstraintOutcome, DesignStatus
 from .custom_objectives import OwnObjective
@@ -23,6 +23,7 @@ from .gain import GainDesign
 from .impact import ImpactModel, impact_rows
 from .objectives import Objective
 from .quantities import quantity_of
+from .task import Task
 
 Row = tuple[Cell, ...]
 
@@ -48,6 +49,22 @@ _MOTION_NOTES: Final = {
     "loop": " One run of the sampled loop, with the same noise for every gain.",
     "other": " These are motions in continuous time, L(1): the user-defined evaluator returns no motions.",
 }
+
+
+def task_page(task: Task) -> Page:
+    """Return the page of a task: its encounter, sensor, objective and limits."""
+    if task.scenario.shape:
+        return Page(kind="Task", headline=f"Task for encounters of shape {task.scenario.shape}")
+    number = task.law.number
+    rows: list[Row] = [("law", task.law.kind)]
+    if task.objective is not None:
+        rows.append(("objective", task.goal.name))
+    if task.bounds is not None:
+        rows.append((f"bounds of {number.label}", format_range(task.bounds, number.unit)))
+    rows += [(f"limit: {words_for(c.quantity)}", Measured(c.limit, c.unit)) for c in task.limits]
+    table = Rows(rows=(*rows, *scenario_rows(task.scenario), *sensor_rows(task.sensor)), brief=True)
+    loop = "" if task.loop is None else ", on a sampled loop"
+    return Page(kind="Task", headline=f"Task for one encounter{loop}", blocks=(table,))
 
 
 def gain_page(design: GainDesign) -> Page:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, ParamSpec, Protocol, TypeVar, cast
 
 from pretouch._core.arguments import Rule, rules_of_fields
+from pretouch._core.blocks import InNotebooks
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
 from pretouch.motion import DAMPER, ContinuousLaw, Scenario
@@ -93,7 +94,7 @@ def _sparing(cls: type[R]) -> type[R]:
 
 @_sparing
 @dataclass(frozen=True)
-class Task(Value):
+class Task(InNotebooks, Value):
     """The problem that every verb takes: the encounter, the sensor, and the options of the verbs.
 
     Each verb uses the fields that it needs and raises an error if one is missing. `load_scenario` returns a Task from
@@ -197,6 +198,8 @@ class Task(Value):
     calibration: CalibrationReport | None = None
     source: Source | None = field(default=None, compare=False)
     part: Any = None
+
+    page: ClassVar[str] = "pretouch.design.page:task_page"
 
     @property
     def goal(self) -> Objective:

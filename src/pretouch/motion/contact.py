@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
+from pretouch._core.blocks import InNotebooks
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import BoolArray, FloatArray
@@ -118,7 +119,7 @@ class ContactState(Value):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ContactResult(Value):
+class ContactResult(InNotebooks, Value):
     """Result of `find_contact` for one encounter or an array of encounters.
 
     Status and time of every run are available at once; other quantities are computed when they are first read.
@@ -149,6 +150,8 @@ class ContactResult(Value):
     closest_distance = _Quantity()
     settling_distance = _Quantity()
     impulse_residual = _Quantity()
+
+    page: ClassVar[str] = "pretouch.motion.notebook:contact_page"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", ContactState(self.columns))
@@ -218,7 +221,7 @@ class ContactResult(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Motion(Value):
+class Motion(InNotebooks, Value):
     """Sampled motion from the entry into the detection range to the end; time is the last axis of all arrays.
 
     Args:
@@ -242,6 +245,8 @@ class Motion(Value):
     relative_velocity: FloatArray
     virtual_force: FloatArray
     result: ContactResult
+
+    page: ClassVar[str] = "pretouch.motion.notebook:motion_page"
 
     def __repr__(self) -> str:
         count = "" if self.time.ndim == 1 else f"{int(np.prod(self.time.shape[:-1]))} motions, "

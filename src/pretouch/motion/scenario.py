@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pretouch._core.blocks import InNotebooks
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_declared, check_types, quantity, units_of_fields
 from pretouch._core.numbers import FloatArray, float_or_array, nonnegative, positive
@@ -80,7 +81,7 @@ class Admittance(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scenario(Value):
+class Scenario(InNotebooks, Value):
     """One encounter, or an array of encounters; all fields broadcast with each other.
 
     Positions are absolute; x points away from the sensor, so the distance is l = x_o - x and an approach has
@@ -109,6 +110,8 @@ class Scenario(Value):
     plant: Plant = field(default_factory=Plant)
     reference: Reference = field(default_factory=Reference)
     shape: tuple[int, ...] = field(init=False, repr=False, compare=False)
+
+    page: ClassVar[str] = "pretouch.motion.notebook:scenario_page"
 
     def __post_init__(self) -> None:
         check_types(self)

@@ -32,11 +32,21 @@ from pretouch._core.units import format_quantity, pretty_unit
 QUIET: Final = ' class="note"'
 
 
-def page_as_excerpt(page: Page) -> str:
-    """Write the excerpt of a page for notebooks: headline, warnings and the first brief table, without links."""
+def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
+    """Write the excerpt of a page for notebooks: headline, warnings, first figure and first brief table, no links.
+
+    Args:
+        page: the page.
+        draw: draws a figure, as an element.
+
+    Returns:
+        The elements.
+    """
+    lead, _ = _without_lead(page.blocks, page.lead)
+    figure = "" if lead is None else draw(lead)
     table = next((table for table in tables_of(page.blocks) if table.brief), None)
     warnings = "".join(f"<p>Warning: {_inline(text)}</p>" for text in page.warnings)
-    excerpt = f"<p><b>{escape(page.headline)}</b></p>{warnings}{'' if table is None else _table(table)}"
+    excerpt = f"<p><b>{escape(page.headline)}</b></p>{warnings}{figure}{'' if table is None else _table(table)}"
     return re.sub(r'<a href="#[^"]*">(.*?)</a>', r"\1", excerpt)
 
 

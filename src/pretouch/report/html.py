@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import os
 import platform
@@ -10,6 +11,7 @@ from dataclasses import replace
 from functools import lru_cache
 from html import escape
 from importlib.metadata import PackageNotFoundError, version
+from io import BytesIO
 from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any, Final
@@ -20,7 +22,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import refuse_input, sign, write_text
 
 from . import plots
-from .blocks_html import page_as_html
+from .blocks_html import page_as_excerpt, page_as_html
 from .style import draw_svg
 
 if TYPE_CHECKING:
@@ -92,10 +94,26 @@ def page_html(page: Page) -> str:
     return sign(shell.substitute(title=escape(title), body=body, made=escape(versions)))
 
 
+def excerpt_html(page: Page) -> str:
+    """Return the excerpt of a page for notebooks; its figure is an image, so that identifiers cannot clash."""
+    return page_as_excerpt(page, _image)
+
+
+def _image(picture: Picture) -> str:
+    """Draw a figure as an image element that contains its data."""
+    content = BytesIO()
+    _figure(picture).savefig(content, format="png", dpi=110)
+    data = base64.b64encode(content.getvalue()).decode()
+    return f'<img alt="{escape(picture.name)}" style="max-width: 100%" src="data:image/png;base64,{data}">'
+
+
+def _figure(picture: Picture) -> Any:
+    return picture.of if hasattr(picture.of, "savefig") else getattr(plots, picture.figure)(picture.of)
+
+
 def _draw(picture: Picture) -> str:
     """Draw a figure as an SVG element, with text converted to paths."""
-    figure = picture.of if hasattr(picture.of, "savefig") else getattr(plots, picture.figure)(picture.of)
-    return draw_svg(figure, picture.figure.replace("_", "-"))
+    return draw_svg(_figure(picture), picture.figure.replace("_", "-"))
 
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:

@@ -111,6 +111,26 @@ def motion(design: GainDesign) -> Figure:
     return panel_figure(*(_panel(design, runs, clock, what) for what in _PANELS), height=2.4)
 
 
+@check_arguments
+def sampled_motion(motion: Motion) -> Figure:
+    """Draw distance and relative velocity of a motion over time.
+
+    Args:
+        motion: one motion, as `solve_motion` returns it.
+
+    Returns:
+        Two panels.
+    """
+    clock = scale_for("s", float(motion.time[-1]))
+    panels = []
+    for name, label, unit in (_PANELS[0], _PANELS[2]):
+        values = getattr(motion, name)
+        scale = scale_for(unit, float(np.abs(values).max()))
+        curve = Curve(x=motion.time / clock.factor, y=values / scale.factor, end=_DOT)
+        panels.append(Panel(x_label=f"time [{clock.unit}]", y_label=f"{label} [{scale.unit}]", curves=[curve]))
+    return panel_figure(*panels, height=2.4)
+
+
 def runs_of(design: GainDesign) -> list[DrawnMotion]:
     """Compute the motions with the chosen or nearest gain and without mitigation.
 

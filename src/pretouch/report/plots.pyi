@@ -3,6 +3,7 @@ from .design_figures import sensitivity as sensitivity
 from .design_figures import trade_off as trade_off
 from .drag_figures import drag as drag
 from .motion_figures import motion as motion
+from .motion_figures import sampled_motion as sampled_motion
 from .pareto_figures import admittance as admittance
 from .pareto_figures import pareto as pareto
 from .robust_figures import outcome as outcome

@@ -1,0 +1,46 @@
+"""Pages of encounters, contacts and motions: the tables that notebooks show."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pretouch._core.blocks import Measured, Page, Picture, Rows, named
+from pretouch._core.units import format_quantity
+from pretouch._core.vocabulary import QUANTITIES
+
+from .contact import ContactResult, Motion
+from .page_sections import scenario_rows
+from .scenario import Scenario
+
+_SHOWN = ("time", "relative_velocity", "position", "displacement", "largest_excursion", "largest_virtual_force")
+
+
+def scenario_page(scenario: Scenario) -> Page:
+    """Return the page of an encounter, or of the shape of an array of them."""
+    if scenario.shape:
+        return Page(kind="Encounters", headline=f"Encounters of shape {scenario.shape}")
+    speed, distance = float(scenario.relative_velocity), format_quantity(float(scenario.distance), "m")
+    verb = "approaches" if speed < 0 else "recedes" if speed > 0 else "rests"
+    headline = f"An object {verb} at {format_quantity(abs(speed), 'm/s')}, starting at a distance of {distance}"
+    return Page(kind="Encounter", headline=headline, blocks=(Rows(rows=tuple(scenario_rows(scenario)), brief=True),))
+
+
+def contact_page(result: ContactResult) -> Page:
+    """Return the page of a contact, or of the number of contacts of an array."""
+    status: Any = result.status
+    if result.reached.ndim:
+        count, total = int(result.reached.sum()), result.reached.size
+        return Page(kind="Contacts", headline=f"{count} of {total} encounters end in contact ({result.method})")
+    rows = tuple((named(name), Measured(float(getattr(result.end, name)), QUANTITIES[name].unit)) for name in _SHOWN)
+    table = Rows(rows=rows, brief=True)
+    return Page(kind="Contact", headline=f"{status.meaning} ({result.method})", blocks=(table,))
+
+
+def motion_page(motion: Motion) -> Page:
+    """Return the page of a motion: its figure, and how it ends."""
+    if motion.time.ndim > 1:
+        return Page(kind="Motions", headline=f"Motions of shape {motion.time.shape[:-1]}")
+    page = contact_page(motion.result)
+    name = "Distance and relative velocity over time"
+    figure = Picture(figure="sampled_motion", of=motion, name=name, caption="The motion until it ends.")
+    return Page(kind="Motion", headline=page.headline, blocks=(figure, *page.blocks), lead="sampled_motion")

@@ -35,7 +35,7 @@ class _Allowed(NamedTuple):
 
     Args:
         quick: types of which every value is allowed; if `by_type`, types that pass are added.
-        holds: tells whether a value is allowed.
+        holds: returns whether a value is allowed.
         singular: describes one allowed value in messages.
         plural: describes several allowed values in messages.
         by_type: whether the type of a value alone decides.

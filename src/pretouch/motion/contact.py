@@ -111,7 +111,7 @@ class ContactState(Value):
         return tuple(self.as_dict().values())
 
     def __hash__(self) -> int:
-        return hash(np.shape(self.time))  # cheap: other quantities would have to be computed first
+        return hash(np.shape(self.time))  # all other properties would have to be computed first
 
     def __repr__(self) -> str:
         return f"ContactState({', '.join(f'{name}={value!r}' for name, value in self.as_dict().items())})"

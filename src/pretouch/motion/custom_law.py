@@ -60,9 +60,9 @@ class OwnLaw(Value):
             approach as soon as it acts again, the plant keeps the distance, l' = 0.
 
     Valid for:
-        A plant that follows the virtual object exactly and a sensor without delay. If a step looks beyond the range of
-        the curve, s and g are those of its nearest end. The force may jump if the motion passes the jump; a run that
-        would have to stay at a jump is `UNRESOLVED`.
+        A plant that follows the virtual object exactly and a sensor without delay. If an integration step needs the
+        curve outside its valid range, s and g are those at the nearest end. The force may have jumps that the motion
+        passes; a run that would have to stay at a jump is `UNRESOLVED`.
 
     Examples:
         >>> from pretouch.motion import Admittance, LawNumber, Obstacle, OwnLaw, find_contact

@@ -37,7 +37,7 @@ _ROUNDS: Final = 4  # refinements of the grid on which a peak is searched
 
 
 class RelativeEncounter(NamedTuple):
-    """An encounter relative to its reference, as in layout.Relative; start of the reference; the law's number."""
+    """An encounter relative to its reference, as in layout.Relative, with the reference's start and the gain."""
 
     mass: float
     damping: float
@@ -180,14 +180,14 @@ class CustomLawRun:
         return _APPROACH if below < 0 else _RECEDE if above > 0 else _ALONG
 
     def _bends(self, time: float, state: Any) -> tuple[float, float]:
-        """Return l'' [m/s^2] at l' = 0, its limit for an approach and for a recession."""
+        """Return the limits of l'' [m/s^2] at l' = 0, from an approach and from a recession."""
         g, (x, u) = self.encounter, state
         free = g.a - self._push(self._distance(time, x), 0.0) / g.mass
         pull = g.stiffness * x + g.damping * u
         return free + float(self._acting(_APPROACH, pull, 0.0)) / g.mass, free + pull / g.mass
 
     def _never(self, distance: float, u: float, course: int) -> bool:
-        """Tell whether a later approach can be excluded while the object does not approach."""
+        """Return whether a later approach can be excluded while the object does not approach."""
         g = self.encounter
         if course == _ALONG and g.v == g.a == u == 0:
             self.settling = distance
@@ -201,7 +201,7 @@ class CustomLawRun:
         return True
 
     def _reached_end(self, distance: float) -> bool:
-        """Tell whether an approach has reached the lower end of the curve, and end the last piece there."""
+        """Return whether an approach has reached the lower end of the curve, and end the last piece there."""
         from scipy.optimize import brentq  # noqa: PLC0415 - loads slowly
 
         g, piece = self.encounter, self.pieces[-1]

@@ -7,8 +7,9 @@ With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is line
 for any l_0, and t = int dl / sqrt(w). A cell is an interval of the distance without a knot of the curve. Integrals are
 those of the polynomials through 16 Gauss points on the cell. Cells are halved until the last Legendre coefficients of
 both integrands are negligible. If w is zero at one end of a cell, 1 / sqrt(w) is not smooth, but sqrt(w) is a smooth
-function of the square root of the distance from that end. Therefore the passed share of a cell, s(r) with r from 0 to
-1, is r - b r (1 - r): r for b = 0, r^2 from rest with b = 1, and 1 - (1 - r)^2 to rest with b = -1.
+function of the square root of the distance from that end. Therefore the traversed share s of a cell is a function of r
+from 0 to 1, s(r) = r - b r (1 - r). This is r for b = 0, r^2 for a start at rest (b = 1), and 1 - (1 - r)^2 for an end
+at rest (b = -1).
 """
 
 from __future__ import annotations
@@ -99,7 +100,7 @@ class DragCells(NamedTuple):
         lane: indices of the encounters.
         start: l at the start of the cell [m].
         width: width of the cell, toward smaller l [m].
-        bend: b of the passed share: 1 from rest, -1 to rest, else 0.
+        bend: b of the traversed share: 1 for a start at rest, -1 for an end at rest, else 0.
         square: l'^2 at the start [m^2/s^2].
         time: t at the start [s].
     """
@@ -117,7 +118,7 @@ class DragCells(NamedTuple):
         return DragCells(*columns)
 
     def share(self, z: FloatArray) -> FloatArray:
-        """Return the passed share of each cell at one z per cell."""
+        """Return the traversed share of each cell at one z per cell."""
         r = (1 + z) / 2
         return np.asarray(r - self.bend * r * (1 - r))
 
@@ -198,7 +199,7 @@ class DragPath(Value):
             yield cells, _evaluate(self.sensor, self.approach, cells)
 
 
-@np.errstate(all="ignore")  # cells with NaN are halved, and unresolved in the end
+@np.errstate(all="ignore")  # cells with NaN are halved until they count as unresolved
 def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: float) -> DragPath:
     """Solve approaches until l = end, until they come to rest, or until the horizon.
 

@@ -80,7 +80,7 @@ class GradientRows(Picklable):
         return self._followed[name]
 
     def _differentiable(self) -> BoolArray:
-        """Tell which runs end in a contact with l' < 0; a touch with l' = 0 has no derivatives."""
+        """Return which runs end in a contact with l' < 0; a touch with l' = 0 has no derivatives."""
         reached = self._solution.status == ContactStatus.CONTACT
         return np.asarray(reached & (self._solution.raw("relative_velocity") < 0))
 
@@ -107,7 +107,7 @@ class GradientRows(Picklable):
         return np.asarray(damping / r.mass * self._solution.raw("time"))
 
     def _linear(self, kept: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Fill the rows of runs with a closed form; return the runs that remain."""
+        """Fill the rows of runs with a closed form; return the remaining runs."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.slope
         r = request.relative
@@ -126,7 +126,7 @@ class GradientRows(Picklable):
         return np.asarray(pending & (status != 0))
 
     def _in_lanes(self, kept: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Fill the rows of runs that vectorized Taylor steps prove; return the runs that remain."""
+        """Fill the rows of runs whose contact vectorized Taylor steps prove; return the remaining runs."""
         request = self._solution.request
         curves = shared_curve(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(pending)

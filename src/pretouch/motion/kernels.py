@@ -209,13 +209,13 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
 
 
 def _is_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Tell whether the windows of one shared curve are in the table, without the overhead of NumPy functions."""
+    """Return whether the windows of one shared curve are in the table, without the overhead of NumPy functions."""
     which = int(curve_of[0])
     return 0 <= which < len(starts) - 1 and 0 <= int(starts[which]) <= int(starts[which + 1]) <= rows
 
 
 def _are_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Tell whether the table contains the windows of every curve, and every encounter refers to one of the curves."""
+    """Return whether the table contains the windows of every curve, and every encounter refers to one of the curves."""
     if len(starts) == 0 or starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
         return False
     return len(curve_of) == 0 or bool(curve_of.min() >= 0 and curve_of.max() < len(starts) - 1)

@@ -259,7 +259,7 @@ def continuous_law(law: Any) -> ContinuousLaw:
     """Return the law in continuous time of a law, a name in LAWS, or a sampled law.
 
     Raises:
-        InvalidInputError: the argument is no law and names none by `continuous`.
+        InvalidInputError: the argument is no law, and its attribute `continuous` does not name one.
     """
     result = LAWS.get(law) if isinstance(law, str) else law
     if isinstance(result, ContinuousLaw):
@@ -268,7 +268,7 @@ def continuous_law(law: Any) -> ContinuousLaw:
     if sampled is None:
         name = repr(law) if isinstance(law, str) else type(law).__name__
         raise InvalidInputError(
-            f"law: found {name}, which is no law in continuous time and names none by `continuous`, expected one of "
-            f"{', '.join(LAWS)}, an OwnLaw, or a sampled law with the attribute `continuous`"
+            f"law: found {name}, which is no law in continuous time, expected one of "
+            f"{', '.join(LAWS)}, an OwnLaw, or a sampled law whose attribute `continuous` names one of these"
         )
     return continuous_law(sampled)

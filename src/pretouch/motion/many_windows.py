@@ -265,7 +265,7 @@ def _make_windows(table: FloatArray, starts: IntArray, *, falling: bool | None =
 
 
 def _falls(table: FloatArray) -> bool:
-    """Tell whether g < 0 on all windows."""
+    """Return whether g < 0 on all windows."""
     middle, terms = table[:, MIDDLE], table[:, TERMS:]
     if terms.shape[1] == 1:
         ends = terms / (table[:, [LOW, TOP]] - middle[:, None])

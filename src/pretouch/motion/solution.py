@@ -130,7 +130,7 @@ class Solution(Value):
         return self._columns[name]
 
     def _compute(self, name: str) -> dict[str, FloatArray]:
-        """Return a quantity at contact, and others that are computed with it; meaningless if no contact is proved."""
+        """Return a quantity at contact, and those computed together with it; meaningless if no contact is proved."""
         request = self.request
         if name == "virtual_force":  # by L(2)
             return {name: np.asarray(request.gain * (request.slope_at_contact * self.raw("relative_velocity")))}
@@ -167,7 +167,7 @@ class Solution(Value):
         return peaks
 
     def _proved(self) -> BoolArray:
-        """Tell which contacts a fast method has proved."""
+        """Return which contacts a fast method has proved."""
         proved = np.ones(self.request.size, dtype=np.bool_)
         proved[self._open] = False
         return proved

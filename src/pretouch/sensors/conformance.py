@@ -270,7 +270,7 @@ def _scalar_difference(function: Callable[[Any], Any], distance: FloatArray) -> 
 
 
 def _is_value(sensor: SensorModel) -> bool:
-    """Tell whether a curve is a frozen dataclass with hashable fields."""
+    """Return whether a curve is a frozen dataclass with hashable fields."""
     parameters = vars(type(sensor)).get("__dataclass_params__")
     try:
         hash(sensor)

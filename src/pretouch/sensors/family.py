@@ -113,7 +113,7 @@ class Family(ABC):
         return np.zeros(len(u))
 
     def runs_away(self, ends: Any) -> bool:  # noqa: ARG002 - for subclasses
-        """Tell from the ends of their confidence intervals whether parameters may diverge together."""
+        """Return, from the ends of their confidence intervals, whether parameters may diverge together."""
         return False
 
     def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002

@@ -49,6 +49,6 @@ def _subclasses(cls: type[SensorModel]) -> Iterator[type[SensorModel]]:
 
 
 def _is_fitted(curve: type[SensorModel]) -> bool:
-    """Tell whether a class defines `fit_start` or its own family."""
+    """Return whether a class defines `fit_start` or its own family."""
     has_start = any("fit_start" in vars(cls) for cls in curve.__mro__ if cls is not SensorModel)
     return has_start or curve.family is not SensorModel.family

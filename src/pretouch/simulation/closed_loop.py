@@ -37,7 +37,7 @@ class ClosedLoop:
     """A sampled loop without its encounter and gain: sensor chain, law, robot and contact.
 
     Called with a scenario, a sensor and gains, it solves encounters like `find_contact`. So `design_gain` and
-    `design_robust_gain` accept it as `evaluate`. With the law and the chain of the example of `simulate`,
+    `design_robust_gain` accept it as the argument `evaluate`. With the law and the chain of the example of `simulate`,
     `ClosedLoop(law=law, chain=chain).run(scenario, sensor, -0.7)` returns the same as `simulate`.
 
     Args:
@@ -74,7 +74,7 @@ class ClosedLoop:
         array([-0.082, -0.069])
     """
 
-    law: TunableLaw = field(metadata={"takes": SampledLaw})  # a single run does not need another gain
+    law: TunableLaw = field(metadata={"takes": SampledLaw})  # run without a gain needs only a SampledLaw
     chain: SensorChain
     plant: PlantModel = field(default_factory=IdealPlant)
     contact: ContactModel | None = None

@@ -42,7 +42,7 @@ _DENSE: Final = 300  # periods of delay up to which all eigenvalues are computed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearLoop:
-    """The linear open loop, cut at the damping d, over the period from one start of an exposure to the next.
+    """The linear open loop, opened at the damping d, over the period from the start of one exposure to the next.
 
     Args:
         timing: the timing of the loop.

@@ -78,13 +78,13 @@ def _refuse_endless_runs(loop: Loop) -> None:
     _refuse(loop.horizon, period, "loop horizon", f"a controller with a period of {_time(period)}")
     _refuse(loop.horizon, 1 / chain.rate, "loop horizon", f"a sensor with {chain.rate:g} readings per second")
     step = plant_step(loop.plant, period)
-    _refuse(loop.horizon, step, "loop horizon", f"a robot followed in steps of {_time(step)}")
+    _refuse(loop.horizon, step, "loop horizon", f"a robot integrated in steps of {_time(step)}")
     if loop.contact is not None:
         numbers, mass = loop.contact.numbers(), loop.plant.coefficients()[0]
         fastest = max(1.0, float(np.max(np.abs(loop.scenario.relative_velocity))))
         step = contact_step(numbers, 1 / mass + numbers[4], fastest)
         _refuse(loop.follow, period, "loop follow", f"a controller with a period of {_time(period)}")
-        _refuse(loop.follow, step, "loop follow", f"a contact followed in steps of {_time(step)}")
+        _refuse(loop.follow, step, "loop follow", f"a contact integrated in steps of {_time(step)}")
     waiting = chain.exposure + chain.delay + 16 * chain.jitter + period
     if waiting * chain.rate > _MOST_BUFFERED:
         raise InvalidInputError(
@@ -171,7 +171,7 @@ class SimulationResult(Value):
     Args:
         columns: the quantities by name, each of the shape of the runs.
         contact_list: the contacts of each run, as in LoopTrace, shape (..., 32, 6), with rows of NaN after the last.
-        trace_of: function that runs the i-th encounter again and records it; it can be pickled.
+        trace_of: function that runs the i-th encounter again and records its time series; it can be pickled.
 
     Attributes:
         status: how each run ended: a ContactStatus, or an array of their numbers (contact, horizon, unresolved).

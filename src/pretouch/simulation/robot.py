@@ -30,7 +30,7 @@ _WORDS: Final = {
 COEFFICIENTS: Final = tuple(_WORDS)
 """The coefficients of a plant in the compiled loop; a mass of 0 means an ideal plant, a servo rate of 0 no lag."""
 
-_FASTEST: Final = 1e6  # rad/s: a robot with a higher natural frequency is a typing error
+_FASTEST: Final = 1e6  # rad/s: a higher natural frequency of a robot indicates a typing error
 _FINE: Final = 0.2  # step of the Runge-Kutta method, in shortest time scales of the plant
 
 Row = tuple[str, Cell]
@@ -39,8 +39,8 @@ Row = tuple[str, Cell]
 class PlantModel(ABC):
     """How the robot's contact surface follows the virtual object, and how a contact force moves it.
 
-    Each is m x'' = f - friction(x') - F_contact, where f follows k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the
-    servo's rate. A user-defined plant implements `coefficients`.
+    The equation of motion is m x'' = f - friction(x') - F_contact, where f follows k (x_v - x) + d_v x_v' - d_x x' +
+    m_f x_v'' at the servo's rate. A user-defined plant implements `coefficients`.
     """
 
     __slots__ = ()
@@ -88,7 +88,8 @@ class ImpedancePlant(PlantModel):
         bandwidth: bandwidth of the force servo, a first-order lag [Hz]; infinite for no lag.
         viscous_friction: viscous friction coefficient [N s/m].
         coulomb_friction: Coulomb friction, which only depends on the sign of the velocity [N].
-        friction_speed: speed at which three quarters of it act [m/s]: it follows tanh(x' / friction_speed).
+        friction_speed: speed at which three quarters of the Coulomb friction act [m/s]; the friction follows tanh(x' /
+            friction_speed).
         feedforward: whether the controller adds m x_v''.
 
     Examples:

@@ -13,7 +13,7 @@ from pretouch._core.units import format_quantity
 from .data import Calibration
 
 MAD_TO_SIGMA = 1.4826  # median absolute deviation to standard deviation, for a normal distribution
-_BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; a lost or doubled reading is far beyond
+_BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; lost or doubled readings deviate much more
 _CLEAR_OF_ZERO = 5  # converter steps
 _USUAL_SPREAD = 0.5  # standard deviation of the prior of ln c above its usual value
 _FEWEST_REPEATS = 3  # degrees of freedom from which a standard deviation is trusted
@@ -111,9 +111,9 @@ def _lost(calibration: Calibration) -> BoolArray:
 
 def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNoise:
     """Estimate the noise of one reading from repeats and no-object readings, never below the quantization."""
-    # The variance of a reading is modeled as sigma^2 + (c xi)^2, and both parts are estimated by maximum likelihood
-    # over the groups of repeats. So jitter of a strong signal does not raise the noise of the far field. Fewer than
-    # three degrees of freedom are not used.
+    # The variance of a reading is modeled as sigma^2 + (c xi)^2. Both parts are estimated by maximum likelihood over
+    # the groups of repeats, so jitter of a strong signal does not raise the noise of the far field. Estimates from
+    # fewer than three degrees of freedom are not used.
     step = resolution(calibration)
     floor = step / np.sqrt(12.0)
     keep = np.ones(len(calibration.outputs), dtype=bool)

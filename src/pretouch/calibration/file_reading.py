@@ -129,7 +129,7 @@ def _curves(
     if labels is None and len(groups) > 3 and max(map(len, groups.values())) * len(layout.pairs) == 1:
         titles = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
-            f"{table.file}: found another value of {titles} in every row, which leaves one reading per curve; name the "
+            f"{table.file}: found a different value of {titles} in every row, so each curve has one reading; name the "
             "label columns with --labels NAME,NAME, or use --labels none (in a scenario file and in Python: labels, a "
             "list, which may be empty)"
         )

@@ -198,9 +198,9 @@ def fit_possible_curves(
 def _correlation_inflation(residuals: FloatArray, smooth: float) -> float:
     """Return the factor by which the variance of a fit grows because neighboring residuals are correlated.
 
-    A misfit is smooth: forty points inform no better about it than the few at which it can bend independently. It has
-    the share `smooth` of the variance of the residuals, which is 1. Otherwise the correlation of neighbors counts, if
-    it is significant (Bayley and Hammersley 1946).
+    A misfit is smooth: forty points carry no more information about it than the few at which it can bend independently.
+    It has the share `smooth` of the variance of the residuals, which is 1. Otherwise the correlation of neighbors
+    counts, if it is significant (Bayley and Hammersley 1946).
     """
     count, total = len(residuals), float(residuals @ residuals)
     bends = 1 + smooth * max(count / _BENDS - 1, 0.0)

@@ -166,7 +166,7 @@ def _level(
         error, value = float(noise.output / np.sqrt(len(calibration.no_object))), offset.value
         offset = replace(offset, standard_error=error, low=value - 2.6 * error, high=value + 2.6 * error)
     free = None
-    if len(tail.distance) >= _FEWEST_DISTANCES + 2:  # with a free offset: the effect of a wrong offset is not misfit
+    if len(tail.distance) >= _FEWEST_DISTANCES + 2:  # a free offset, so that its error is not taken as misfit
         free = fit_possible_curves(tail, find_noise(tail, reading_noise, None), None, also=offset.value)
     return noise, offset, free
 
@@ -195,7 +195,7 @@ def _steep_end(
 
 
 def _reports_distance(calibration: Calibration) -> str:
-    """Return the message for a sensor that reports the distance itself."""
+    """Return the message for a sensor whose output is the distance."""
     return (
         f"The output is a distance in {calibration.unit}: this sensor reports a distance, not a signal that falls with "
         "it. No curve is fitted: enter the curve of the law by hand, and set chain.reports_distance = true."

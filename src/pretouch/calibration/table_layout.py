@@ -122,7 +122,7 @@ def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int
 
 
 def _output(table: TextTable, distance: int | None) -> int | None:
-    """Find the output column: by name, by unit (V, counts), as the only one left, or a current; it must change."""
+    """Find the output column: by name, by unit (V, counts), as the only remaining one, or a current; it must change."""
     free = [i for i in range(len(table.header)) if i != distance]
     others = [i for i in free if not is_named(table.header[i], "setting")]
     named = [i for i in others if is_named(table.header[i], "output")]

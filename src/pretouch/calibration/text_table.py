@@ -40,8 +40,8 @@ _NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 
 def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = None) -> TextTable:
     """Split a text file into header and rows; options for its columns help to find the header."""
-    # Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. Unreadable files,
-    # files that are too large or have no table, and rows with another number of cells are refused.
+    # Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. Refused are
+    # unreadable or too large files, files without a table, and rows with another number of cells.
     path, options = Path(path), options or ColumnOptions()
     try:
         content = read_regular_file(path, most=_MOST_BYTES, refuse=_refusal)

@@ -148,12 +148,12 @@ class VirtualDrag:
         yield "relative noise of a reading", Measured(self.relative_noise)
         yield "step of the readings", format_output(self.resolution)
         yield "smoothing time", Measured(self.smoothing_time, "s")
-        yield "dead zone", f"{self.dead_zone:.4g} standard deviations of ln \u03be, smoothed"
-        yield "rate that counts as none", f"{self.still_rate:.4g} standard deviations"
+        yield "dead zone", f"{self.dead_zone:.4g} standard deviations of the smoothed ln \u03be"
+        yield "rate treated as zero", f"{self.still_rate:.4g} standard deviations"
         if self.hold_time is not None:
-            yield "an approach lasts on for", Measured(self.hold_time, "s")
+            yield "hold time of an approach", Measured(self.hold_time, "s")
         if self.own_advance:
-            yield "gain against the robot's own advance", Measured(self.own_advance, "N*s")
+            yield "gain against the robot's own motion", Measured(self.own_advance, "N*s")
         if self.known_acceleration:
             yield "known acceleration of the object", Measured(self.known_acceleration, "m/s^2")
 

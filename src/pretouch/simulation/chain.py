@@ -151,9 +151,9 @@ class SensorChain:
         yield "delay after the exposure", Measured(self.delay, "s")
         yield "latency of a reading", f"{format_quantity(self.latency, 's')}, from the middle of its exposure"
         if self.reports_distance:
-            yield "reports", "a distance, which its driver converts to \u03be by the curve"
+            yield "output", "a distance, which its driver converts to \u03be by the curve"
             yield "noise of the distance", Measured(self.distance_noise, "m")
-            yield "step of the distance", Measured(self.distance_resolution, "m")
+            yield "resolution of the distance", Measured(self.distance_resolution, "m")
         yield "noise without a signal", format_output(self.noise)
         yield "noise relative to \u03be", _percent(self.relative_noise)
         if self.misfit:
@@ -165,11 +165,11 @@ class SensorChain:
         if self.drift:
             yield "drift", f"{self.drift:.4g} per s, in the sensor's output unit"
         if math.isfinite(self.lowest) or math.isfinite(self.highest):
-            yield "clips", f"below {self.lowest:.6g} and above {format_output(self.highest)}"
+            yield "clipping", f"below {self.lowest:.6g} and above {format_output(self.highest)}"
         if self.jitter:
             yield "jitter of an exposure", Measured(self.jitter, "s")
         if self.dropout:
-            yield "readings that are missing", _percent(self.dropout)
+            yield "missing readings", _percent(self.dropout)
 
 
 @check_arguments
@@ -286,7 +286,7 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
     Args:
         chain: the sensor chain; its jitter, noise and dropouts are ignored.
         controller: the controller; its limits are ignored. Of its law, only the gain and a `smoothing_time` count, see
-        `pretouch.control.laws.Law`.
+            `pretouch.control.laws.Law`.
         worst_ratio: whether to assume the longest wait, as with an integer ratio of rates at the worst phase. This is
             needed for statements about all rates above a limit.
 

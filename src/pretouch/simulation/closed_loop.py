@@ -309,9 +309,9 @@ def _joined(rows: Iterable[Row]) -> str:
 def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
     """Yield the rows on the noise and the duration of runs."""
     yield "seed of the noise", str(loop.seed)
-    yield "waits for contact", Measured(loop.horizon, "s")
+    yield "longest time until contact", Measured(loop.horizon, "s")
     if loop.contact is not None:
-        yield "goes on after the first contact", Measured(loop.follow, "s")
+        yield "time after the first contact", Measured(loop.follow, "s")
 
 
 def law_rows(law: SampledLaw) -> Iterable[Row]:

@@ -136,7 +136,7 @@ class ImpedancePlant(PlantModel):
         yield "bandwidth of the force servo", Measured(self.bandwidth, "Hz")
         yield "viscous friction", Measured(self.viscous_friction, "N*s/m")
         yield "Coulomb friction", Measured(self.coulomb_friction, "N")
-        yield "acceleration fed forward", "yes" if self.feedforward else "no"
+        yield "acceleration feedforward", "yes" if self.feedforward else "no"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -255,7 +255,7 @@ def test_rows_of_a_loop_name_what_it_is_made_of_with_units() -> None:
     gradual = VirtualDamper(gain=-0.5, approach_only=True, release=0.02, ramp_time=0.1)
     rows = shown(law_rows(dataclasses.replace(law(saturation=4.0, largest_rate=50.0), law=gradual)))
     assert rows["ramp of the gain"] == "100 ms"
-    assert "0.02" in rows["damps"]
+    assert "0.02" in rows["acts"]
     assert rows["saturation level"].startswith("4 ")
     assert rows["largest plausible |d ln \u03be/dt|"] == "50 1/s"
 
@@ -266,7 +266,7 @@ def test_rows_of_a_sensor_part_hold_every_number_of_its_chain(name: str) -> None
     rows = shown(chain.rows())
     assert rows["readings"].startswith(f"{chain.rate:.4g} Hz")
     assert ("noise of the distance" in rows) == chain.reports_distance
-    assert ("clips" in rows) == np.isfinite(chain.highest)
+    assert ("clipping" in rows) == np.isfinite(chain.highest)
     assert ("step" in rows) == bool(chain.resolution)
 
 

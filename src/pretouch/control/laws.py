@@ -73,7 +73,7 @@ class Setting(Protocol):
 
 
 class SteppedLaw(Protocol):
-    """A law that a controller can run. It needs no number for a design to choose; see `Law`."""
+    """A law that a controller can run. Unlike a `Law`, it needs no number that a design chooses."""
 
     @property
     def step(self) -> Any:
@@ -296,7 +296,7 @@ class VirtualDamper:
     def rows(self) -> Iterator[tuple[str, Cell]]:
         """Yield table rows with the parameters of the law other than its gain."""
         if self.approach_only:
-            yield "damps", f"approaches only, with a release of {self.release:.4g} in ln \u03be"
+            yield "acts", f"during approaches only, with a release of {self.release:.4g} in ln \u03be"
         if self.ramp_time:
             yield "ramp of the gain", Measured(self.ramp_time, "s")
 

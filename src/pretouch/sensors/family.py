@@ -93,10 +93,10 @@ class Family(ABC):
 
     @abstractmethod
     def parameters(self, coordinates: FloatArray) -> FloatArray:
-        """Return the curve's own parameters of these coordinates, in SI; infinite if they diverge."""
+        """Convert coordinates to the curve's own parameters, in SI; infinite if they diverge."""
 
     def written(self, u: FloatArray) -> FloatArray:
-        """Return the curve's own parameters, all of them finite."""
+        """Return the curve's own parameters for fit parameters; all of them are finite."""
         return self.parameters(self.coordinates(u))
 
     def sensor(self, u: FloatArray, low: float, high: float) -> Any:

@@ -18,8 +18,8 @@ def known_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, ty
 
     Args:
         fitted: return only curves that can be fitted to a calibration.
-        foreign: also return curves that the calling program has defined under unused names. They can be selected by
-            name but are not part of default lists.
+        foreign: also return curves that the calling program has defined, if their names are not used by pretouch. They
+            can be selected by name but are not part of default lists.
 
     Returns:
         The classes by name. Curves made of functions, of cubic polynomials or of another curve are not included.

@@ -63,7 +63,7 @@ class CurveSensitivity:
 
 
 def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
-    """Return the derivative of a curve with respect to a parameter, a key of the sensor's `parameter_units`."""
+    """Differentiate a curve with respect to one of its parameters, a key of the sensor's `parameter_units`."""
     # If the class of the curve does not define it, dg/d(parameter) is computed from the polynomial through eleven
     # curves with the parameter within 5 % of its value. If values on one side are invalid, the other side is used. The
     # relative error is about 1e-11 if g is computed to rounding.

@@ -47,7 +47,7 @@ _IMPACT_UNITS: Final = {
 
 
 def with_input(task: Task, name: str, value: float) -> Task:
-    """Change an input that is the same in one call of the solver: of the sensor, impact, constraints or objective."""
+    """Return a task with another value of an input of the sensor, impact, constraints or objective."""
     part, _, rest = name.partition(".")
     if part == "sensor":
         return replace(task, sensor=sensor_with(task.sensor, {rest: value}))

@@ -1,4 +1,4 @@
-"""Compute chunks and blocks of a sweep with the array form of the solvers, and measure progress."""
+"""Compute chunks and blocks of a sweep by calls of the solvers with arrays, and measure progress."""
 
 from __future__ import annotations
 
@@ -133,14 +133,14 @@ class Progress(Value):
 
 
 def chunks_per_block(plan: Plan, *, workers: int = 1) -> int:
-    """Choose the number of chunks per block by the duration of a trial; results do not depend on it.
+    """Choose the number of chunks per block from the duration of a trial; results do not depend on this number.
 
     Args:
         plan: the sweep. The trial also detects mistakes in it before the work begins.
         workers: number of workers; each should get several blocks.
 
     Returns:
-        The number of chunks that take about a second.
+        The number of chunks that together take about a second.
     """
     few = plan.thinned(1)
     evaluate(few, few.region(0))

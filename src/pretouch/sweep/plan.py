@@ -44,7 +44,7 @@ class Plan:
         held: the task with the values of all inputs that are not on an axis.
         axes: the axes, in the order of the dimensions.
         results: names of the results; the status is always added.
-        seed: seed of the random number generator that made the values, for the record; None for none.
+        seed: seed of the random number generator that made the values, for the record; None if there is none.
         chunk: shape of a chunk, which is computed by one call of the solver and stored in one file.
     """
 

@@ -57,7 +57,7 @@ def sweep(
     Args:
         task: one encounter with its sensor; it has the values of all inputs that are not on an axis. If the task or an
             axis has gains, contacts are computed. Otherwise each encounter gets its optimal gain, by objective, bounds,
-            constraints and stability margin; the latter is allowed if no axis changes the stability limit.
+            constraints and stability margin. A stability margin is allowed if no axis changes the stability limit.
         axes: values of inputs, in SI. A name is an input: `gain`; `admittance.mass`, `.damping`, `.stiffness`,
             `.natural_frequency`, `.damping_ratio`; any quantity of `obstacle`, `plant`, `reference`; `sensor.` with a
             parameter of the curve, or `recess`; `impact.` with a property; for designs `constraint.` with the name of
@@ -77,7 +77,7 @@ def sweep(
         inputs, versions and seed. Values are NaN without a contact or an optimal gain; `status` has the reason.
 
     Raises:
-        InvalidInputError: the request makes no sense, or an output cannot be written.
+        InvalidInputError: the request is invalid, or an output cannot be written.
         OutOfRangeError: an encounter starts outside the range of the sensor.
 
     Examples:

@@ -1,7 +1,7 @@
 """Store the results of a sweep, in memory or in a Zarr folder, with a ledger of finished blocks.
 
 The data of a block are written first, each chunk atomically as a file. Then its entry in the ledger is written, a file
-of one byte. If the process is killed in between, only unfinished blocks are lost. A block with damaged data is computed
+of one byte. If the process is killed, only unfinished blocks are lost. A block with damaged data is computed
 again. A process that writes to a folder locks it, so that no other process removes it.
 
 The ledger is an array in a subgroup of the Zarr group, so that `xarray.open_zarr` shows only axes, status and results.

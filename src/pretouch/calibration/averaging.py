@@ -67,8 +67,8 @@ def resolution(calibration: Calibration) -> float:
     steps = np.diff(values)
     tolerance = 1e-9 * float(np.abs(values).max())
     step = 0.0
-    for other in steps[steps > tolerance]:
-        a, b = float(other), step
+    for difference in steps[steps > tolerance]:
+        a, b = float(difference), step
         while b > tolerance * 10:
             a, b = b, abs(a - b * round(a / b))
         step = a

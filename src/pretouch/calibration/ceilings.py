@@ -234,14 +234,14 @@ class _Problem:
             self,
             above=np.tile(self.above, len(offsets)),
             sharpness=np.tile(self.sharpness, len(offsets)),
-            offsets=(own := np.repeat(offsets, ceilings)),
+            offsets=(all_offsets := np.repeat(offsets, ceilings)),
         )
         start = np.tile(first_fits.x[:, : self.family.size], (len(offsets), 1))
         fits = minimize_many(problems.residuals, start, problems.bounds(), tolerance=1e-8, most=40)
         return _Lanes(
             family=self.family,
-            offsets=own,
-            ceilings=problems.ceilings(own, problems.above),
+            offsets=all_offsets,
+            ceilings=problems.ceilings(all_offsets, problems.above),
             sharpness=problems.sharpness,
             x=fits.x,
             covariances=fits.covariances,

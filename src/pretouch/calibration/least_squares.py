@@ -132,8 +132,8 @@ def _newton_step(
     gradient = np.einsum("bnp,bn->bp", slope, value)
     square = np.einsum("bnp,bnq->bpq", slope, slope)
     diagonal = np.maximum(np.einsum("bpp->bp", square), 1e-30)
-    held = _at_bound(x, gradient, *bounds)
-    free = ~held
+    at_bound = _at_bound(x, gradient, *bounds)
+    free = ~at_bound
     square = np.where(free[:, :, None] & free[:, None, :], square, 0.0)
     square[:, np.arange(size), np.arange(size)] += np.where(free, damping[:, None] * diagonal, 1.0)
     scale = 1 / np.sqrt(np.einsum("bpp->bp", square))

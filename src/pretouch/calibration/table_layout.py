@@ -350,9 +350,9 @@ def _distance_of_header(table: TextTable, mark: UnitMark, unit: str) -> float:
     if mark.number is None:
         return math.inf
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))
-    found = f"{table.place}: found the distance {quoted(f'{mark.number} {mark.unit or unit}')}"
+    message = f"{table.place}: found the distance {quoted(f'{mark.number} {mark.unit or unit}')}"
     if value < 0:
-        raise CalibrationDataError(f"{found}, which must not be negative")
+        raise CalibrationDataError(f"{message}, which must not be negative")
     if not (math.isfinite(value) and has_workable_magnitude(value)):
-        raise CalibrationDataError(f"{found}, expected a number {WORKABLE} (in m)")
+        raise CalibrationDataError(f"{message}, expected a number {WORKABLE} (in m)")
     return value

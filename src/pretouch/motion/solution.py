@@ -303,13 +303,13 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
 def _settling(request: Request) -> FloatArray:
     """Return the settling distance of motions that end in contact, as the guaranteed paths define it."""
     r = request.relative
-    held, floats = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
-    rests = ((r.v == 0) | floats) & (r.a == 0)
+    has_spring, is_free = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
+    rests = ((r.v == 0) | is_free) & (r.a == 0)
     if request.method != "closed-form":
-        return np.where(np.broadcast_to(rests & held & (r.gain <= 0), request.size), r.p, np.inf)
+        return np.where(np.broadcast_to(rests & has_spring & (r.gain <= 0), request.size), r.p, np.inf)
     total = r.damping + request.slope * r.gain
     free = r.p - r.x0 + (r.v - r.u0) * r.mass / np.where(total > 0, total, 1.0)
-    return np.where(np.broadcast_to(rests & (total > 0), request.size), np.where(held, r.p, free), np.inf)
+    return np.where(np.broadcast_to(rests & (total > 0), request.size), np.where(has_spring, r.p, free), np.inf)
 
 
 def _impulse_residual(solution: Solution) -> FloatArray:

@@ -329,10 +329,10 @@ def _is_relevant(response: _Complex) -> BoolArray:
 
 def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
     """Return between which neighbors an undamped mode lies, where P changes its sign without a crossover."""
-    held = np.zeros(len(angle) - 1, dtype=bool)
+    contains = np.zeros(len(angle) - 1, dtype=bool)
     for pole in poles:
-        held |= (angle[:-1] < pole) & (pole <= angle[1:])
-    return held
+        contains |= (angle[:-1] < pole) & (pole <= angle[1:])
+    return contains
 
 
 def zero_between(

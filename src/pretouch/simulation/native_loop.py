@@ -218,17 +218,17 @@ def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _Pyth
     parameters = [loop.laws[int(i)].parameters() for i in used_laws]
     states = [loop.laws[int(i)].start(position=float(x), velocity=float(v)) for i, x, v in distinct]
     python_step = None if isinstance(step, CompiledStep) else _PythonStep(step, parameters, states)
-    held = _to_rows(parameters, "parameters", python_step), _to_rows(states, "state", python_step)
+    blocks = _to_rows(parameters, "parameters", python_step), _to_rows(states, "state", python_step)
     indices = law_of.ravel(), start_of.ravel()
     laws = _Laws(
         *(
             python_step.address if python_step else step.located(),
-            *map(address, held),
-            *(8 * part.shape[1] for part in held),
+            *map(address, blocks),
+            *(8 * part.shape[1] for part in blocks),
         ),
         *(address(i, _INDEX) for i in indices),
     )
-    laws.held = held, indices
+    laws.blocks = blocks, indices
     return laws, python_step
 
 

@@ -120,12 +120,12 @@ class ImpedancePlant(PlantModel):
     def coefficients(self) -> tuple[float, ...]:
         """Return the coefficients in the order of COEFFICIENTS, in SI."""
         rate = 0.0 if math.isinf(self.bandwidth) else 2 * math.pi * self.bandwidth
-        own = self.damping + (self.viscous_friction if rate == 0 else 0.0)
+        own_damping = self.damping + (self.viscous_friction if rate == 0 else 0.0)
         ahead = self.mass if self.feedforward else 0.0
         friction = self.coulomb_friction, self.friction_speed
         if rate and self.viscous_friction:
             raise InvalidInputError("viscous_friction: only without a servo bandwidth; use coulomb_friction instead")
-        return (self.mass, self.stiffness, self.damping, own, ahead, rate, *friction)
+        return (self.mass, self.stiffness, self.damping, own_damping, ahead, rate, *friction)
 
     def rows(self) -> Iterator[Row]:
         """Yield the rows of a report on the robot."""
@@ -224,12 +224,12 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
 
 def plant_step(plant: PlantModel, period: float) -> float:
     """Return the integration step of a plant [s], an integer fraction of the controller's period."""
-    mass, stiffness, _, own, _, servo, coulomb, friction_speed = plant.coefficients()
+    mass, stiffness, _, own_damping, _, servo, coulomb, friction_speed = plant.coefficients()
     if mass == 0:
         return period
     # the slope of the friction at rest is the fastest rate; the step only needs to be stable for it
     friction = coulomb / friction_speed / mass / 8
-    fastest = max(math.sqrt(stiffness / mass), own / mass, servo, friction)
+    fastest = max(math.sqrt(stiffness / mass), own_damping / mass, servo, friction)
     return period / max(math.ceil(period * fastest / _FINE), 1)
 
 

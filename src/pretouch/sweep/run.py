@@ -100,7 +100,7 @@ def sweep(
         {'obstacle.velocity': 2, 'gain': 10}
     """
     try:
-        plan = make_plan(_held(task, axes), axes, results=results, seed=seed)
+        plan = make_plan(_sweep_task(task, axes), axes, results=results, seed=seed)
     except OutOfRangeError as error:
         if task.source is None:
             raise
@@ -121,7 +121,7 @@ def sweep(
     return _to_zarr(plan, target, overwrite=overwrite, dask=dask, progress=progress).dataset()
 
 
-def _held(task: Task, axes: Axes) -> Task:
+def _sweep_task(task: Task, axes: Axes) -> Task:
     """Return the task of the sweep: without an objective if there are gains, otherwise with stable bounds."""
     names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
     if task.gain is not None or "gain" in names or task.objective is None:

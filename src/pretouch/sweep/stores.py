@@ -232,7 +232,7 @@ class ZarrStore(Store):
                     fill_value=-1 if status else np.nan,
                     compressors="auto" if status else None,  # results do not compress well
                     dimension_names=plan.dims,
-                    attributes=result_attributes(name, designs=plan.designs, law=plan.held.law),
+                    attributes=result_attributes(name, designs=plan.designs, law=plan.task.law),
                 )
             subgroup, ledger = LEDGER.split("/")
             group.create_group(subgroup).create_array(

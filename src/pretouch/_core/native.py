@@ -323,7 +323,7 @@ def machine_code(function: Any) -> int | None:
     elif isinstance(function, _FUNCTION):
         pointer = ctypes.cast(function, ctypes.c_void_p).value
     elif isinstance(function, tuple) and type(function).__name__ == "LowLevelCallable":
-        pointer = _of_capsule(tuple.__getitem__(function, 0))  # its own __getitem__ hides the parts
+        pointer = _of_capsule(tuple.__getitem__(function, 0))  # the __getitem__ of its class hides the parts
     elif type(function).__name__ == "PyCapsule":
         pointer = _of_capsule(function)
     elif callable(function):

@@ -14,7 +14,7 @@ from .data import Calibration
 
 MAD_TO_SIGMA = 1.4826  # median absolute deviation to standard deviation, for a normal distribution
 _BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; lost or doubled readings deviate much more
-_CLEAR_OF_ZERO = 5  # converter steps
+_CLEAR_OF_ZERO = 5  # least other reading, in converter steps, from which a zero counts as lost
 _USUAL_SPREAD = 0.5  # standard deviation of the prior of ln c above its usual value
 _FEWEST_REPEATS = 3  # degrees of freedom from which a standard deviation is trusted
 
@@ -164,8 +164,8 @@ def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
     return np.asarray(weight * away / float(weight @ away**2))
 
 
-_MANY: Final = 100  # distinct distances above which they are condensed
-_FEW: Final = 50  # condensed distances, including both ends
+_MANY: Final = 100  # number of distinct distances above which they are condensed
+_FEW: Final = 50  # number of condensed distances, including both ends
 _BLOCKS: Final = 100  # groups of readings from which the shape of the curve is estimated
 _ENDS: Final = 2
 
@@ -186,7 +186,7 @@ def condense(calibration: Calibration) -> Calibration:
     order = np.argsort(distance, kind="stable")
     places, part = _parts(distance[order], calibration.outputs[order])
     part = part[np.argsort(order, kind="stable")]
-    part[distance == distance.min()] = -1  # the ends are separate parts: they support the curve there
+    part[distance == distance.min()] = -1  # the ends are separate parts, because they determine the curve there
     part[distance == distance.max()] = len(places)
     _, part = np.unique(part, return_inverse=True)
     count = int(part.max()) + 1

@@ -20,7 +20,7 @@ from .headers import Column, Layout, TextTable, is_missing, is_no_object, number
 from .table_layout import long_layout, wide_layout
 from .text_table import read_table
 
-_FEW: Final = 5  # number of distances from which a stray one is looked for
+_FEW: Final = 5  # number of distances from which on a stray one is searched for
 _STRAY: Final = 50.0  # times as far as the next nearer distance
 _REMEMBERED: Final = 10_000  # cells of a column whose numbers are cached, since distances and counts repeat
 

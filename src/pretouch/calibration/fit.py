@@ -136,7 +136,7 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
     _, s, vt = np.linalg.svd(best.jacobian[0][:, free] / norms[free], full_matrices=False)
     if s[-1] < _REDUNDANT * s[0]:
         involved = [names[free[i]] for i in np.flatnonzero(np.abs(vt[-1]) > _INVOLVED)]
-        raise InvalidInputError(f"{' and '.join(involved)}: found parameters that cannot be told apart by any readings")
+        raise InvalidInputError(f"{' and '.join(involved)}: found parameters that no readings can distinguish")
 
 
 def _covariance(

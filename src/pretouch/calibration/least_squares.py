@@ -21,7 +21,7 @@ Residuals: TypeAlias = Callable[[FloatArray, IntArray], FloatArray]
 _STEP: Final = 1e-6  # step of a parameter for finite differences
 _DOUBLINGS: Final = 5  # a profile that has not risen at 60 times the width of the linear interval is unbounded
 _ATTEMPTS: Final = 12  # iterations for the end of an interval
-_LARGEST_DAMPING: Final = 1e12  # of the normal equations: with more, no step improves the cost
+_LARGEST_DAMPING: Final = 1e12  # largest damping of the normal equations; with more, no step improves the cost
 _HUGE: Final = 1e150  # replaces residuals that are not finite
 
 
@@ -213,7 +213,7 @@ class _End:
         """Record the square root of the profile's relative rise at a value; return whether to continue from there."""
         further = height < 1
         if further and abs(value - self._inner[0]) < 0.05 * abs(self.target - self._inner[0]):
-            self.end = value  # a bound stops it
+            self.end = value  # a bound of the parameters ends the search
             return False
         if further:
             self._inner = (value, height)

@@ -112,7 +112,7 @@ def _prepared(
     steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings)
     bad = tuple(steep.index + i for i in outlier_indices(curve.part(slice(steep.index, end)), raw, fixed))
     good &= ~np.isin(place, bad)
-    if bad and good.sum() >= _FEWEST_DISTANCES:  # an outlier may have looked like a ceiling
+    if bad and good.sum() >= _FEWEST_DISTANCES:  # without the outliers, there may be no sign of a ceiling
         ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
         steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings)
     near = steep
@@ -120,7 +120,7 @@ def _prepared(
     tail = curve.part(good)
     noise, fixed, free = _level(calibration, tail, raw, fixed)
     offset = fixed if fixed is not None or free is None else free.offset("fitted")
-    if offset is None:  # impossible: without a fixed offset, `free` exists
+    if offset is None:  # cannot occur, since `free` exists if the offset is not fixed
         raise AssertionError
     if offset.kind == "fitted":  # no family is exact, so the interval covers both kinds of fits
         low, high = ceilings.offset_interval()

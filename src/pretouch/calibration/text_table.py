@@ -26,7 +26,7 @@ _SEARCHED = 200  # lines in which the header is searched
 _COUNTED = 1000  # rows from which the number of columns is determined
 _MOST_BYTES = 100_000_000
 _MOST_ROWS = 2_000_000
-_LONGEST_LINE = 200_000  # characters: ten thousand columns and more
+_LONGEST_LINE = 200_000  # characters, enough for ten thousand columns
 _BREAK = re.compile(r"\r\n|\n|\r")
 _BLANK = " "
 _BRACKETED = r"[\[(][^\[\]()]*[\])]"
@@ -57,7 +57,7 @@ def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = Non
     at, head_lines, notes = _header_at(path.name, head, remark, options)
     first = len(head) - (len(head_lines) - (at + 1))
     delimiter = _delimiter(head_lines[at][1]) if at >= 0 else _any_delimiter(head_lines[0][1])
-    rows: list[Any] = texts[first:]  # lines at first, then their cells
+    rows: list[Any] = texts[first:]  # the list holds lines at first, later their cells
     numbers, plain = numbers[first:], '"' not in text
     commas = delimiter != "," and "," in text
     del text, texts

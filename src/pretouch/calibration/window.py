@@ -67,7 +67,7 @@ def _error(curve: AveragedCurve, noise: ReadingNoise) -> float:
 
 
 _CONVERTER_BITS: Final = (8, 10, 12, 14, 16)
-_CLIPPED_SHARE: Final = 0.99  # of full scale: converters and amplifiers clip a little below it
+_CLIPPED_SHARE: Final = 0.99  # share of full scale; converters and amplifiers clip a little below full scale
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

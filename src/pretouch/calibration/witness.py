@@ -23,7 +23,7 @@ from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
 
 _LARGEST_ERROR: Final = 0.05  # relative error of a signal that the fits may contribute: more would hide contradictions
 _SMALLEST_ERROR: Final = 1e-4
-_SMALLEST_SIGNAL: Final = 0.3  # of the signal that was read: random errors do not reduce it further
+_SMALLEST_SIGNAL: Final = 0.3  # share of the measured signal below which random errors do not reduce it
 _SURE: Final = 3.0  # standard errors of a rise that noise does not explain
 _BENDING: Final = 0.35  # standard deviation of ln of a random slope at a reading
 _STEEPEST: Final = 3.0  # times the flatter neighboring secant: with more, a cubic is not monotone (Fritsch 1980)

@@ -21,7 +21,7 @@ _TIMEOUT_PERIODS = 10
 _FADE_PERIODS = 2
 
 _SERIES_RADIUS = 1.5
-_TERMS = 26  # of the series: 1.5^26 / 28! is far below rounding
+_TERMS = 26  # terms of the series; 1.5^26 / 28! is far below rounding
 
 NO_LIMIT = 1e9
 """Value that means "no limit", in SI units. It is finite, so that every motion within the limits is finite."""

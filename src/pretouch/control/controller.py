@@ -166,7 +166,7 @@ class Controller:
             yield "limits", "none"
         yield from ((f"limit: {label}", Measured(value, unit)) for label, value, unit in limits if value is not None)
         yield "share of the contact force in the admittance", Measured(self.contact_gain)
-        yield "contact reported from", Measured(self.contact_threshold, "N")
+        yield "contact threshold", Measured(self.contact_threshold, "N")
 
     def _conditioning_rows(self) -> Iterator[Row]:
         """Yield table rows with the conditioning of readings."""

@@ -51,7 +51,7 @@ _ROUNDING: Final = 1e-9  # relative to the largest slope from there outward; lar
 _IN_VAIN: Final = 3  # halvings without progress after which the error counts as rounding
 _MAX_PIECES: Final = 20_000
 _GROWTH: Final = 64.0  # ratio of successive ranges of a curve
-_FARTHEST: Final = 1e12  # m
+_FARTHEST: Final = 1e12  # [m]
 
 LARGEST_START: Final = 2.0**43
 """Largest initial distance [m] from which an encounter is integrated; the pieces of a curve reach 4 times as far.
@@ -284,7 +284,7 @@ def interpolate(
 def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
     """Return g [1/m] at distances [m], clipped to the valid range."""
     distance = np.clip(distance, *sensor.valid_range)
-    with np.errstate(all="ignore"):  # checked below
+    with np.errstate(all="ignore"):  # values that are not finite are found below
         slope = np.asarray(sensor.log_slope(distance))
     if not np.isfinite(slope).all():
         culprit = float(distance[~np.isfinite(slope)].min())

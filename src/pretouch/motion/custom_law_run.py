@@ -25,7 +25,7 @@ _PEAK_OF: Final = dict(zip(PEAKS, ("displacement", "travel", "velocity", "accele
 _APPROACH, _ALONG, _RECEDE = -1, 0, 1
 _TURN, _BORDER = 0, 1  # events that end a piece
 _TOLERANCE: Final = 1e-13
-_MAX_EVALUATIONS: Final = 300_000  # of the force, about 5 s; longer runs are unresolved
+_MAX_EVALUATIONS: Final = 300_000  # evaluations of the force, which take about 5 s; longer runs are unresolved
 _LSODA_LOCK: Final = threading.RLock()  # before SciPy 1.17, LSODA keeps its state in globals that threads share
 _IMMEDIATE_TURN: Final = ("f(a) and f(b) must have", "`ts` must be strictly")
 """SciPy's errors for a motion that turns within rounding of the start of its piece, as at a jump of the force."""
@@ -241,7 +241,7 @@ class CustomLawRun:
         options = {"rtol": _TOLERANCE, "atol": _TOLERANCE / 100 * (g.p - g.x0), "dense_output": True}
         try:
             with _LSODA_LOCK, warnings.catch_warnings():
-                warnings.filterwarnings("ignore", "lsoda:", UserWarning)  # the status reports it
+                warnings.filterwarnings("ignore", "lsoda:", UserWarning)  # the status reports this case
                 run = solve_ivp(rates, (time, horizon), state, method="LSODA", events=events, **options)
         except _UnresolvedError:
             return None

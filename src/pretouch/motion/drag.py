@@ -245,7 +245,7 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
     check_curve(sensor, flat)
     grid = np.linspace(max(sensor.valid_range[0], 0.0), flat.max(initial=0.0), _PROBES)
     steepest = float(np.abs(sensor.log_slope(grid)).max())
-    strength = 1.0 / (steepest**2 * flat)  # so that the exponential is resolved where g^2 is large
+    strength = 1.0 / (steepest**2 * flat)  # small enough to resolve the exponential where g^2 is large
     none = np.zeros_like(flat)
     path = follow(sensor, DragApproach(strength, none, flat, none + 1.0, none), float(grid[0]), np.inf)
     total = np.zeros_like(flat)

@@ -28,13 +28,13 @@ from pretouch.sensors import SensorModel
 from .layout import ContactStatus
 
 NODES: Final = 16
-_TOLERANCE: Final = 1e-12  # of the last Legendre coefficients, relative to the largest value
+_TOLERANCE: Final = 1e-12  # tolerance of the last Legendre coefficients, relative to the largest value
 _PAST_REST: Final = 0.9  # cell width over the distance from a virtual rest behind the start of the cell
 _BEFORE_REST: Final = 0.45  # cell width over the distance to a virtual rest beyond the cell
 _GROWTH: Final = 3.0  # largest q on a cell; a polynomial of degree 15 then equals its exponential to rounding
 _MAX_CELLS: Final = 4_000
 _PARTS: Final = 3.0 ** -np.arange(4)  # tried cell widths; the largest one on which q is likely to be small is taken
-_MAX_GROWTH: Final = 100.0  # larger q are cut off to avoid overflow
+_MAX_GROWTH: Final = 100.0  # larger values of q are limited to this one to avoid overflow
 _ON: Final = -1  # status of an approach that has not ended
 _ENDINGS: Final = (ContactStatus.NEVER, ContactStatus.HORIZON)
 

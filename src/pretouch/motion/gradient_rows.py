@@ -191,7 +191,7 @@ def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: f
         in_vain += error > _SHRINKS * before
         rounded = (in_vain >= _IN_VAIN) & (error <= _ROUNDING * largest)
         poor = (error > _TOLERANCE * largest) & ~rounded
-        if halvings == _HALVINGS or not poor.any():  # the rest are corners, on 1/4096 of a piece
+        if halvings == _HALVINGS or not poor.any():  # the remaining pieces, 1/4096 of the first ones, contain corners
             break
         pieces, (before, in_vain) = _halve(pieces, poor, (error, in_vain))
     return pieces, np.ascontiguousarray(terms)

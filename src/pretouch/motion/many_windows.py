@@ -67,7 +67,7 @@ class Images:
 
 def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images | None:
     """Find a curve whose images are all curves with these parameters, (n,) each; None if there is none."""
-    if not values:  # curves that differ in their points
+    if not values:  # curves that differ in the points of a table
         return None
     curve, default = sensor.bare
     recess = np.atleast_1d(values.get("recess", default))
@@ -80,7 +80,7 @@ def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images
         if power != 0:
             scale = scale * (value / getattr(curve, name)) ** power
     if (scale != 1).any():
-        curve = replace(curve, maximum_distance=np.inf)  # each image ends by its own range
+        curve = replace(curve, maximum_distance=np.inf)  # each image has its own range
     scale = np.broadcast_to(scale, (count,))
     return Images(sensor=curve, scale=scale, shift=np.asarray(scale * recess))
 

@@ -21,7 +21,7 @@ from .request import Request
 STIFF: Final = 500.0
 """Ratio of time to damping time constant at contact above which l'' is a difference of much larger numbers."""
 
-_LANES: Final = 8  # fewer encounters are solved completely at once
+_LANES: Final = 8  # smaller sets of encounters are solved completely at once
 _LEAST_LINEAR: Final = 16_384  # encounters that are worth a thread
 _LEAST: Final = 512  # encounters on other curves that are worth a thread
 _MOST: Final = 1 << 18  # largest chunk

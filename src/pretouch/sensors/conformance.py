@@ -16,8 +16,8 @@ from pretouch._core.values import Value
 from .model import SensorModel, cache_by_curve, innermost
 
 _REACH = 0.2  # length of the probed part of an unbounded valid range [m]
-_ROUNDING = 1e-12  # relative
-_SLOPE_TOLERANCE = 1e-6  # of the largest slope
+_ROUNDING = 1e-12  # relative error
+_SLOPE_TOLERANCE = 1e-6  # error relative to the largest slope
 _HALVINGS = 20
 _FEW = 64
 _PROBES = 257

@@ -232,7 +232,7 @@ class ClosedLoop:
                 f"gain: found shape {gains.shape}, which does not broadcast with {shapes}"
             ) from None
         first = () if runs is None else (runs_of(runs),)
-        between = (1,) * (len(shape) - len(several))  # between the axis of the runs and those of the scenario
+        between = (1,) * (len(shape) - len(several))  # axes between the one of the runs and those of the scenario
         noise = np.arange(math.prod((*first, *several))).reshape((*first, *between, *several))
         shape = (*first, *shape)
         zeros = np.zeros(shape, dtype=np.int64)

@@ -58,7 +58,7 @@ CONTACT_NUMBERS: Final = "stiffness", "damping", "exponent", "grows", "inverse_m
 
 _Step = ctypes.CFUNCTYPE(None, POINTER, POINTER, ctypes.POINTER(RawSample), ctypes.POINTER(RawOutput))
 _INDEX: Final = np.dtype(np.int64)
-_READING: Final = 3  # numbers of a reading that is not delivered yet
+_READING: Final = 3  # numbers stored for each undelivered reading
 _AT_ONCE: Final = 16  # encounters per call, after which Ctrl-C is handled
 _JITTERS: Final = 16  # largest shift of an exposure in standard deviations; none of 2^53 draws exceeds 9
 _BEYOND: Final = 4.0  # times the farthest start: from there on, a curve is taken as flat
@@ -307,7 +307,7 @@ class _PythonStep:
                 return
         except BaseException as error:  # raised again by run_loop, also for Ctrl-C
             self.raised = error
-        raw.position = raw.velocity = math.nan  # ends the run
+        raw.position = raw.velocity = math.nan  # a status that ends the run
 
 
 def _to_sample(raw: RawSample) -> Sample:

@@ -38,8 +38,8 @@ FOLLOW: Final = 0.2
 MOST_RUNS: Final = 1_000_000
 """The largest number of runs of a simulation: their results take about 2 GB."""
 
-_MOST_STEPS: Final = 20_000_000  # steps of any kind in one run, which take some seconds
-_MOST_BUFFERED: Final = 1_000_000  # undelivered readings
+_MOST_STEPS: Final = 20_000_000  # most steps of any kind in one run, which take some seconds
+_MOST_BUFFERED: Final = 1_000_000  # most undelivered readings
 
 
 def check_loop(loop: Loop) -> Loop:

@@ -224,7 +224,7 @@ def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress
                 with store.dataset() as computed:
                     write_netcdf(computed, target, overwrite=overwrite)
             except OutputExistsError:
-                if not _is_written(plan, target):  # by an equal sweep at the same time
+                if not _is_written(plan, target):  # an equal sweep has written it at the same time
                     raise
 
         _to_zarr(plan, folder, overwrite=overwrite, dask=dask, progress=progress, then=write)

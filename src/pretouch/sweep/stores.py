@@ -41,7 +41,7 @@ LEDGER: Final = "pretouch-ledger/finished"
 """Path of the ledger in the Zarr group; no axis or result can have this name."""
 
 _PER_BLOCK: Final = "chunks_per_block"
-_MOST_BYTES: Final = 4_000_000_000  # of results in memory
+_MOST_BYTES: Final = 4_000_000_000  # largest size of the results in memory
 _MOST_CHECKED: Final = 2_000  # chunks that are checked before a sweep is resumed, which takes about a second
 
 

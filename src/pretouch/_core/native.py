@@ -1,8 +1,8 @@
 """Load and call the compiled core, a shared library, by ctypes.
 
 The library is loaded when a kernel is first called. A kernel takes numbers and addresses. `address` returns the address
-of an array and refuses arrays that a kernel would misread, so that a mistake is a Python exception and not a crash.
-ctypes releases the interpreter's lock while a kernel runs.
+of an array. It refuses arrays that a kernel would misread, so that a mistake raises a Python exception instead of a
+crash. ctypes releases the interpreter's lock while a kernel runs.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Solve many small nonlinear least-squares problems at once, by the Levenberg-Marquardt method.
 
-A calibration needs hundreds of fits of three or four parameters: one for each possible offset, each distance left out,
-each possible start of the window, and each end of an interval. A general solver spends a thousand times more time on
+A calibration needs hundreds of fits of three or four parameters: for each possible offset, each excluded distance, each
+possible start of the window, and each end of an interval. A general solver spends a thousand times more time on
 overhead than on the arithmetic of such a fit. Vectorized over all problems, this overhead is spent only once.
 """
 

@@ -1,7 +1,7 @@
 """Curves for testing a gain on the readings: curves through the readings, and curves under soft ceilings.
 
-The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's
-virtual force, L(2), is D_p times the change of ln(y - o), whatever the curve does in between and whatever the true
+The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's virtual
+force, L(2), is D_p times the change of ln(y - o). This holds whatever the curve does in between and whatever the true
 offset is. So the readings themselves contradict a fit that is wrong between them.
 """
 

@@ -101,9 +101,9 @@ class Law(SteppedLaw, Protocol):
     `drive`; parameters and state are `Parts`. It may also be compiled, see `CompiledStep`. docs/own-law.md builds one,
     from a force to a verdict.
 
-    A law may smooth ln xi before it computes an impulse. If this equals, near an operating point, one low-pass that
-    weights every new reading by 1 - exp(-T/tau), with the sensor's period T, the law reports tau [s] as the attribute
-    `smoothing_time`. The limits of stability then include it.
+    A law may smooth ln xi before it computes an impulse. This may equal, near an operating point, one low-pass that
+    weights every new reading by 1 - exp(-T/tau), with the sensor's period T. Then the law reports tau [s] as the
+    attribute `smoothing_time`. The limits of stability then include it.
     """
 
     @property

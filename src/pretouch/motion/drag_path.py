@@ -278,7 +278,7 @@ def _shorten_to_end(path: DragPath, cells: DragCells, horizon: float) -> tuple[D
 
     Returns:
         The cells; the quantities at their nodes; their status, _ON if they do not end; and the relative error of that
-        end, since the cell from which it was computed may have been too long.
+        end. The error matters because the cell from which the end was computed may have been too long.
     """
     nodes = _evaluate(path.sensor, path.approach, cells)
     status = np.full(len(cells.lane), _ON)

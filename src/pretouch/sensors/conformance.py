@@ -138,8 +138,8 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
 
     Raises:
         InvalidInputError: ln xi or g cannot be evaluated, is not finite, or is not reproducible; the output does not
-            fall with the distance; or g is not the derivative of ln xi, so that the change of ln xi between two
-            distances differs from the integral of g by more than 0.1 % of the whole change.
+            fall with the distance; or g is not the derivative of ln xi. The last is tested between two distances: the
+            change of ln xi may differ from the integral of g by 0.1 % of the whole change.
     """
     try:
         verified = _verified_reach(sensor)

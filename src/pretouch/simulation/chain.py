@@ -277,7 +277,7 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
     """Return the timing of a loop with this chain and this controller.
 
     A new reading waits for the next step of the controller. If the ratio of both rates is an integer, this wait is the
-    same for all readings of a run: it follows from the chain's phase, or with a random phase it is any time up to a
+    same for all readings of a run. It follows from the chain's phase; with a random phase it is any time up to a
     period. For other ratios, the mean wait at the worst phase is used. The force of a difference acts for the sensor
     period in the controller's settings. A controller that is slower than its sensor uses the newest reading, so the
     loop has the controller's rate. A median over N readings counts as a delay of (N - 1) / 2 periods, which is exact

@@ -141,8 +141,9 @@ class LoopTrace(Value):
         flags: status flags reported by the law.
         contacts: a row per contact: time [s], l' [m/s], peak force [N], impulse [N s], l' at its end [m/s],
             duration [s]; NaN if the run ended before.
-        contact_course: time series in contact, finer than the steps of the law: time [s], distance l [m], l' [m/s] and
-            contact force [N] at each touch and after each integration step, shape (m, 4); the first 8192 rows.
+        contact_course: time series in contact, shape (m, 4), with a row at each touch and after each integration step,
+            finer than the steps of the law: time [s], distance l [m], l' [m/s] and contact force [N]. Only the first
+            8192 rows are kept.
     """
 
     time: FloatArray

@@ -274,8 +274,8 @@ class HuntCrossley(ContactModel):
     """F = k d^n (1 + a d'): damping grows with depth, so that the force starts and ends at 0.
 
     After K. H. Hunt, F. R. E. Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl.
-    Mech. 42 (1975) 440-445, where a = 3/2 alpha and the restitution is e = 1 - alpha v for slow impacts. For any
-    speed v, a v - ln(1 + a v) = -a e v - ln(1 - a e v): e depends on a and v, not on k, n and the masses.
+    Mech. 42 (1975) 440-445, where a = 3/2 alpha and the restitution is e = 1 - alpha v for slow impacts. For any speed
+    v, a v - ln(1 + a v) = -a e v - ln(1 - a e v). So e depends on a and v, not on k, n and the masses.
 
     Args:
         obstacle_mass: mass of the obstacle [kg]; infinite if it is driven.

@@ -66,7 +66,7 @@ class GainLimit(Value):
     Args:
         distance: l [m], shape (n,).
         gain: the strongest stable gain at each distance, shape (n,): D_p < 0 [N s] of a damper, phi > 0 [N s^2] of a
-            drag; infinite where the law does not damp, and 0 if no damping is stable.
+            drag. It is infinite where the law does not damp, and 0 if no damping is stable.
         damping: the largest damping, the same at all distances.
         law: the law of the gain.
     """

@@ -42,7 +42,7 @@ class Fits:
     def covariances(self) -> FloatArray:
         """Covariances of the parameters at unit variance of the residuals, shape (b, p, p).
 
-        Large, not infinite, for a singular problem; zero for parameters held at a bound.
+        Large, not infinite, for a singular problem; zero for parameters at a bound.
         """
         _, s, vt = np.linalg.svd(self.jacobian, full_matrices=False)
         s = np.maximum(s, np.maximum(1e-12 * s[:, :1], 1e-60))

@@ -197,7 +197,7 @@ def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> 
         *(address(trace), len(trace), address(moments), len(moments), address(stretches), len(course)),
     )
     native.held = (
-        laws.held,
+        laws.blocks,
         scenes,
         stretches,
         tables,

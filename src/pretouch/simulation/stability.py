@@ -149,9 +149,9 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
         The limit, with the frequency of the oscillation and its certificate.
 
     Valid for:
-        One constant force per reading. Jitter, noise and saturation are ignored; a median counts as its delay. A delay that
-        differs between runs is tried at both ends and in the middle of its range, and refined if the worst is not the
-        longest.
+        One constant force per reading. Jitter, noise and saturation are ignored; a median counts as its delay. A delay
+        that differs between runs is tried at both ends and in the middle of its range, and refined if the worst is not
+        the longest.
 
     Examples:
         A virtual mass alone, read without delay, is stable up to exactly 2 M / T:

@@ -185,7 +185,7 @@ def rows_by_every_way(kind: str, sensor: SensorModel, count: int) -> Ways:
     reached = solution.status == ContactStatus.CONTACT
     where = np.flatnonzero(reached)
     followed = np.full((2, 9, count), np.nan)
-    followed[:, :, where] = rows._follow(where, everything)
+    followed[:, :, where] = rows._by_guaranteed_path(where, everything)
     others = {}
     ways: dict[str, Callable[..., Any]] = {"lanes": rows._in_lanes}
     if sensor.constant_log_slope is not None:

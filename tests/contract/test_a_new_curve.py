@@ -191,8 +191,8 @@ def failing(kind: str, module: str) -> type[SensorModel]:
         ("not a number", "InvalidInputError: scale: found nan"),
         ("incomplete start", "KeyError: 'other'"),
         (
-            "parameters that cannot be told apart",
-            "InvalidInputError: rate and other: found parameters that cannot be told apart",
+            "parameters that no readings can distinguish",
+            "InvalidInputError: rate and other: found parameters that no readings can distinguish",
         ),
     ],
 )

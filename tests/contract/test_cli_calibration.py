@@ -93,7 +93,7 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     near, reason = near_end()
     assert f"{UNSUPPORTED}{near} ({reason}) to contact at 0 mm." in first
     assert "Not supported by the readings: " in first  # they are flat near contact, and the extended curve is not
-    assert f'To fix this, sink the sensor to recess = "{near}", or calibrate it down to contact' in first
+    assert f'To fix this, mount the sensor deeper, with recess = "{near}", or calibrate it down to contact' in first
     assert (f"With no virtual force nearer than {near}, contact is at " in first) == (verb != "pareto")
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     assert next(iter(told)) == "headline"

@@ -253,7 +253,7 @@ def test_fit_reports_are_sound(usable: CalibrationReport, useless: CalibrationRe
     assert 'model = "inverse-power"' in words
     page, window = report_html(usable), usable.window
     assert row(page, "window") == [f"{1e3 * window.l_min:.4g} mm to {1e3 * window.l_max:.4g} mm", ""]
-    assert row(page, "it ends there because")[1] == window.end_reason
+    assert row(page, "reason for its end")[1] == window.end_reason
     exponent = usable.best.parameters["exponent"]
     assert row(page, "exponent")[0] == f"{exponent.value:.5g}"
     words = " ".join(assert_sound(report_html(useless)).text)

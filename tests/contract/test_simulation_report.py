@@ -242,7 +242,7 @@ def shown(rows: Iterable[tuple[str, Any]]) -> dict[str, str]:
 
 def test_rows_of_a_loop_name_what_it_is_made_of_with_units() -> None:
     built = ClosedLoop(law=law(), chain=pt.SensorChain(rate=100.0), plant=ROBOT, contact=CONTACT, follow=0.1)
-    assert shown(loop_rows(built))["goes on after the first contact"] == "100 ms"
+    assert shown(loop_rows(built))["time after the first contact"] == "100 ms"
     assert shown(ROBOT.rows())["bandwidth of the force servo"] == "60 Hz"
     assert shown(contact_rows(CONTACT))["dissipation a"] == "1 s/m"
     assert shown(contact_rows(pt.simulation.SpringDamper(stiffness=1e4, obstacle_mass=1.5)))["obstacle"] == "of 1.5 kg"
@@ -255,9 +255,9 @@ def test_rows_of_a_loop_name_what_it_is_made_of_with_units() -> None:
     gradual = VirtualDamper(gain=-0.5, approach_only=True, release=0.02, ramp_time=0.1)
     rows = shown(law_rows(dataclasses.replace(law(saturation=4.0, largest_rate=50.0), law=gradual)))
     assert rows["ramp of the gain"] == "100 ms"
-    assert "0.02" in rows["damps"]
-    assert rows["saturated from"].startswith("4 ")
-    assert rows["largest |d ln \u03be/dt| that is believed"] == "50 1/s"
+    assert "0.02" in rows["acts"]
+    assert rows["saturation level"].startswith("4 ")
+    assert rows["largest plausible |d ln \u03be/dt|"] == "50 1/s"
 
 
 @pytest.mark.parametrize("name", PARTS)
@@ -266,7 +266,7 @@ def test_rows_of_a_sensor_part_hold_every_number_of_its_chain(name: str) -> None
     rows = shown(chain.rows())
     assert rows["readings"].startswith(f"{chain.rate:.4g} Hz")
     assert ("noise of the distance" in rows) == chain.reports_distance
-    assert ("clips" in rows) == np.isfinite(chain.highest)
+    assert ("clipping" in rows) == np.isfinite(chain.highest)
     assert ("step" in rows) == bool(chain.resolution)
 
 
@@ -284,7 +284,7 @@ def test_rows_of_a_chain_name_what_can_go_wrong_in_it() -> None:
         misfit_length=0.005,
     )
     rows = shown(chain.rows())
-    assert rows["readings that are missing"] == "10 %"
+    assert rows["missing readings"] == "10 %"
     assert rows["jitter of an exposure"] == "1 ms"
     assert rows["drift"] == "0.5 per s, in the sensor's output unit"
     assert rows["noise relative to \u03be"] == "1 %"

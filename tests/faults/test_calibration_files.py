@@ -120,7 +120,7 @@ def test_an_output_without_unit_is_taken_as_counts_and_said_so(tmp_path):
         ("a,b,c\n0,1,2\n", "expected one named distance and one named output"),
         ("distance [mm]\n0\n", "line 1: found one column"),
         ("distance [mm],output [V]\ninf,1\n", "found no reading with an object in range"),
-        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "one reading per curve"),
+        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "each curve has one reading"),
         (b"\x00\x01\x02", "binary data"),
     ],
 )

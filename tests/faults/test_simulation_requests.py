@@ -68,11 +68,11 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         ),
         (
             lambda: simulate(horizon=10.0, plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=1e5)),
-            "steps of a robot followed in steps of",
+            "steps of a robot integrated in steps of",
         ),
         (
             lambda: simulate(plant=QUICK_PLANT, contact=pt.simulation.SpringDamper(stiffness=1e30)),
-            "steps of a contact followed in steps of",
+            "steps of a contact integrated in steps of",
         ),
         (
             lambda: simulate(chain=pt.SensorChain(rate=1e5, delay=1e3)),

@@ -178,7 +178,7 @@ def test_distances_count_from_the_contact_surface_and_those_in_brackets_from_the
     zero = "the sensor's zero, 5 mm behind the contact surface"
     assert "from 3 mm (first measured distance) to contact at 0 mm. Distances in brackets count from" in found.headline
     assert f"Distances in brackets count from {zero}." in found.headline
-    assert 'sink the sensor to recess = "8 mm" (now 5 mm), or ' in found.headline
+    assert 'mount the sensor deeper, with recess = "8 mm" (now 5 mm), or ' in found.headline
     assert any(zero in line and "all others count from the contact surface" in line for line in found.lines)
     bare = answer(0.008, 0.06)
     assert zero not in str(bare)

@@ -80,7 +80,7 @@ def test_a_deviation_that_says_nothing_leaves_both_ends(location: float, deviati
         (Normal(mean=0.04, deviation=0.002), "normal, 40 mm with a standard deviation of 2 mm"),
         (
             TruncatedNormal(location=0.04, deviation=0.002, low=0.038, high=0.046),
-            "normal, 40 mm with a standard deviation of 2 mm, cut to 38 mm to 46 mm",
+            "normal, 40 mm with a standard deviation of 2 mm, truncated to 38 mm to 46 mm",
         ),
         (Empirical(samples=(0.046, 0.038, 0.04)), "3 measured values, 38 mm to 46 mm"),
     ],

@@ -34,8 +34,8 @@ class _Allowed(NamedTuple):
     """The values that an annotation allows.
 
     Args:
-        quick: types of which every value is allowed; if `by_type`, types that pass are added.
-        holds: tells whether a value is allowed.
+        quick: types whose values are all allowed; if `by_type`, accepted types are added.
+        holds: returns whether a value is allowed.
         singular: describes one allowed value in messages.
         plural: describes several allowed values in messages.
         by_type: whether the type of a value alone decides.

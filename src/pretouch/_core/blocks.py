@@ -186,7 +186,7 @@ class Page(Value):
         status: how the computation ended, in words.
         good: whether the answer is a positive one.
         key_figures: the most important numbers, with their names.
-        open: sentences above the headline, on answers that no data support.
+        open: sentences above the headline, about results that no data support.
         warnings: sentences to read before relying on the answer.
         findings: short sentences on limits and reasons, for the short text of a terminal.
         next_step: what to do next, in one sentence, for the same text.

@@ -3,7 +3,7 @@
 The tree:
 
     PretouchError
-    ├── InvalidInputError (also a ValueError)    a request that makes no sense
+    ├── InvalidInputError (also a ValueError)    a request that is invalid
     │   ├── UnitError                            text that is not a quantity, or has another dimension
     │   ├── OutOfRangeError                      a distance outside a sensor's valid range
     │   ├── CalibrationDataError                 a calibration file or table that cannot be read
@@ -11,7 +11,7 @@ The tree:
     │   └── OutputExistsError                    an output file that exists and must not be overwritten
     ├── MissingExtraError                        a library of an optional extra that is not installed
     ├── BrokenCoreError (also an ImportError)    the compiled core is missing, damaged or of another version
-    └── ResultUnavailableError                   a part of a result that the run did not compute
+    └── ResultUnavailableError                   a part of a result that does not exist, such as a missing contact
 
 A run without the desired outcome (no contact, infeasible constraints) is not an error: it is a result with a status.
 """
@@ -27,7 +27,7 @@ class PretouchError(Exception):
 
 
 class InvalidInputError(PretouchError, ValueError):
-    """A request that makes no sense: the message gives the value, what is allowed, and what to do."""
+    """An invalid request: the message gives the value, what is allowed, and what to do."""
 
 
 class UnitError(InvalidInputError):
@@ -43,7 +43,8 @@ class CalibrationDataError(InvalidInputError):
 
     Args:
         message: what is wrong; it may quote the file.
-        problem: the same without any content of the file, for readers who may not see the file; empty if there is none.
+        problem: the same without any content of the file, for readers who must not see it; empty if there is no such
+            message.
     """
 
     def __init__(self, message: str, *, problem: str = "") -> None:

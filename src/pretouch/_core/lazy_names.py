@@ -24,7 +24,7 @@ def lazy_names(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str
         The functions `__getattr__` and `__dir__`.
     """
     if hasattr(sys.modules[module], "__path__"):
-        sys.meta_path.append(_AliasFinder(module))  # last: only for names that no folder has
+        sys.meta_path.append(_AliasFinder(module))  # the last finder gets only names that no folder has
 
     def load(name: str) -> Any:
         if name == "__all__":

@@ -1,8 +1,8 @@
 """Load and call the compiled core, a shared library, by ctypes.
 
 The library is loaded when a kernel is first called. A kernel takes numbers and addresses. `address` returns the address
-of an array and refuses arrays that a kernel would misread, so that a mistake is a Python exception and not a crash.
-ctypes releases the interpreter's lock while a kernel runs.
+of an array. It refuses arrays that a kernel would misread, so that a mistake raises a Python exception instead of a
+crash. ctypes releases the interpreter's lock while a kernel runs.
 """
 
 from __future__ import annotations
@@ -323,7 +323,7 @@ def machine_code(function: Any) -> int | None:
     elif isinstance(function, _FUNCTION):
         pointer = ctypes.cast(function, ctypes.c_void_p).value
     elif isinstance(function, tuple) and type(function).__name__ == "LowLevelCallable":
-        pointer = _of_capsule(tuple.__getitem__(function, 0))  # its own __getitem__ hides the parts
+        pointer = _of_capsule(tuple.__getitem__(function, 0))  # the __getitem__ of its class hides the parts
     elif type(function).__name__ == "PyCapsule":
         pointer = _of_capsule(function)
     elif callable(function):

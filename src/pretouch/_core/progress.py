@@ -11,7 +11,7 @@ from typing import Final, TypeAlias
 Listener: TypeAlias = Callable[[str], object]
 """A function of a sentence that says what is done."""
 
-_INTERVAL: Final = 1.0  # s between two calls
+_INTERVAL: Final = 1.0  # time between two calls [s]
 
 
 class _Progress:

@@ -11,7 +11,7 @@ import numpy as np
 
 
 def _copy_methods(cls: type, *names: str) -> None:
-    """Copy inherited methods into a class: `dataclass` would otherwise generate its own versions."""
+    """Copy inherited methods into a class, because `dataclass` would otherwise generate its own versions."""
     for name in names:
         if name not in vars(cls):
             setattr(cls, name, getattr(cls, name))

@@ -38,7 +38,7 @@ QUANTITIES: Final[dict[str, Entry]] = {
     "largest_acceleration": Entry("largest plant acceleration", "max |x\u2033|", "m/s^2", whole=True),
     "largest_virtual_force": Entry("largest virtual force", "max |F_p|", "N", whole=True),
     "closest_distance": Entry("smallest distance", "min l", "m", whole=True),
-    "settling_distance": Entry("distance at rest in the end", "l(\u221e)", "m", whole=True),
+    "settling_distance": Entry("settling distance", "l(\u221e)", "m", whole=True),
     "impulse_residual": Entry("residual of the impulse balance", "", "", whole=True),
     "drive_force": Entry("largest drive force", "m max |x\u2033|", "N", whole=True),
     "impact_force": Entry("peak impact force", "F", "N"),

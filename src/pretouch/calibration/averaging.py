@@ -13,8 +13,8 @@ from pretouch._core.units import format_quantity
 from .data import Calibration
 
 MAD_TO_SIGMA = 1.4826  # median absolute deviation to standard deviation, for a normal distribution
-_BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; a lost or doubled reading is far beyond
-_CLEAR_OF_ZERO = 5  # converter steps
+_BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; lost or doubled readings deviate much more
+_CLEAR_OF_ZERO = 5  # least other reading, in converter steps, from which a zero counts as lost
 _USUAL_SPREAD = 0.5  # standard deviation of the prior of ln c above its usual value
 _FEWEST_REPEATS = 3  # degrees of freedom from which a standard deviation is trusted
 
@@ -67,8 +67,8 @@ def resolution(calibration: Calibration) -> float:
     steps = np.diff(values)
     tolerance = 1e-9 * float(np.abs(values).max())
     step = 0.0
-    for other in steps[steps > tolerance]:
-        a, b = float(other), step
+    for difference in steps[steps > tolerance]:
+        a, b = float(difference), step
         while b > tolerance * 10:
             a, b = b, abs(a - b * round(a / b))
         step = a
@@ -111,9 +111,9 @@ def _lost(calibration: Calibration) -> BoolArray:
 
 def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNoise:
     """Estimate the noise of one reading from repeats and no-object readings, never below the quantization."""
-    # The variance of a reading is modeled as sigma^2 + (c xi)^2, and both parts are estimated by maximum likelihood
-    # over the groups of repeats. So jitter of a strong signal does not raise the noise of the far field. Fewer than
-    # three degrees of freedom are not used.
+    # The variance of a reading is modeled as sigma^2 + (c xi)^2. Both parts are estimated by maximum likelihood over
+    # the groups of repeats, so jitter of a strong signal does not raise the noise of the far field. Estimates from
+    # fewer than three degrees of freedom are not used.
     step = resolution(calibration)
     floor = step / np.sqrt(12.0)
     keep = np.ones(len(calibration.outputs), dtype=bool)
@@ -164,8 +164,8 @@ def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
     return np.asarray(weight * away / float(weight @ away**2))
 
 
-_MANY: Final = 100  # distinct distances above which they are condensed
-_FEW: Final = 50  # condensed distances, including both ends
+_MANY: Final = 100  # number of distinct distances above which they are condensed
+_FEW: Final = 50  # number of condensed distances, including both ends
 _BLOCKS: Final = 100  # groups of readings from which the shape of the curve is estimated
 _ENDS: Final = 2
 
@@ -186,7 +186,7 @@ def condense(calibration: Calibration) -> Calibration:
     order = np.argsort(distance, kind="stable")
     places, part = _parts(distance[order], calibration.outputs[order])
     part = part[np.argsort(order, kind="stable")]
-    part[distance == distance.min()] = -1  # the ends are separate parts: they support the curve there
+    part[distance == distance.min()] = -1  # the ends are separate parts, because they determine the curve there
     part[distance == distance.max()] = len(places)
     _, part = np.unique(part, return_inverse=True)
     count = int(part.max()) + 1

@@ -29,7 +29,7 @@ _CEILING: Final = 0.5  # prior probability that the output has a ceiling near th
 _ERROR: Final = 0.01  # usual error of a reading relative to the signal: noise, positioning and the family together
 _ERROR_FREEDOM: Final = 3.0  # degrees of freedom of the prior of this error
 _FULL_WEIGHT: Final = 18  # most readings that sharpen the posterior, because families are not exact
-_FLAT: Final = 0.85  # of the ideal slope: a reading with less slope counts as flattened
+_FLAT: Final = 0.85  # share of the ideal slope below which a reading counts as flattened
 _PROBABLY: Final = 0.35  # probability of flattening from which on a reading is not used
 _KNOWN_OFFSETS: Final = np.linspace(-2.0, 2.0, 5)  # standard errors around a known offset
 _INTERVAL: Final = (0.025, 0.975)
@@ -136,7 +136,7 @@ def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: Offset
     """Fit ideal curves under soft ceilings to four readings or more; if the offset is None, it is fitted as well."""
     ceilings = [(above, p) for above in _ABOVE for p in _SHARPNESS]
     lanes = []
-    for family in families_of(curve):  # a slow family is fitted without ceilings only
+    for family in families_of(curve):  # slow families are fitted without a ceiling only
         above, sharpness = np.array([(np.inf, 2.0), *(ceilings if family.quick else [])]).T
         problem = _Problem(curve=curve, noise=noise, family=family, above=above, sharpness=sharpness)
         lanes.append(problem.lanes(offset))
@@ -234,14 +234,14 @@ class _Problem:
             self,
             above=np.tile(self.above, len(offsets)),
             sharpness=np.tile(self.sharpness, len(offsets)),
-            offsets=(own := np.repeat(offsets, ceilings)),
+            offsets=(all_offsets := np.repeat(offsets, ceilings)),
         )
         start = np.tile(first_fits.x[:, : self.family.size], (len(offsets), 1))
         fits = minimize_many(problems.residuals, start, problems.bounds(), tolerance=1e-8, most=40)
         return _Lanes(
             family=self.family,
-            offsets=own,
-            ceilings=problems.ceilings(own, problems.above),
+            offsets=all_offsets,
+            ceilings=problems.ceilings(all_offsets, problems.above),
             sharpness=problems.sharpness,
             x=fits.x,
             covariances=fits.covariances,

@@ -20,7 +20,7 @@ from .headers import Column, Layout, TextTable, is_missing, is_no_object, number
 from .table_layout import long_layout, wide_layout
 from .text_table import read_table
 
-_FEW: Final = 5  # number of distances from which a stray one is looked for
+_FEW: Final = 5  # number of distances from which on a stray one is searched for
 _STRAY: Final = 50.0  # times as far as the next nearer distance
 _REMEMBERED: Final = 10_000  # cells of a column whose numbers are cached, since distances and counts repeat
 
@@ -129,7 +129,7 @@ def _curves(
     if labels is None and len(groups) > 3 and max(map(len, groups.values())) * len(layout.pairs) == 1:
         titles = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
-            f"{table.file}: found another value of {titles} in every row, which leaves one reading per curve; name the "
+            f"{table.file}: found a different value of {titles} in every row, so each curve has one reading; name the "
             "label columns with --labels NAME,NAME, or use --labels none (in a scenario file and in Python: labels, a "
             "list, which may be empty)"
         )

@@ -25,7 +25,7 @@ from .result import Estimate, NoiseEstimate, OffsetEstimate, SensorFit
 # Singular values of the Jacobian with columns of norm 1: above 0.01 for sensible families, 1e-7 (the error of the
 # differences) if two parameters change the curve in the same way.
 _REDUNDANT: Final = 1e-5
-_INVOLVED: Final = 0.1  # component of a parameter in the direction that changes nothing
+_INVOLVED: Final = 0.1  # smallest component of an involved parameter in the direction that does not change the curve
 
 
 def root_mean_square(values: FloatArray) -> float:
@@ -70,7 +70,7 @@ def runs_p_value(residuals: FloatArray) -> float | None:
 def estimates(
     problem: Problem, best: Fits, sensor: SensorModel, *, offset: OffsetEstimate, output_unit: str, informed_by: int
 ) -> dict[str, Any]:
-    """Return parameters, covariance and middle slope of a fit (b = 1), by names of fields of `SensorFit`."""
+    """Return parameters, covariance and middle slope of a fit (b = 1), by the names of the fields of `SensorFit`."""
     # If the offset is uncertain, the curve is also fitted with the offsets at both ends of its interval, and the
     # changes of the parameters enter the intervals. The noise was estimated from `informed_by` points.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -115,7 +115,7 @@ def estimates(
     at_bound = any(min(value - low, high - value) < 1e-4 for value, low, high in zip(x, *family.bounds, strict=True))
     warnings = family.remarks(parameters, at_bound=at_bound)
     if offset.kind == "fitted":
-        moves = f"one standard error of it moves the slope by {100 * shift:.2g} %."
+        moves = f"a change by one standard error changes the slope by {100 * shift:.2g} %."
         warnings = (*warnings, f"The offset was fitted, not measured; {moves}")
     return {
         "parameters": parameters,
@@ -136,7 +136,7 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
     _, s, vt = np.linalg.svd(best.jacobian[0][:, free] / norms[free], full_matrices=False)
     if s[-1] < _REDUNDANT * s[0]:
         involved = [names[free[i]] for i in np.flatnonzero(np.abs(vt[-1]) > _INVOLVED)]
-        raise InvalidInputError(f"{' and '.join(involved)}: found parameters that cannot be told apart by any readings")
+        raise InvalidInputError(f"{' and '.join(involved)}: found parameters that no readings can distinguish")
 
 
 def _covariance(

@@ -171,7 +171,7 @@ _NAMES: dict[str, set[str] | re.Pattern[str]] = {
         "current",
         "power",
         "frequency",
-    },  # a setting if another column is the output, otherwise the output
+    },  # counts as a setting if another column is the output, else as the output
     "count": {
         *("", "#", "no", "nr", "n", "i", "index", "idx", "row", "unnamed: 0", "trial", "repeat", "repetition", "rep"),
         *("run", "sample", "measurement", "messung", "record"),

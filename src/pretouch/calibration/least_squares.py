@@ -1,7 +1,7 @@
 """Solve many small nonlinear least-squares problems at once, by the Levenberg-Marquardt method.
 
-A calibration needs hundreds of fits of three or four parameters: one for each possible offset, each distance left out,
-each possible start of the window, and each end of an interval. A general solver spends a thousand times more time on
+A calibration needs hundreds of fits of three or four parameters: for each possible offset, each excluded distance, each
+possible start of the window, and each end of an interval. A general solver spends a thousand times more time on
 overhead than on the arithmetic of such a fit. Vectorized over all problems, this overhead is spent only once.
 """
 
@@ -21,7 +21,7 @@ Residuals: TypeAlias = Callable[[FloatArray, IntArray], FloatArray]
 _STEP: Final = 1e-6  # step of a parameter for finite differences
 _DOUBLINGS: Final = 5  # a profile that has not risen at 60 times the width of the linear interval is unbounded
 _ATTEMPTS: Final = 12  # iterations for the end of an interval
-_LARGEST_DAMPING: Final = 1e12  # of the normal equations: with more, no step improves the cost
+_LARGEST_DAMPING: Final = 1e12  # largest damping of the normal equations; with more, no step improves the cost
 _HUGE: Final = 1e150  # replaces residuals that are not finite
 
 
@@ -42,7 +42,7 @@ class Fits:
     def covariances(self) -> FloatArray:
         """Covariances of the parameters at unit variance of the residuals, shape (b, p, p).
 
-        Large, not infinite, for a singular problem; zero for parameters held at a bound.
+        Large, not infinite, for a singular problem; zero for parameters at a bound.
         """
         _, s, vt = np.linalg.svd(self.jacobian, full_matrices=False)
         s = np.maximum(s, np.maximum(1e-12 * s[:, :1], 1e-60))
@@ -132,8 +132,8 @@ def _newton_step(
     gradient = np.einsum("bnp,bn->bp", slope, value)
     square = np.einsum("bnp,bnq->bpq", slope, slope)
     diagonal = np.maximum(np.einsum("bpp->bp", square), 1e-30)
-    held = _at_bound(x, gradient, *bounds)
-    free = ~held
+    at_bound = _at_bound(x, gradient, *bounds)
+    free = ~at_bound
     square = np.where(free[:, :, None] & free[:, None, :], square, 0.0)
     square[:, np.arange(size), np.arange(size)] += np.where(free, damping[:, None] * diagonal, 1.0)
     scale = 1 / np.sqrt(np.einsum("bpp->bp", square))
@@ -213,7 +213,7 @@ class _End:
         """Record the square root of the profile's relative rise at a value; return whether to continue from there."""
         further = height < 1
         if further and abs(value - self._inner[0]) < 0.05 * abs(self.target - self._inner[0]):
-            self.end = value  # a bound stops it
+            self.end = value  # a bound of the parameters ends the search
             return False
         if further:
             self._inner = (value, height)

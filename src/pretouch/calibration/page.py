@@ -125,8 +125,8 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
     between = " to ".join(format_quantity(d, "m") for d in (window.l_min, window.l_max)) if window.distances else "none"
     yield "verdict", report.verdict, ""
     yield "window", between, ""
-    yield "it starts there because", "", window.start_reason
-    yield "it ends there because", "", window.end_reason
+    yield "reason for its start", "", window.start_reason
+    yield "reason for its end", "", window.end_reason
     if report.offset is not None:
         o = report.offset
         yield (
@@ -143,7 +143,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
         )
         relative = f"standard deviation of one reading, proportional to the signal; from {n.relative_source}"
         yield "noise relative to the signal", f"{100 * n.relative:.3g} %", relative
-        length = f"; it stays similar over {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
+        length = f"; correlation length {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
         yield (
             "misfit of the curve",
             f"{100 * n.misfit:.3g} %",

@@ -183,7 +183,8 @@ def fit_possible_curves(
     at = int(best.costs.argmin())
     problem = problem_at(curve, best.family, noise, best.offsets[at])
     row = problem.residuals(best.x[[at]], np.zeros(1, dtype=np.int64))[0]
-    smooth = float(np.mean(noise.misfit**2 / noise.relative_of_means(curve.count) ** 2))  # share of misfit
+    # the share of the misfit in the variance of the means
+    smooth = float(np.mean(noise.misfit**2 / noise.relative_of_means(curve.count) ** 2))
     inflation = max(1.0, float(row @ row) / max(len(row) - 3 - (known_offset is None), 1)) * _correlation_inflation(
         row, smooth
     )
@@ -198,9 +199,9 @@ def fit_possible_curves(
 def _correlation_inflation(residuals: FloatArray, smooth: float) -> float:
     """Return the factor by which the variance of a fit grows because neighboring residuals are correlated.
 
-    A misfit is smooth: forty points inform no better about it than the few at which it can bend independently. It has
-    the share `smooth` of the variance of the residuals, which is 1. Otherwise the correlation of neighbors counts, if
-    it is significant (Bayley and Hammersley 1946).
+    A misfit is smooth: forty points carry no more information about it than the few at which it can bend independently.
+    It has the share `smooth` of the variance of the residuals, which is 1. Otherwise the correlation of neighbors
+    counts, if it is significant (Bayley and Hammersley 1946).
     """
     count, total = len(residuals), float(residuals @ residuals)
     bends = 1 + smooth * max(count / _BENDS - 1, 0.0)
@@ -218,7 +219,7 @@ def _offsets(curve: AveragedCurve, free: Fits, known_offset: OffsetEstimate | No
             _NARROW if known_offset.standard_error > 0 else np.zeros(1)
         )
     reach = float(np.ptp(curve.output))
-    error = np.sqrt(float(free.covariances[0, 3, 3])) or 0.1 * reach  # zero where it is at a bound
+    error = np.sqrt(float(free.covariances[0, 3, 3])) or 0.1 * reach  # zero if a parameter is at a bound
     error = float(np.clip(error, 1e-9 * reach, 0.3 * reach))
     offsets = free.x[0, 3] + error * _SPREAD
     top = float(curve.output.max())

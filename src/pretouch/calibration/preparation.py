@@ -112,7 +112,7 @@ def _prepared(
     steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings)
     bad = tuple(steep.index + i for i in outlier_indices(curve.part(slice(steep.index, end)), raw, fixed))
     good &= ~np.isin(place, bad)
-    if bad and good.sum() >= _FEWEST_DISTANCES:  # an outlier may have looked like a ceiling
+    if bad and good.sum() >= _FEWEST_DISTANCES:  # without the outliers, there may be no sign of a ceiling
         ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
         steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings)
     near = steep
@@ -120,7 +120,7 @@ def _prepared(
     tail = curve.part(good)
     noise, fixed, free = _level(calibration, tail, raw, fixed)
     offset = fixed if fixed is not None or free is None else free.offset("fitted")
-    if offset is None:  # impossible: without a fixed offset, `free` exists
+    if offset is None:  # cannot occur, since `free` exists if the offset is not fixed
         raise AssertionError
     if offset.kind == "fitted":  # no family is exact, so the interval covers both kinds of fits
         low, high = ceilings.offset_interval()
@@ -166,7 +166,7 @@ def _level(
         error, value = float(noise.output / np.sqrt(len(calibration.no_object))), offset.value
         offset = replace(offset, standard_error=error, low=value - 2.6 * error, high=value + 2.6 * error)
     free = None
-    if len(tail.distance) >= _FEWEST_DISTANCES + 2:  # with a free offset: the effect of a wrong offset is not misfit
+    if len(tail.distance) >= _FEWEST_DISTANCES + 2:  # a free offset, so that its error is not taken as misfit
         free = fit_possible_curves(tail, find_noise(tail, reading_noise, None), None, also=offset.value)
     return noise, offset, free
 
@@ -195,7 +195,7 @@ def _steep_end(
 
 
 def _reports_distance(calibration: Calibration) -> str:
-    """Return the message for a sensor that reports the distance itself."""
+    """Return the message for a sensor whose output is the distance."""
     return (
         f"The output is a distance in {calibration.unit}: this sensor reports a distance, not a signal that falls with "
         "it. No curve is fitted: enter the curve of the law by hand, and set chain.reports_distance = true."

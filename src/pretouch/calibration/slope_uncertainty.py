@@ -22,7 +22,7 @@ _ALLOWED: Final = 0.15  # largest relative uncertainty of g with which a sensor 
 _DECISIVE: Final = 0.1  # share of the signal at the nearest distance down to which g is judged
 _PLACES: Final = 25  # distances at which g is evaluated
 _FALL: Final = 0.5  # decrease of ln xi over which the slopes of readings and curve are compared
-_FEWEST: Final = 4  # readings in such a comparison
+_FEWEST: Final = 4  # fewest readings in such a comparison
 _SURE: Final = 4.0  # standard errors of a difference that is significant
 _NORMAL: Final = 1.959964  # standard deviations from the mean to the end of a 95 % interval
 
@@ -97,7 +97,7 @@ def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[floa
         stop = k + _FEWEST
         while stop < len(log) and log[k] - log[stop - 1] < _FALL:
             stop += 1
-        if log[k] - log[stop - 1] < _FALL:  # too few readings are left for such a decrease
+        if log[k] - log[stop - 1] < _FALL:  # too few readings remain for such a decrease
             break
         part = slice(k, stop)
         line = slope_weights(used.distance[part], errors[part] ** 2 + 1e-12)

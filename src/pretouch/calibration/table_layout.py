@@ -122,7 +122,7 @@ def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int
 
 
 def _output(table: TextTable, distance: int | None) -> int | None:
-    """Find the output column: by name, by unit (V, counts), as the only one left, or a current; it must change."""
+    """Find the output column: by name, by unit (V, counts), as the only remaining one, or a current; it must change."""
     free = [i for i in range(len(table.header)) if i != distance]
     others = [i for i in free if not is_named(table.header[i], "setting")]
     named = [i for i in others if is_named(table.header[i], "output")]
@@ -350,9 +350,9 @@ def _distance_of_header(table: TextTable, mark: UnitMark, unit: str) -> float:
     if mark.number is None:
         return math.inf
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))
-    found = f"{table.place}: found the distance {quoted(f'{mark.number} {mark.unit or unit}')}"
+    message = f"{table.place}: found the distance {quoted(f'{mark.number} {mark.unit or unit}')}"
     if value < 0:
-        raise CalibrationDataError(f"{found}, which must not be negative")
+        raise CalibrationDataError(f"{message}, which must not be negative")
     if not (math.isfinite(value) and has_workable_magnitude(value)):
-        raise CalibrationDataError(f"{found}, expected a number {WORKABLE} (in m)")
+        raise CalibrationDataError(f"{message}, expected a number {WORKABLE} (in m)")
     return value

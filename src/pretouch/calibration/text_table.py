@@ -26,7 +26,7 @@ _SEARCHED = 200  # lines in which the header is searched
 _COUNTED = 1000  # rows from which the number of columns is determined
 _MOST_BYTES = 100_000_000
 _MOST_ROWS = 2_000_000
-_LONGEST_LINE = 200_000  # characters: ten thousand columns and more
+_LONGEST_LINE = 200_000  # characters, enough for ten thousand columns
 _BREAK = re.compile(r"\r\n|\n|\r")
 _BLANK = " "
 _BRACKETED = r"[\[(][^\[\]()]*[\])]"
@@ -40,8 +40,8 @@ _NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 
 def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = None) -> TextTable:
     """Split a text file into header and rows; options for its columns help to find the header."""
-    # Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. Unreadable files,
-    # files that are too large or have no table, and rows with another number of cells are refused.
+    # Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. Refused are
+    # unreadable or too large files, files without a table, and rows with another number of cells.
     path, options = Path(path), options or ColumnOptions()
     try:
         content = read_regular_file(path, most=_MOST_BYTES, refuse=_refusal)
@@ -57,7 +57,7 @@ def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = Non
     at, head_lines, notes = _header_at(path.name, head, remark, options)
     first = len(head) - (len(head_lines) - (at + 1))
     delimiter = _delimiter(head_lines[at][1]) if at >= 0 else _any_delimiter(head_lines[0][1])
-    rows: list[Any] = texts[first:]  # lines at first, then their cells
+    rows: list[Any] = texts[first:]  # the list holds lines at first, later their cells
     numbers, plain = numbers[first:], '"' not in text
     commas = delimiter != "," and "," in text
     del text, texts

@@ -19,7 +19,7 @@ from .result import OffsetEstimate, UsableWindow
 _RISEN: Final = 2.0  # ratio of rise to later fall from which on the output counts as rising
 _SURE: Final = 5.0  # standard deviations of a significant rise
 _SMALL: Final = 0.01  # share of the output's range below which a rise is ignored
-_SHARE: Final = 0.2  # share of the rise above the lowest output that may already belong to the rise
+_SHARE: Final = 0.2  # outputs above the lowest one by less than this share of the rise may already belong to the rise
 
 
 def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
@@ -67,7 +67,7 @@ def _error(curve: AveragedCurve, noise: ReadingNoise) -> float:
 
 
 _CONVERTER_BITS: Final = (8, 10, 12, 14, 16)
-_CLIPPED_SHARE: Final = 0.99  # of full scale: converters and amplifiers clip a little below it
+_CLIPPED_SHARE: Final = 0.99  # share of full scale; converters and amplifiers clip a little below full scale
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

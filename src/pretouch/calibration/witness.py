@@ -1,7 +1,7 @@
 """Curves for testing a gain on the readings: curves through the readings, and curves under soft ceilings.
 
-The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's
-virtual force, L(2), is D_p times the change of ln(y - o), whatever the curve does in between and whatever the true
+The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's virtual
+force, L(2), is D_p times the change of ln(y - o). This holds whatever the curve does in between and whatever the true
 offset is. So the readings themselves contradict a fit that is wrong between them.
 """
 
@@ -23,7 +23,7 @@ from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
 
 _LARGEST_ERROR: Final = 0.05  # relative error of a signal that the fits may contribute: more would hide contradictions
 _SMALLEST_ERROR: Final = 1e-4
-_SMALLEST_SIGNAL: Final = 0.3  # of the signal that was read: random errors do not reduce it further
+_SMALLEST_SIGNAL: Final = 0.3  # share of the measured signal below which random errors do not reduce it
 _SURE: Final = 3.0  # standard errors of a rise that noise does not explain
 _BENDING: Final = 0.35  # standard deviation of ln of a random slope at a reading
 _STEEPEST: Final = 3.0  # times the flatter neighboring secant: with more, a cubic is not monotone (Fritsch 1980)

@@ -21,7 +21,7 @@ _TIMEOUT_PERIODS = 10
 _FADE_PERIODS = 2
 
 _SERIES_RADIUS = 1.5
-_TERMS = 26  # of the series: 1.5^26 / 28! is far below rounding
+_TERMS = 26  # terms of the series; 1.5^26 / 28! is far below rounding
 
 NO_LIMIT = 1e9
 """Value that means "no limit", in SI units. It is finite, so that every motion within the limits is finite."""
@@ -43,8 +43,8 @@ class Conditioning:
         low_pass_order: order of the Butterworth low-pass, 0 (none) to 8; 5 in the letter.
         cutoff: cutoff frequency of the low-pass [Hz]; 500 Hz in the letter.
         timeout: time without a usable reading after which the sensor counts as lost [s]; None: ten sensor periods.
-        fade_time: time in which the force fades to zero when a reading is overdue [s]; None: two sensor periods;
-            0: at once.
+        fade_time: time in which the force fades to zero when a reading is overdue [s]; None: two sensor periods; 0: it
+            ends at once.
         largest_rate: largest plausible |d ln xi/dt| [1/s], the steepest |g| times the fastest approach. A reading
             that implies a larger rate is rejected. None: no check.
 
@@ -116,7 +116,7 @@ class Conditioning:
         )
 
     def fade_step(self, period: float) -> float:
-        """Return the share of the force that fades in one loop period [s]; 1 means that it is removed at once."""
+        """Return the share of the force that is removed in one loop period [s]; 1 means that it is removed at once."""
         sensor_period = period if self.sensor_period is None else self.sensor_period
         fade_time = _FADE_PERIODS * sensor_period if self.fade_time is None else self.fade_time
         return min(period / fade_time, 1.0) if fade_time > 0 else 1.0

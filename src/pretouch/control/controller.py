@@ -166,24 +166,24 @@ class Controller:
             yield "limits", "none"
         yield from ((f"limit: {label}", Measured(value, unit)) for label, value, unit in limits if value is not None)
         yield "share of the contact force in the admittance", Measured(self.contact_gain)
-        yield "reports a contact from", Measured(self.contact_threshold, "N")
+        yield "contact threshold", Measured(self.contact_threshold, "N")
 
     def _conditioning_rows(self) -> Iterator[Row]:
         """Yield table rows with the conditioning of readings."""
         c, numbers = self.conditioning, self.conditioning.numbers(self.period)
-        yield "expects a reading every", Measured(numbers.sensor_period, "s")
-        yield "offset taken off", format_output(c.offset)
-        yield "floor", f"{format_output(c.floor)}, below which nothing is seen"
+        yield "nominal time between readings", Measured(numbers.sensor_period, "s")
+        yield "subtracted offset", format_output(c.offset)
+        yield "floor", f"{format_output(c.floor)}, below which nothing is detected"
         if c.saturation is not None:
-            yield "saturated from", format_output(c.saturation)
+            yield "saturation level", format_output(c.saturation)
         yield "running median", f"over {c.median_window} readings" if c.median_window > 1 else "none"
         if c.low_pass_order and c.cutoff is not None:
             yield "low-pass", f"Butterworth of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}"
         else:
             yield "low-pass", "none"
-        yield "sensor lost after", Measured(numbers.timeout, "s")
+        yield "sensor counts as lost after", Measured(numbers.timeout, "s")
         if c.largest_rate is not None:
-            yield "largest |d ln \u03be/dt| that is believed", Measured(c.largest_rate, "1/s")
+            yield "largest plausible |d ln \u03be/dt|", Measured(c.largest_rate, "1/s")
 
     def _motion_limits(self) -> MotionLimits:
         limits = self.limits

@@ -17,8 +17,8 @@ from .structures import DragNumbers, DragState
 _HOLD = 0.02
 _HOLD_READINGS = 2
 _LARGEST = 1e6
-_LONGEST_SMOOTHING = 60.0  # s; no encounter lasts longer
-_LARGEST_NOISE = 1e12  # the limit of readings
+_LONGEST_SMOOTHING = 60.0  # s, longer than any encounter
+_LARGEST_NOISE = 1e12  # the largest accepted reading
 
 _STEP = CompiledStep("step_drag")
 
@@ -34,8 +34,8 @@ class VirtualDrag:
 
     Args:
         drag: phi [N s^2].
-        noise: standard deviation of a reading at xi = 0 [unit of xi]. A value twice too large raises the contact speed
-            somewhat; a value half as large may let the robot creep.
+        noise: standard deviation of a reading at xi = 0 [unit of xi]. If it is twice the true value,
+            the contact speed is somewhat higher; if it is half the true value, the robot may creep.
         relative_noise: standard deviation of a reading divided by xi.
         resolution: quantization step of the readings [unit of xi].
         smoothing_time: time constant of the smoothed level and rate [s]. It delays the response to changes of speed.
@@ -45,7 +45,7 @@ class VirtualDrag:
         dead_zone: width of the dead zone of s, in standard deviations of the smoothed level. With a probability of 1 %,
             white noise rises by 8.8 standard deviations within a minute, and by 10.4 within an hour.
         still_rate: rate of s below which the object counts as still, in standard deviations of the rate. Smaller values
-            keep the fraction constant down to lower speeds; larger values keep the retreat distance.
+            keep the fraction constant down to lower speeds; larger values keep the retreat distance constant.
         hold_time: how long an approach lasts after the last rise of s [s]; None: 20 ms or two sensor periods, whichever
             is longer.
         own_advance: D_b <= 0 [N s], gain of a virtual damper against the robot's own motion toward the object. It
@@ -148,12 +148,12 @@ class VirtualDrag:
         yield "relative noise of a reading", Measured(self.relative_noise)
         yield "step of the readings", format_output(self.resolution)
         yield "smoothing time", Measured(self.smoothing_time, "s")
-        yield "dead zone", f"{self.dead_zone:.4g} standard deviations of ln \u03be, smoothed"
-        yield "rate that counts as none", f"{self.still_rate:.4g} standard deviations"
+        yield "dead zone", f"{self.dead_zone:.4g} standard deviations of the smoothed ln \u03be"
+        yield "rate treated as zero", f"{self.still_rate:.4g} standard deviations"
         if self.hold_time is not None:
-            yield "an approach lasts on for", Measured(self.hold_time, "s")
+            yield "hold time of an approach", Measured(self.hold_time, "s")
         if self.own_advance:
-            yield "gain against the robot's own advance", Measured(self.own_advance, "N*s")
+            yield "gain against the robot's own motion", Measured(self.own_advance, "N*s")
         if self.known_acceleration:
             yield "known acceleration of the object", Measured(self.known_acceleration, "m/s^2")
 

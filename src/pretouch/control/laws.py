@@ -73,7 +73,7 @@ class Setting(Protocol):
 
 
 class SteppedLaw(Protocol):
-    """A law that a controller can run. It needs no number for a design to choose; see `Law`."""
+    """A law that a controller can run. Unlike a `Law`, it needs no number that a design chooses."""
 
     @property
     def step(self) -> Any:
@@ -101,9 +101,9 @@ class Law(SteppedLaw, Protocol):
     `drive`; parameters and state are `Parts`. It may also be compiled, see `CompiledStep`. docs/own-law.md builds one,
     from a force to a verdict.
 
-    A law may smooth ln xi before it computes an impulse. If this equals, near an operating point, one low-pass that
-    weights every new reading by 1 - exp(-T/tau), with the sensor's period T, the law reports tau [s] as the attribute
-    `smoothing_time`. The limits of stability then include it.
+    A law may smooth ln xi before it computes an impulse. This may equal, near an operating point, one low-pass that
+    weights every new reading by 1 - exp(-T/tau), with the sensor's period T. Then the law reports tau [s] as the
+    attribute `smoothing_time`. The limits of stability then include it.
     """
 
     @property
@@ -296,7 +296,7 @@ class VirtualDamper:
     def rows(self) -> Iterator[tuple[str, Cell]]:
         """Yield table rows with the parameters of the law other than its gain."""
         if self.approach_only:
-            yield "damps", f"approaches only, with a release of {self.release:.4g} in ln \u03be"
+            yield "acts", f"during approaches only, with a release of {self.release:.4g} in ln \u03be"
         if self.ramp_time:
             yield "ramp of the gain", Measured(self.ramp_time, "s")
 

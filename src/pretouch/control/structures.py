@@ -20,10 +20,10 @@ class Status(IntFlag):
     """Status flags of a step; several may be set together.
 
     DETECTING: the filtered output is above the floor. STALE: a reading is due and no usable one arrived.
-    SATURATED, INVALID (not finite, late or out of order), IMPLAUSIBLE (faster than any approach): why a reading was
-    rejected. LOST: no usable reading for longer than the timeout. FORCE_LIMITED, MOTION_LIMITED: a limit acts.
-    IN_CONTACT: the contact force exceeds its threshold. INPUT_FAULT: contact force or reference is not finite; the
-    force is then taken as 0, and the reference stays at its last position.
+    SATURATED, INVALID (not finite, late or out of order), IMPLAUSIBLE (faster than any approach): the reason why a
+    reading was rejected. LOST: no usable reading for longer than the timeout. FORCE_LIMITED, MOTION_LIMITED: a limit
+    acts. IN_CONTACT: the contact force exceeds its threshold. INPUT_FAULT: the contact force or the reference is not
+    finite; then the force counts as 0, and the reference keeps its last position.
     """
 
     NONE = 0
@@ -182,7 +182,7 @@ class DragNumbers(Structure):
 
 
 class DragState(Structure):
-    """Smoothed level and rate of ln xi, the mark that the level has to exceed, and the rest of the hold time [s]."""
+    """Smoothed level and rate of ln xi, the threshold that the level has to exceed, and the remaining hold time [s]."""
 
     _fields_ = numbers("level", "rate", "mark", "hold")
 

@@ -45,7 +45,7 @@ class Obstacle(_Body):
     Args:
         position: x_o at t = 0 [m].
         velocity: x_o' at t = 0 [m/s]; negative for an approach.
-        acceleration: x_o'' [m/s^2], constant; with a course, from the end of the course on.
+        acceleration: x_o'' [m/s^2], constant; with a course, it applies after the end of the course.
         course: initial stretches of constant acceleration, the same number in all encounters. Their values broadcast as
             all fields do. Only the sampled loop follows a course; the motion of L(9) requires a uniform acceleration.
 
@@ -74,10 +74,10 @@ class Obstacle(_Body):
             try:
                 later = np.greater(after.until, before.until)
             except ValueError:
-                return  # the shapes do not broadcast, which the scenario refuses
+                return  # the shapes do not broadcast; the scenario reports this
             if not later.all():
                 raise InvalidInputError(
-                    f"obstacle course: found a stretch until {_first(after.until, ~later):g} s after one until "
+                    f"obstacle course: found the end time {_first(after.until, ~later):g} s after the end time "
                     f"{_first(before.until, ~later):g} s, expected increasing end times"
                 )
 
@@ -111,7 +111,7 @@ def _first(value: Any, which: Any) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plant(_Body):
-    """Start of the robot's contact surface.
+    """Position and velocity of the robot's contact surface at the start.
 
     Args:
         position: x at t = 0 [m].

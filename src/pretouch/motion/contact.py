@@ -112,7 +112,7 @@ class ContactState(Value):
         return tuple(self.as_dict().values())
 
     def __hash__(self) -> int:
-        return hash(np.shape(self.time))  # cheap: other quantities would have to be computed first
+        return hash(np.shape(self.time))  # all other properties would have to be computed first
 
     def __repr__(self) -> str:
         return f"ContactState({', '.join(f'{name}={value!r}' for name, value in self.as_dict().items())})"
@@ -135,7 +135,7 @@ class ContactResult(InNotebooks, Value):
         gain: the law's number in each run, such as D_p [N s].
         closest_distance: smallest distance of each run [m]; 0 at contact, and if the distance decays to 0.
         settling_distance: distance at which a run without contact comes to rest [m]; 0 if the distance decays to 0,
-            infinite if the run does not come to rest, NaN if that is unknown.
+            infinite if the run does not come to rest, NaN if it is unknown whether it does.
         impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi|, relative to the largest of these terms and the
             momentum of the approach. It is zero for the exact motion of L(1) and L(2) with any curve, so it certifies
             the computed motion. Other laws use their own impulse. NaN for the uniform motion, which does not start

@@ -2,9 +2,9 @@
 
 The fast path uses windows: polynomials of ln xi on overlapping intervals. In an approach the distance decreases, and a
 step that starts in a window should have most of that window below it. Each window therefore overlaps the next nearer
-one, and a motion switches to the nearer window as soon as it is inside. At a corner of the curve (a point of a table)
-windows end. If 1 / g is linear in l, as for the inverse power L(3), one window without a polynomial suffices: the
-kernel then uses g l' = n q with q (l + l_0) = l'.
+one, and a motion switches to the nearer window as soon as it is inside. Windows end at the corners of a curve, such as
+the points of a table. If 1 / g is linear in l, as for the inverse power L(3), one window without a polynomial suffices:
+the kernel then uses g l' = n q with q (l + l_0) = l'.
 
 The guaranteed path uses pieces: polynomials of g on adjacent intervals, for motions in both directions.
 """
@@ -41,7 +41,7 @@ TOLERANCE: Final = 1e-13
 
 _OVERLAP: Final = 0.4  # share of a window that the next one overlaps
 SLACK: Final = 2e-7
-"""Share of its length by which a window is used beyond its border; the error is of second order in it."""
+"""Share of its length by which a window may be used beyond its border; the error is of second order in this share."""
 
 _MAX_WINDOWS: Final = 2_000
 _SMALLEST: Final = 1e-9  # smallest window, relative to the whole range
@@ -51,7 +51,7 @@ _ROUNDING: Final = 1e-9  # relative to the largest slope from there outward; lar
 _IN_VAIN: Final = 3  # halvings without progress after which the error counts as rounding
 _MAX_PIECES: Final = 20_000
 _GROWTH: Final = 64.0  # ratio of successive ranges of a curve
-_FARTHEST: Final = 1e12  # m
+_FARTHEST: Final = 1e12  # [m]
 
 LARGEST_START: Final = 2.0**43
 """Largest initial distance [m] from which an encounter is integrated; the pieces of a curve reach 4 times as far.
@@ -83,7 +83,7 @@ def _largest_start(distance: Any) -> float:
 
 
 def check_curve(sensor: SensorModel, distance: Any) -> None:
-    """Refuse a custom curve that breaks a law of sensor curves up to the initial distances [m], of any shape."""
+    """Refuse a custom curve that breaks a law of sensor curves nearer than the initial distances [m], of any shape."""
     if not is_built_in(sensor):
         near = type(distance) is float and distance <= LARGEST_START
         refuse_invalid_curve(sensor, distance if near else _largest_start(distance))
@@ -275,7 +275,7 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
 def interpolate(
     function: Callable[[FloatArray], FloatArray], middle: FloatArray, half: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return values at the nodes of pieces, coefficients of powers of (l - middle) / half, and the largest error."""
+    """Interpolate on pieces: return values at the nodes, coefficients of (l - middle) / half, and the largest error."""
     values, probed = (function(middle[:, None] + half[:, None] * z) for z in (_NODES, _PROBES))
     coefficients = values @ _TO_COEFFICIENTS.T
     return values, coefficients, np.abs(coefficients @ _AT_PROBES.T - probed).max(axis=-1)
@@ -284,7 +284,7 @@ def interpolate(
 def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
     """Return g [1/m] at distances [m], clipped to the valid range."""
     distance = np.clip(distance, *sensor.valid_range)
-    with np.errstate(all="ignore"):  # checked below
+    with np.errstate(all="ignore"):  # values that are not finite are found below
         slope = np.asarray(sensor.log_slope(distance))
     if not np.isfinite(slope).all():
         culprit = float(distance[~np.isfinite(slope)].min())
@@ -298,9 +298,9 @@ def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
 
 @cache_by_curve(256)
 def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> float:
-    """Find up to which distance a curve can be approximated; a custom curve may fail below its `maximum_distance`.
+    """Find the distance up to which a curve can be approximated; a custom curve may fail below its `maximum_distance`.
 
-    The search covers `low` to `high`, and the curve must be usable at least up to `start`, all in m.
+    The search covers the distances from `low` to `high`. The curve must be usable at least up to `start`, all in m.
 
     Returns:
         The largest usable distance [m]: `high` if the whole curve is usable, else the last distance with a finite
@@ -336,7 +336,7 @@ def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> I
 
 
 def _last_finite(sensor: SensorModel, good: float, bad: float) -> float:
-    """Return the last distance between a good one and a bad one at which the slope is finite."""
+    """Return the largest distance with a finite slope between `good` (finite slope) and `bad` (no finite slope)."""
     while good < bad:
         middle = 0.5 * (good + bad)
         if not good < middle < bad:

@@ -46,9 +46,9 @@ class OwnLaw(Value):
     |M dx~' + D dx~ + K int x~ dt - int F dt - int H dt| relative to the largest of these terms. H is the part of the
     pull that is switched off. The integrals are computed independently of the integration.
 
-    A run ends as `NEVER` if everything is at rest. With `holds_off` it also ends as `NEVER` if the object no longer
-    approaches, a_o >= 0, and F at s' = 0 is at most M a_o at all probed larger distances. Other runs without contact
-    end at the horizon. `settling_distance` is NaN if it is unknown.
+    A run ends as `NEVER` if everything is at rest. With `holds_off` it also ends as `NEVER` if no later approach is
+    possible: the object does not approach, a_o >= 0, and F at s' = 0 is at most M a_o at all tested larger distances.
+    Other runs without contact end at the horizon. `settling_distance` is NaN if it is unknown.
 
     Args:
         kind: its name in files and on pages.
@@ -56,13 +56,13 @@ class OwnLaw(Value):
         force: function of a value of the number, s, and s' [1/s], all floats, that returns F [N].
         damping: function of a value, g [1/m] and l' [m/s], floats or arrays, that returns dF/dl' [N s/m], or None.
         holds_off: whether the admittance's pull toward the object is switched off while the object approaches, as for a
-            virtual drag (docs/drag.md): M x~'' = F - max(K x~ + D x~', 0) for l' < 0. If the pull would cause a new
-            approach as soon as it acts again, the plant keeps the distance, l' = 0.
+            virtual drag (docs/drag.md). Then M x~'' = F - max(K x~ + D x~', 0) for l' < 0. If the pull would cause a
+            new approach as soon as it acts again, the plant keeps the distance, l' = 0.
 
     Valid for:
-        A plant that follows the virtual object exactly and a sensor without delay. If a step looks beyond the range of
-        the curve, s and g are those of its nearest end. The force may jump if the motion passes the jump; a run that
-        would have to stay at a jump is `UNRESOLVED`.
+        A plant that follows the virtual object exactly and a sensor without delay. If an integration step needs the
+        curve outside its valid range, s and g are those at the nearest end. The force may have jumps that the motion
+        passes; a run that would have to stay at a jump is `UNRESOLVED`.
 
     Examples:
         >>> from pretouch.motion import Admittance, LawNumber, Obstacle, OwnLaw, find_contact

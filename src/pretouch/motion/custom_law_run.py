@@ -25,7 +25,7 @@ _PEAK_OF: Final = dict(zip(PEAKS, ("displacement", "travel", "velocity", "accele
 _APPROACH, _ALONG, _RECEDE = -1, 0, 1
 _TURN, _BORDER = 0, 1  # events that end a piece
 _TOLERANCE: Final = 1e-13
-_MAX_EVALUATIONS: Final = 300_000  # of the force, about 5 s; longer runs are unresolved
+_MAX_EVALUATIONS: Final = 300_000  # evaluations of the force, which take about 5 s; longer runs are unresolved
 _LSODA_LOCK: Final = threading.RLock()  # before SciPy 1.17, LSODA keeps its state in globals that threads share
 _IMMEDIATE_TURN: Final = ("f(a) and f(b) must have", "`ts` must be strictly")
 """SciPy's errors for a motion that turns within rounding of the start of its piece, as at a jump of the force."""
@@ -37,7 +37,7 @@ _ROUNDS: Final = 4  # refinements of the grid on which a peak is searched
 
 
 class RelativeEncounter(NamedTuple):
-    """An encounter relative to its reference, as in layout.Relative; start of the reference; the law's number."""
+    """An encounter relative to its reference, as in layout.Relative, with the reference's start and the gain."""
 
     mass: float
     damping: float
@@ -98,7 +98,7 @@ class CustomLawRun:
         self.pieces: list[_Piece] = []
         self.exact_end: dict[str, float] = {}  # quantities at the end that are known exactly
         self.settling, self.evaluations = math.nan, 0
-        self.status = self._follow(horizon)
+        self.status = self._integrate(horizon)
 
     def _distance(self, time: Any, x: Any) -> Any:
         g = self.encounter
@@ -107,12 +107,12 @@ class CustomLawRun:
     def _speed(self, time: Any, u: Any) -> Any:
         return self.encounter.v + self.encounter.a * time - u
 
-    def _push(self, distance: float, speed: float) -> float:
+    def _force(self, distance: float, speed: float) -> float:
         """Return F [N] at l [m] and l' [m/s]."""
         at = min(max(distance, self.low), self.high)
         return self._checked_force(at, self.sensor.log_output(at), self.sensor.log_slope(at) * speed)
 
-    def _pushes(self, distance: FloatArray, speed: FloatArray) -> FloatArray:
+    def _forces(self, distance: FloatArray, speed: FloatArray) -> FloatArray:
         at = np.clip(distance, self.low, self.high)
         outputs, rates = self.sensor.log_output(at), self.sensor.log_slope(at) * speed
         return np.array(list(map(self._checked_force, at.tolist(), outputs.tolist(), rates.tolist())))
@@ -136,33 +136,33 @@ class CustomLawRun:
             return force - self.encounter.mass * self.encounter.a
         return np.maximum(pull, 0.0) if self.holds_off and course == _APPROACH else pull
 
-    def _follow(self, horizon: float) -> ContactStatus:
+    def _integrate(self, horizon: float) -> ContactStatus:
         """Integrate piece by piece and return the status at the end."""
         g, time, state = self.encounter, 0.0, np.array([self.encounter.x0, self.encounter.u0])
         distance, speed = self._distance(time, g.x0), self._speed(time, g.u0)
         course = int(np.sign(speed)) or self._course(time, state)
         cell = int(np.searchsorted(self.borders, distance, "left" if course == _APPROACH else "right")) - 1
         while True:
-            if course != _APPROACH and self._never(distance, float(state[1]), course):
-                return self._stay(state, ContactStatus.NEVER)
+            if course != _APPROACH and self._excludes_approach(distance, float(state[1]), course):
+                return self._end_here(state, ContactStatus.NEVER)
             if not 0 <= cell < len(self.borders) - 1:
-                return self._stay(state, ContactStatus.LEFT_RANGE)
+                return self._end_here(state, ContactStatus.LEFT_RANGE)
             piece = self._piece(time, state, course, self.borders[cell + (course == _RECEDE)], horizon)
             if piece is None:
-                return self._stay(state, ContactStatus.UNRESOLVED)
+                return self._end_here(state, ContactStatus.UNRESOLVED)
             self.pieces.append(piece)
             time, state = float(piece.steps[-1]), piece.states(piece.steps[-1])
             distance = self._distance(time, state[0])
             if piece.event is None:
                 return ContactStatus.HORIZON
-            if course == _APPROACH and cell == 0 and self._reached_end(distance):
+            if course == _APPROACH and cell == 0 and self._has_reached_end(distance):
                 return ContactStatus.CONTACT if self.low == 0 else ContactStatus.LEFT_RANGE
             if piece.event == _BORDER:
                 cell += course
             else:
                 course = _RECEDE if course == _ALONG else self._course(time, state)
 
-    def _stay(self, state: FloatArray, status: ContactStatus) -> ContactStatus:
+    def _end_here(self, state: FloatArray, status: ContactStatus) -> ContactStatus:
         """End the run in this state; a run without duration gets one piece as well."""
         if not self.pieces:
             self.pieces.append(
@@ -173,21 +173,21 @@ class CustomLawRun:
     def _course(self, time: float, state: FloatArray) -> int:
         """Return the course of the distance after l' = 0."""
         x, u = state
-        for later in (0.0, _SOON):
-            below, above = self._bends(time + later, (x + u * later, u + self.encounter.a * later))
+        for delay in (0.0, _SOON):
+            below, above = self._acceleration_limits(time + delay, (x + u * delay, u + self.encounter.a * delay))
             if below or above:
                 break
         return _APPROACH if below < 0 else _RECEDE if above > 0 else _ALONG
 
-    def _bends(self, time: float, state: Any) -> tuple[float, float]:
-        """Return l'' [m/s^2] at l' = 0, its limit for an approach and for a recession."""
+    def _acceleration_limits(self, time: float, state: Any) -> tuple[float, float]:
+        """Return the limits of l'' [m/s^2] at l' = 0, from an approach and from a recession."""
         g, (x, u) = self.encounter, state
-        free = g.a - self._push(self._distance(time, x), 0.0) / g.mass
+        free = g.a - self._force(self._distance(time, x), 0.0) / g.mass
         pull = g.stiffness * x + g.damping * u
         return free + float(self._acting(_APPROACH, pull, 0.0)) / g.mass, free + pull / g.mass
 
-    def _never(self, distance: float, u: float, course: int) -> bool:
-        """Tell whether a later approach can be excluded while the object does not approach."""
+    def _excludes_approach(self, distance: float, u: float, course: int) -> bool:
+        """Return whether a later approach can be excluded while the object does not approach."""
         g = self.encounter
         if course == _ALONG and g.v == g.a == u == 0:
             self.settling = distance
@@ -195,13 +195,13 @@ class CustomLawRun:
         if not self.holds_off or g.a < 0:
             return False
         probes = np.geomspace(distance, max(min(self.high, _AHEAD * distance), distance), _PROBES)
-        if (self._pushes(probes, np.zeros(_PROBES)) > g.mass * g.a).any():
+        if (self._forces(probes, np.zeros(_PROBES)) > g.mass * g.a).any():
             return False
         self.settling = math.inf
         return True
 
-    def _reached_end(self, distance: float) -> bool:
-        """Tell whether an approach has reached the lower end of the curve, and end the last piece there."""
+    def _has_reached_end(self, distance: float) -> bool:
+        """Return whether an approach has reached the lower end of the curve, and end the last piece there."""
         from scipy.optimize import brentq  # noqa: PLC0415 - loads slowly
 
         g, piece = self.encounter, self.pieces[-1]
@@ -223,7 +223,7 @@ class CustomLawRun:
         from scipy.integrate import solve_ivp  # noqa: PLC0415 - loads slowly
 
         g = self.encounter
-        events = [_event(lambda t, y: self._bends(t, y)[1], _RECEDE)]
+        events = [_event(lambda t, y: self._acceleration_limits(t, y)[1], _RECEDE)]
         if course != _ALONG:
             turn = _event(lambda t, y: self._speed(t, y[1]), -course)
             events = [turn, _event(lambda t, y: self._distance(t, y[0]) - border, course)]
@@ -235,13 +235,13 @@ class CustomLawRun:
             x, u = y.tolist()
             if course == _ALONG:
                 return u, g.a
-            force, pull = self._push(self._distance(t, x), self._speed(t, u)), g.stiffness * x + g.damping * u
+            force, pull = self._force(self._distance(t, x), self._speed(t, u)), g.stiffness * x + g.damping * u
             return u, (force - (max(pull, 0.0) if self.holds_off and course == _APPROACH else pull)) / g.mass
 
         options = {"rtol": _TOLERANCE, "atol": _TOLERANCE / 100 * (g.p - g.x0), "dense_output": True}
         try:
             with _LSODA_LOCK, warnings.catch_warnings():
-                warnings.filterwarnings("ignore", "lsoda:", UserWarning)  # the status reports it
+                warnings.filterwarnings("ignore", "lsoda:", UserWarning)  # the status reports this case
                 run = solve_ivp(rates, (time, horizon), state, method="LSODA", events=events, **options)
         except _UnresolvedError:
             return None
@@ -256,7 +256,7 @@ class CustomLawRun:
         """Return the quantities at times [s] of a piece, by name."""
         g, (x, u) = self.encounter, piece.states(time)
         distance, speed = self._distance(time, x), self._speed(time, u)
-        force, pull = self._pushes(distance, speed), g.stiffness * x + g.damping * u
+        force, pull = self._forces(distance, speed), g.stiffness * x + g.damping * u
         acting = self._acting(piece.course, pull, force)
         acceleration = (force - acting) / g.mass
         return {

@@ -105,7 +105,7 @@ def _approach_start(request: DragRequest, high: float) -> tuple[FloatArray, IntA
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
     begins = np.zeros(count)
-    with np.errstate(over="ignore"):  # infinite: it never begins
+    with np.errstate(over="ignore"):  # an infinite result means that the approach never begins
         np.divide(-v, a, out=begins, where=request.returns)
     lost = np.flatnonzero(request.farthest > high)
     room = high - request.distance[lost]
@@ -121,8 +121,8 @@ def _final_status(request: DragRequest, status: IntArray, end: dict[str, FloatAr
     b, time, distance, speed = request.bodies, end["time"], end["distance"], end["relative_velocity"]
     terms = np.abs(b["p"]) + (np.abs(b["v"]) + np.abs(b["a"]) * time / 2) * time
     turns = (request.velocity < 0) & (request.acceleration > 0)
-    beyond = np.full(len(time), np.inf)  # by how much the run would have passed l = 0 before rest
-    with np.errstate(over="ignore"):  # the acceleration is negligible
+    beyond = np.full(len(time), np.inf)  # the distance beyond l = 0 at which the run would come to rest [m]
+    with np.errstate(over="ignore"):  # an infinite result means that the acceleration is negligible
         np.divide(speed**2, 2 * request.acceleration, out=beyond, where=turns)
     near_touch = (status == ContactStatus.CONTACT) & (beyond <= RESOLUTION * terms)
     touches = near_touch | (turns & (status == ContactStatus.NEVER) & (distance <= RESOLUTION * terms))
@@ -245,7 +245,7 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
     check_curve(sensor, flat)
     grid = np.linspace(max(sensor.valid_range[0], 0.0), flat.max(initial=0.0), _PROBES)
     steepest = float(np.abs(sensor.log_slope(grid)).max())
-    strength = 1.0 / (steepest**2 * flat)  # so that the exponential is resolved where g^2 is large
+    strength = 1.0 / (steepest**2 * flat)  # small enough to resolve the exponential where g^2 is large
     none = np.zeros_like(flat)
     path = follow(sensor, DragApproach(strength, none, flat, none + 1.0, none), float(grid[0]), np.inf)
     total = np.zeros_like(flat)

@@ -1,8 +1,8 @@
 """Demands of an approach under the virtual drag on the robot, and the exact derivatives of its contact.
 
-With dw/dl = 2 (a_o + k g^2 w), the derivative u of w by an input obeys du/dl = 2 (k g^2 u + h), where h is the
-derivative of the right-hand side at fixed w. Hence u e^q = u_0 - 2 int_l^{l_0} e^q h dl. The time changes by
--1/2 int u w^{-3/2} dl, and by 1/|l'| per unit of l_0.
+The square w of l' obeys dw/dl = 2 (a_o + k g^2 w). Its derivative u by an input therefore obeys du/dl = 2 (k g^2 u +
+h), where h is the derivative of a_o + k g^2 w at fixed w. Hence u e^q = u_0 - 2 int_l^{l_0} e^q h dl. The time changes
+by -1/2 int u w^{-3/2} dl, and by 1/|l'| per unit of l_0.
 """
 
 from __future__ import annotations

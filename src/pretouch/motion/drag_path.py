@@ -7,8 +7,9 @@ With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is line
 for any l_0, and t = int dl / sqrt(w). A cell is an interval of the distance without a knot of the curve. Integrals are
 those of the polynomials through 16 Gauss points on the cell. Cells are halved until the last Legendre coefficients of
 both integrands are negligible. If w is zero at one end of a cell, 1 / sqrt(w) is not smooth, but sqrt(w) is a smooth
-function of the square root of the distance from that end. Therefore the passed share of a cell, s(r) with r from 0 to
-1, is r - b r (1 - r): r for b = 0, r^2 from rest with b = 1, and 1 - (1 - r)^2 to rest with b = -1.
+function of the square root of the distance from that end. Therefore the traversed share s of a cell is a function of r
+from 0 to 1, s(r) = r - b r (1 - r). This is r for b = 0, r^2 for a start at rest (b = 1), and 1 - (1 - r)^2 for an end
+at rest (b = -1).
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ from pretouch.sensors import SensorModel
 from .layout import ContactStatus
 
 NODES: Final = 16
-_TOLERANCE: Final = 1e-12  # of the last Legendre coefficients, relative to the largest value
+_TOLERANCE: Final = 1e-12  # tolerance of the last Legendre coefficients, relative to the largest value
 _PAST_REST: Final = 0.9  # cell width over the distance from a virtual rest behind the start of the cell
 _BEFORE_REST: Final = 0.45  # cell width over the distance to a virtual rest beyond the cell
 _GROWTH: Final = 3.0  # largest q on a cell; a polynomial of degree 15 then equals its exponential to rounding
 _MAX_CELLS: Final = 4_000
 _PARTS: Final = 3.0 ** -np.arange(4)  # tried cell widths; the largest one on which q is likely to be small is taken
-_MAX_GROWTH: Final = 100.0  # larger q are cut off to avoid overflow
+_MAX_GROWTH: Final = 100.0  # larger values of q are limited to this one to avoid overflow
 _ON: Final = -1  # status of an approach that has not ended
 _ENDINGS: Final = (ContactStatus.NEVER, ContactStatus.HORIZON)
 
@@ -99,7 +100,7 @@ class DragCells(NamedTuple):
         lane: indices of the encounters.
         start: l at the start of the cell [m].
         width: width of the cell, toward smaller l [m].
-        bend: b of the passed share: 1 from rest, -1 to rest, else 0.
+        bend: b of the traversed share: 1 for a start at rest, -1 for an end at rest, else 0.
         square: l'^2 at the start [m^2/s^2].
         time: t at the start [s].
     """
@@ -117,7 +118,7 @@ class DragCells(NamedTuple):
         return DragCells(*columns)
 
     def share(self, z: FloatArray) -> FloatArray:
-        """Return the passed share of each cell at one z per cell."""
+        """Return the traversed share of each cell at one z per cell."""
         r = (1 + z) / 2
         return np.asarray(r - self.bend * r * (1 - r))
 
@@ -198,7 +199,7 @@ class DragPath(Value):
             yield cells, _evaluate(self.sensor, self.approach, cells)
 
 
-@np.errstate(all="ignore")  # cells with NaN are halved, and unresolved in the end
+@np.errstate(all="ignore")  # cells with NaN are halved until they count as unresolved
 def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: float) -> DragPath:
     """Solve approaches until l = end, until they come to rest, or until the horizon.
 
@@ -277,7 +278,7 @@ def _shorten_to_end(path: DragPath, cells: DragCells, horizon: float) -> tuple[D
 
     Returns:
         The cells; the quantities at their nodes; their status, _ON if they do not end; and the relative error of that
-        end, since the cell from which it was computed may have been too long.
+        end. The error matters because the cell from which the end was computed may have been too long.
     """
     nodes = _evaluate(path.sensor, path.approach, cells)
     status = np.full(len(cells.lane), _ON)

@@ -76,7 +76,7 @@ class DragRequest(Value):
 
     @property
     def returns(self) -> Any:
-        """Which encounters begin at rest or receding and then accelerate toward the robot."""
+        """The encounters that begin at rest or receding, and then accelerate toward the robot."""
         return (self.velocity >= 0) & (self.acceleration < 0)
 
     @property
@@ -172,7 +172,7 @@ def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
         wrong = float(distance[~(slope <= 0)][0])
         raise InvalidInputError(
             f"sensor: found a slope of {float(sensor.log_slope(wrong)):g} 1/m at {wrong:g} m, which must not be "
-            "positive, since a drag takes a growing ln xi for an approach; end the curve by maximum_distance where its "
+            "positive, since a drag treats a growing ln xi as an approach; end the curve by maximum_distance where its "
             "output is smallest"
         )
 

@@ -63,9 +63,9 @@ class GradientRows(Picklable):
         """Return the derivatives of time and l' by RELATIVE_INPUTS with these indices, (2, k, n); NaN if undefined."""
         if self._rows is None:
             everything = range(len(RELATIVE_INPUTS))
-            kept = everything if self._solution.request.size <= _KEPT else which
-            rows = self._find(list(kept))
-            if kept is which:
+            indices = everything if self._solution.request.size <= _KEPT else which
+            rows = self._find(list(indices))
+            if indices is which:
                 return rows
             self._rows = rows
         return self._rows[:, list(which)]
@@ -75,28 +75,28 @@ class GradientRows(Picklable):
         if name not in self._followed:
             rows = np.full((2, self._solution.request.size), np.nan)
             where = np.flatnonzero(self._differentiable())
-            rows[:, where] = self._follow(where, [len(RELATIVE_INPUTS)], slope)[:, 0]
+            rows[:, where] = self._by_guaranteed_path(where, [len(RELATIVE_INPUTS)], slope)[:, 0]
             self._followed[name] = rows
         return self._followed[name]
 
     def _differentiable(self) -> BoolArray:
-        """Tell which runs end in a contact with l' < 0; a touch with l' = 0 has no derivatives."""
+        """Return which runs end in a contact with l' < 0; a touch with l' = 0 has no derivatives."""
         reached = self._solution.status == ContactStatus.CONTACT
         return np.asarray(reached & (self._solution.raw("relative_velocity") < 0))
 
-    def _find(self, kept: list[int]) -> FloatArray:
+    def _find(self, indices: list[int]) -> FloatArray:
         request = self._solution.request
-        rows = np.full((2, len(kept), request.size), np.nan)
+        rows = np.full((2, len(indices), request.size), np.nan)
         pending = self._differentiable()
         if request.method == "closed-form" and pending.any():
-            pending = self._linear(kept, pending, rows)
+            pending = self._linear(indices, pending, rows)
         decays = self._decays()
         if pending.any():
-            pending = self._in_lanes(kept, pending & (decays <= STIFF), rows) | (pending & (decays > STIFF))
+            pending = self._in_lanes(indices, pending & (decays <= STIFF), rows) | (pending & (decays > STIFF))
         rows[:, :, pending] = np.nan
         where = np.flatnonzero(pending & (decays <= _STIFFEST))
         if len(where):
-            rows[:, :, where] = self._follow(where, kept)
+            rows[:, :, where] = self._by_guaranteed_path(where, indices)
         return rows
 
     def _decays(self) -> FloatArray:
@@ -106,8 +106,8 @@ class GradientRows(Picklable):
         damping = r.damping + r.gain * request.sensor.log_slope(0.0)
         return np.asarray(damping / r.mass * self._solution.raw("time"))
 
-    def _linear(self, kept: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Fill the rows of runs with a closed form; return the runs that remain."""
+    def _linear(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
+        """Fill the rows of runs with a closed form; return the remaining runs."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.slope
         r = request.relative
@@ -120,20 +120,20 @@ class GradientRows(Picklable):
             find_contacts(
                 request.some(part), slope, request.horizon, time[part], status[part], solved=True, gradients=out
             )
-            rows[:, :, part] = out[::2, kept]
+            rows[:, :, part] = out[::2, indices]
 
         run_in_chunks(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
         return np.asarray(pending & (status != 0))
 
-    def _in_lanes(self, kept: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Fill the rows of runs that vectorized Taylor steps prove; return the runs that remain."""
+    def _in_lanes(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
+        """Fill the rows of runs whose contact vectorized Taylor steps prove; return the remaining runs."""
         request = self._solution.request
         curves = shared_curve(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(pending)
         which = None if len(where) == request.size else where
 
         def take(part: slice, _: FloatArray, out: FloatArray) -> None:
-            rows[:, :, part if which is None else where[part]] = out[::2, kept]
+            rows[:, :, part if which is None else where[part]] = out[::2, indices]
 
         status = np.empty(len(where), dtype=np.int8)
         by = (3, len(RELATIVE_INPUTS))
@@ -142,7 +142,9 @@ class GradientRows(Picklable):
         pending[where] = np.isnan(rows[0, 0, where])  # OPEN, or the derivatives are not smooth enough
         return pending
 
-    def _follow(self, where: IntArray, kept: list[int], slope: SlopeSensitivity | None = None) -> FloatArray:
+    def _by_guaranteed_path(
+        self, where: IntArray, indices: list[int], slope: SlopeSensitivity | None = None
+    ) -> FloatArray:
         """Return the derivatives of some encounters by the guaranteed path; NaN if it does not reach the contact."""
         request = self._solution.request
         values, gain = request.part(where)
@@ -164,7 +166,7 @@ class GradientRows(Picklable):
             run_in_chunks(run, len(open_ones), least=_LEAST_FOLLOWED, most=_MOST_FOLLOWED)
             if (status != 1).all():
                 break
-        return derivatives[:, :, kept].transpose(1, 2, 0)
+        return derivatives[:, :, indices].transpose(1, 2, 0)
 
 
 def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: float) -> tuple[FloatArray, FloatArray]:
@@ -189,7 +191,7 @@ def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: f
         in_vain += error > _SHRINKS * before
         rounded = (in_vain >= _IN_VAIN) & (error <= _ROUNDING * largest)
         poor = (error > _TOLERANCE * largest) & ~rounded
-        if halvings == _HALVINGS or not poor.any():  # the rest are corners, on 1/4096 of a piece
+        if halvings == _HALVINGS or not poor.any():  # the remaining pieces, 1/4096 of the first ones, contain corners
             break
         pieces, (before, in_vain) = _halve(pieces, poor, (error, in_vain))
     return pieces, np.ascontiguousarray(terms)

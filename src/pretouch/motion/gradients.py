@@ -175,7 +175,7 @@ class ContactGradients(Value):
         sensor, name = solution.request.sensor, by.removeprefix("sensor.")
         change = curve_sensitivity(sensor, name)
         low, high = sensor.valid_range
-        if not low <= 0 <= high:  # never in contact
+        if not low <= 0 <= high:  # the curve does not include contact
             undefined = np.full(solution.request.size, np.nan)
             return _Change(solution, by, undefined, undefined)
         factors = change if change.nearest or change.slope is None else CurveSensitivity()

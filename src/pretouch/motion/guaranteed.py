@@ -139,7 +139,7 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
 
 
 def _is_integrable(values: FloatArray) -> BoolArray:
-    """Tell which encounters start near enough to be integrated; `values` as from Scenario.relative, (n, 10)."""
+    """Return which encounters start near enough to be integrated; `values` as from Scenario.relative, (n, 10)."""
     followed: BoolArray = values[:, 5] - values[:, 3] <= LARGEST_START  # p - x~(0)
     return followed
 

@@ -209,13 +209,13 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
 
 
 def _is_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Tell whether the windows of one shared curve are in the table, without the overhead of NumPy functions."""
+    """Return whether the windows of one shared curve are in the table, without the overhead of NumPy functions."""
     which = int(curve_of[0])
     return 0 <= which < len(starts) - 1 and 0 <= int(starts[which]) <= int(starts[which + 1]) <= rows
 
 
 def _are_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Tell whether the table contains the windows of every curve, and every encounter refers to one of the curves."""
+    """Return whether the table contains the windows of every curve, and every encounter refers to one of the curves."""
     if len(starts) == 0 or starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
         return False
     return len(curve_of) == 0 or bool(curve_of.min() >= 0 and curve_of.max() < len(starts) - 1)
@@ -258,7 +258,7 @@ def follow_gradients(
     pieces: FloatArray,
     terms: FloatArray,
     horizon: float,
-    found: FloatArray,
+    derivatives: FloatArray,
     status: NDArray[np.int8],
 ) -> None:
     """Integrate encounters that end in contact, with the derivatives of time and l' at contact by the inputs.
@@ -270,13 +270,13 @@ def follow_gradients(
         terms: coefficients of dg/d(parameter) in z on each piece, for m = 0 or 1 parameter of the curve, shape
             (p, m, degree).
         horizon: latest time of contact [s].
-        found: filled with the derivatives of time and l' by layout.RELATIVE_INPUTS and the parameter, shape
+        derivatives: filled with the derivatives of time and l' by layout.RELATIVE_INPUTS and the parameter, shape
             (n, 2, 9 + m); NaN without contact.
         status: filled with 0 (contact), 1 (l went beyond the pieces) or 2 (other), shape (n,).
     """
     n, count = len(values), min(terms.shape[1], 1)
     coefficients = shaped(terms, (len(pieces), count, pieces.shape[1] - 2))
-    filled = shaped(found, (n, 2, INPUTS + count)), shaped(status, (n,), _SHORT)
+    filled = shaped(derivatives, (n, 2, INPUTS + count)), shaped(status, (n,), _SHORT)
     encounters = _encounters(values, gains, pieces, (horizon, True, False))
     _follow(*encounters, coefficients if count else None, horizon, *filled)
 

@@ -168,16 +168,16 @@ class Drag:
 
     The admittance's pull toward the object is switched off during an approach: M x~'' = F - max(K x~ + D x~', 0). From
     rest at the reference, or behind it, the motion is M l'' = M a_o + phi g^2 l'^2, solved by quadrature for any curve.
-    For an object of constant velocity, the contact speed is the same fraction rho = exp(-(phi/M) int g^2 dl) of every
-    approach speed, and the excursion is the same at every speed.
+    For an object of constant velocity, the contact speed is the same fraction of every approach speed, rho =
+    exp(-(phi/M) int g^2 dl). The excursion is the same at every speed.
 
-    `impulse_residual` is that of M l' = M l'(0) + M a_o t + phi int s' ds and of its moment, which also certifies the
-    time; s is the sensor's ln xi, which the quadrature does not use. A run that comes to rest relative to the object
-    ends there with the status NEVER, since a_o > 0 then moves the object away.
+    `impulse_residual` is the residual of M l' = M l'(0) + M a_o t + phi int s' ds and of its moment. The moment also
+    certifies the time. Here s is the sensor's ln xi, which the quadrature does not use. A run that comes to rest
+    relative to the object ends there with the status NEVER, since a_o > 0 then moves the object away.
 
     Valid for:
-        A plant that follows the virtual object exactly and is at rest at its reference or retreats from behind it; and
-        a sensor without delay that detects the object from the farthest distance of the encounter on. Other cases raise
+        A plant that follows the virtual object exactly, and that is at rest at its reference or retreats from behind
+        it. A sensor without delay that detects the object at the farthest distance of the encounter. Other cases raise
         InvalidInputError: a plant ahead of its reference, or faster than it toward the object; a plant that is not at
         rest while the object does not approach; a curve whose ln xi rises with the distance.
 
@@ -259,7 +259,7 @@ def continuous_law(law: Any) -> ContinuousLaw:
     """Return the law in continuous time of a law, a name in LAWS, or a sampled law.
 
     Raises:
-        InvalidInputError: the argument is no law and names none by `continuous`.
+        InvalidInputError: the argument is no law, and its attribute `continuous` does not name one.
     """
     result = LAWS.get(law) if isinstance(law, str) else law
     if isinstance(result, ContinuousLaw):
@@ -268,7 +268,7 @@ def continuous_law(law: Any) -> ContinuousLaw:
     if sampled is None:
         name = repr(law) if isinstance(law, str) else type(law).__name__
         raise InvalidInputError(
-            f"law: found {name}, which is no law in continuous time and names none by `continuous`, expected one of "
-            f"{', '.join(LAWS)}, an OwnLaw, or a sampled law with the attribute `continuous`"
+            f"law: found {name}, which is no law in continuous time, expected one of "
+            f"{', '.join(LAWS)}, an OwnLaw, or a sampled law whose attribute `continuous` names one of these"
         )
     return continuous_law(sampled)

@@ -66,7 +66,7 @@ class ManyCurves:
             )
 
     def falls(self, scenario: Scenario) -> bool:
-        """Tell whether ln xi of every curve falls with the distance, from the contact to all starts."""
+        """Return whether ln xi of every curve falls with the distance, from the contact to all starts."""
         return self.windows(reach_of(scenario)).falling
 
     def slope_at_contact(self) -> FloatArray:

@@ -67,7 +67,7 @@ class Images:
 
 def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images | None:
     """Find a curve whose images are all curves with these parameters, (n,) each; None if there is none."""
-    if not values:  # curves that differ in their points
+    if not values:  # curves that differ in the points of a table
         return None
     curve, default = sensor.bare
     recess = np.atleast_1d(values.get("recess", default))
@@ -80,7 +80,7 @@ def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images
         if power != 0:
             scale = scale * (value / getattr(curve, name)) ** power
     if (scale != 1).any():
-        curve = replace(curve, maximum_distance=np.inf)  # each image ends by its own range
+        curve = replace(curve, maximum_distance=np.inf)  # each image has its own range
     scale = np.broadcast_to(scale, (count,))
     return Images(sensor=curve, scale=scale, shift=np.asarray(scale * recess))
 
@@ -107,21 +107,21 @@ def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
     sensor, scale, shift = images.sensor, images.scale, images.shift
     low, high = sensor.valid_range
     ends = scale * tops + shift
-    one = curve_windows(sensor, max(float(shift.min()), low), min(float(ends.max()), high))
-    if not len(one):
-        return _join([one] * len(tops))
-    first = np.maximum(np.searchsorted(one[:, LOW], shift, side="right") - 1, 0)
-    last = np.minimum(np.searchsorted(one[:, TOP], ends, side="left"), len(one) - 1)
+    windows = curve_windows(sensor, max(float(shift.min()), low), min(float(ends.max()), high))
+    if not len(windows):
+        return _join([windows] * len(tops))
+    first = np.maximum(np.searchsorted(windows[:, LOW], shift, side="right") - 1, 0)
+    last = np.minimum(np.searchsorted(windows[:, TOP], ends, side="left"), len(windows) - 1)
     counts = last - first + 1
     starts = np.concatenate([[0], np.cumsum(counts)])
     owner = np.repeat(np.arange(len(tops)), counts)
-    table = one[np.arange(starts[-1]) + np.repeat(first - starts[:-1], counts)]
+    table = windows[np.arange(starts[-1]) + np.repeat(first - starts[:-1], counts)]
     table[:, :TERMS] = (table[:, :TERMS] - shift[owner, None]) / scale[owner, None]
     if table.shape[1] > TERMS + 1:
         table[:, TERMS:] *= scale[owner, None] ** np.arange(table.shape[1] - TERMS)
     table[:, TOP] = np.minimum(table[:, TOP], tops[owner])
     table[starts[:-1], EDGE] = table[starts[:-1], LOW] = 0.0
-    return _make_windows(table, starts, falling=_falls(one))
+    return _make_windows(table, starts, falling=_falls(windows))
 
 
 def windows_side_by_side(
@@ -265,7 +265,7 @@ def _make_windows(table: FloatArray, starts: IntArray, *, falling: bool | None =
 
 
 def _falls(table: FloatArray) -> bool:
-    """Tell whether g < 0 on all windows."""
+    """Return whether g < 0 on all windows."""
     middle, terms = table[:, MIDDLE], table[:, TERMS:]
     if terms.shape[1] == 1:
         ends = terms / (table[:, [LOW, TOP]] - middle[:, None])

@@ -1,8 +1,8 @@
 """Run a function over chunks of many encounters, in parallel threads.
 
 The compiled kernels release the interpreter's lock. Where chunks end depends only on the number of encounters, not on
-the number of cores. A kernel that processes several encounters together therefore sees the same neighbors on every
-machine and returns the same bits.
+the number of cores. A kernel that processes several encounters together therefore processes the same group on every
+machine, and its results are bitwise reproducible.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ class Request(Value):
         return np.broadcast_to(self.relative.gain, self.size)
 
     def some(self, which: Which) -> Relative:
-        """Return the columns of some encounters; a slice is not copied, and columns of length 1 keep it."""
+        """Return the columns of some encounters; a slice is not copied, and columns of length 1 stay so."""
         return Relative._make(c if len(c) == 1 else c[which] for c in self.columns)
 
     def part(self, which: Which) -> tuple[FloatArray, FloatArray]:

@@ -143,8 +143,8 @@ class Scenario(InNotebooks, Value):
         """Return admittance, and plant and obstacle at t = 0 relative to the reference, by L(9); a course is refused.
 
         Returns:
-            M_a, D_a, K_a, x~(0), x~'(0), x_o - x_d at t = 0, its velocity and its acceleration, then velocity and
-            acceleration of the reference itself: each a float, or an array with the shape of its field.
+            M_a, D_a, K_a, x~(0), x~'(0); x_o - x_d at t = 0, its velocity and its acceleration; velocity and
+            acceleration of the reference itself. Each is a float, or an array with the shape of its field.
         """
         a, o, p, r = self.admittance, self.obstacle, self.plant, self.reference
         return (

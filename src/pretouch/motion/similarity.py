@@ -2,9 +2,9 @@
 
 With X = s x the equation of motion keeps its form if the force does. Take g(l) = -n / (l + l_0) and s = L_0 / l_0, so
 that L + L_0 = s (l + l_0). The curve (n, l_0) with the gain D_p then gives the same motion as the curve (N, L_0) with
-the gain s (n / N) D_p: times are equal, and lengths, speeds and forces are s times as large. For a constant slope g
-only the product g D_p matters. For g = c + 2 b l = 2 b (l - l*), s = L* / l* and the gain is proportional to c.
-Encounters with ten thousand different sensors are therefore ten thousand encounters with one sensor.
+the gain s (n / N) D_p. Times are equal; lengths, speeds and forces are s times as large. For a constant slope g only
+the product g D_p matters. For g = c + 2 b l = 2 b (l - l*), s = L* / l* and the gain is proportional to c. Encounters
+with ten thousand different sensors are therefore ten thousand encounters with one sensor.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from .request import Request
 STIFF: Final = 500.0
 """Ratio of time to damping time constant at contact above which l'' is a difference of much larger numbers."""
 
-_LANES: Final = 8  # fewer encounters are solved completely at once
+_LANES: Final = 8  # smaller sets of encounters are solved completely at once
 _LEAST_LINEAR: Final = 16_384  # encounters that are worth a thread
 _LEAST: Final = 512  # encounters on other curves that are worth a thread
 _MOST: Final = 1 << 18  # largest chunk
@@ -130,7 +130,7 @@ class Solution(Value):
         return self._columns[name]
 
     def _compute(self, name: str) -> dict[str, FloatArray]:
-        """Return a quantity at contact, and others that are computed with it; meaningless if no contact is proved."""
+        """Return a quantity at contact, and those computed together with it; meaningless if no contact is proved."""
         request = self.request
         if name == "virtual_force":  # by L(2)
             return {name: np.asarray(request.gain * (request.slope_at_contact * self.raw("relative_velocity")))}
@@ -167,7 +167,7 @@ class Solution(Value):
         return peaks
 
     def _proved(self) -> BoolArray:
-        """Tell which contacts a fast method has proved."""
+        """Return which contacts a fast method has proved."""
         proved = np.ones(self.request.size, dtype=np.bool_)
         proved[self._open] = False
         return proved
@@ -303,13 +303,13 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
 def _settling(request: Request) -> FloatArray:
     """Return the settling distance of motions that end in contact, as the guaranteed paths define it."""
     r = request.relative
-    held, floats = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
-    rests = ((r.v == 0) | floats) & (r.a == 0)
+    has_spring, is_free = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
+    rests = ((r.v == 0) | is_free) & (r.a == 0)
     if request.method != "closed-form":
-        return np.where(np.broadcast_to(rests & held & (r.gain <= 0), request.size), r.p, np.inf)
+        return np.where(np.broadcast_to(rests & has_spring & (r.gain <= 0), request.size), r.p, np.inf)
     total = r.damping + request.slope * r.gain
     free = r.p - r.x0 + (r.v - r.u0) * r.mass / np.where(total > 0, total, 1.0)
-    return np.where(np.broadcast_to(rests & (total > 0), request.size), np.where(held, r.p, free), np.inf)
+    return np.where(np.broadcast_to(rests & (total > 0), request.size), np.where(has_spring, r.p, free), np.inf)
 
 
 def _impulse_residual(solution: Solution) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Sensor curves. A curve provides ln xi(l) and its slope g(l); the rest of pretouch uses nothing else of a sensor."""
+"""Sensor curves. A curve provides ln xi(l) and its slope g(l); the rest of pretouch uses only these two."""
 
 from .conformance import LawCheck, SensorConformance, check_sensor
 from .custom import CustomSensor

@@ -16,8 +16,8 @@ from pretouch._core.values import Value
 from .model import SensorModel, cache_by_curve, innermost
 
 _REACH = 0.2  # length of the probed part of an unbounded valid range [m]
-_ROUNDING = 1e-12  # relative
-_SLOPE_TOLERANCE = 1e-6  # of the largest slope
+_ROUNDING = 1e-12  # relative error
+_SLOPE_TOLERANCE = 1e-6  # error relative to the largest slope
 _HALVINGS = 20
 _FEW = 64
 _PROBES = 257
@@ -138,8 +138,8 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
 
     Raises:
         InvalidInputError: ln xi or g cannot be evaluated, is not finite, or is not reproducible; the output does not
-            fall with the distance; or g is not the derivative of ln xi, so that the change of ln xi between two
-            distances differs from the integral of g by more than 0.1 % of the whole change.
+            fall with the distance; or g is not the derivative of ln xi. The last is tested between two distances: the
+            change of ln xi may differ from the integral of g by 0.1 % of the whole change.
     """
     try:
         verified = _verified_reach(sensor)
@@ -270,7 +270,7 @@ def _scalar_difference(function: Callable[[Any], Any], distance: FloatArray) -> 
 
 
 def _is_value(sensor: SensorModel) -> bool:
-    """Tell whether a curve is a frozen dataclass with hashable fields."""
+    """Return whether a curve is a frozen dataclass with hashable fields."""
     parameters = vars(type(sensor)).get("__dataclass_params__")
     try:
         hash(sensor)

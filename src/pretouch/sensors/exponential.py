@@ -17,7 +17,7 @@ from .model import SensorModel, parameter
 from .sensitivity import CurveSensitivity, CurveSimilarity
 
 _STRAIGHT: Final = 1e-6  # |b_2 / c_2| [1/m] below which the curvature is negligible up to a kilometer
-_FEW_DIGITS: Final = 100.0  # largest accepted ratio of the terms to their difference
+_FEW_DIGITS: Final = 100.0  # largest accepted ratio of two terms to their difference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

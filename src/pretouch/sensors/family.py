@@ -93,10 +93,10 @@ class Family(ABC):
 
     @abstractmethod
     def parameters(self, coordinates: FloatArray) -> FloatArray:
-        """Return the curve's own parameters of these coordinates, in SI; infinite if they diverge."""
+        """Convert coordinates to the curve's own parameters, in SI; infinite if they diverge."""
 
     def written(self, u: FloatArray) -> FloatArray:
-        """Return the curve's own parameters, all of them finite."""
+        """Return the curve's own parameters for fit parameters; all of them are finite."""
         return self.parameters(self.coordinates(u))
 
     def sensor(self, u: FloatArray, low: float, high: float) -> Any:
@@ -113,7 +113,7 @@ class Family(ABC):
         return np.zeros(len(u))
 
     def runs_away(self, ends: Any) -> bool:  # noqa: ARG002 - for subclasses
-        """Tell from the ends of their confidence intervals whether parameters may diverge together."""
+        """Return, from the ends of their confidence intervals, whether parameters may diverge together."""
         return False
 
     def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002

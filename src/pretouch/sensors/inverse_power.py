@@ -98,7 +98,7 @@ class _InversePowerFamily(Family):
         return np.asarray(np.minimum((np.maximum(np.log(2 * u[:, 2]), 0.0) / _FLAT_TAIL) ** 2, 3.8))
 
     def runs_away(self, ends: Any) -> bool:
-        """Tell whether kappa = 1 / n may be zero."""
+        """Return whether kappa = 1 / n may be zero."""
         low, _, reached, _ = ends[2]
         return bool(not reached or low <= math.log(1.05 * float(self.bounds[0][2])))
 

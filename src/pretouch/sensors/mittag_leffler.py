@@ -27,7 +27,7 @@ _NEAR_ONE: Final = 0.68  # its poles at |Im v| = pi (1 - alpha) lie inside d = a
 _ROUNDING: Final = 1e-13 / math.e  # absolute error of the sum on the parabola; the relative error of E(-1) is 1e-13
 _STEP: Final = 0.15  # its error is exp(-2 pi d / step) < 1e-19, since the integrand is bounded for |Im v| <= d
 _ACCURACY: Final = 1e-9  # relative, sufficient for a fit
-_CHUNK: Final = 1024  # arguments per call, to limit memory: each needs about 350 nodes
+_CHUNK: Final = 1024  # arguments per call, to limit memory, since each needs about 350 nodes
 
 
 def mittag_leffler(

@@ -195,7 +195,7 @@ class SensorModel(ABC):
 
     @final
     def contains(self, distance: ArrayLike) -> BoolArray:
-        """Tell which distances l [m], of any shape, lie inside the valid range."""
+        """Return which distances l [m], of any shape, lie inside the valid range."""
         low, high = self.valid_range
         values = _distances(distance)
         return np.asarray((values >= low) & (values <= high))
@@ -272,7 +272,7 @@ def cache_by_curve(
 
 
 def _has_only_fields(sensor: SensorModel) -> bool:
-    """Tell whether a curve and its inner curves have only fields and properties cached from them as attributes."""
+    """Return whether a curve and its inner curves have only fields and properties cached from them as attributes."""
     attributes = getattr(sensor, "__dict__", None)
     if attributes:
         others = attributes.keys() - {f.name for f in fields(sensor)}
@@ -283,7 +283,7 @@ def _has_only_fields(sensor: SensorModel) -> bool:
 
 
 def is_built_in(sensor: SensorModel) -> bool:
-    """Tell whether a curve is defined by pretouch and does not call functions of the user."""
+    """Return whether a curve is defined by pretouch and does not call functions of the user."""
     cls: Any = type(sensor)
     cached: bool | None = cls.__dict__.get("_built_in")
     if cached is not None:

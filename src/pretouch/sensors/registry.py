@@ -18,8 +18,8 @@ def known_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, ty
 
     Args:
         fitted: return only curves that can be fitted to a calibration.
-        foreign: also return curves that the calling program has defined under unused names. They can be selected by
-            name but are not part of default lists.
+        foreign: also return curves that the calling program has defined, if their names are not used by pretouch. They
+            can be selected by name but are not part of default lists.
 
     Returns:
         The classes by name. Curves made of functions, of cubic polynomials or of another curve are not included.
@@ -49,6 +49,6 @@ def _subclasses(cls: type[SensorModel]) -> Iterator[type[SensorModel]]:
 
 
 def _is_fitted(curve: type[SensorModel]) -> bool:
-    """Tell whether a class defines `fit_start` or its own family."""
+    """Return whether a class defines `fit_start` or its own family."""
     has_start = any("fit_start" in vars(cls) for cls in curve.__mro__ if cls is not SensorModel)
     return has_start or curve.family is not SensorModel.family

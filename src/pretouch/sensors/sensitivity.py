@@ -63,7 +63,7 @@ class CurveSensitivity:
 
 
 def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
-    """Return the derivative of a curve with respect to a parameter, a key of the sensor's `parameter_units`."""
+    """Differentiate a curve with respect to one of its parameters, a key of the sensor's `parameter_units`."""
     # If the class of the curve does not define it, dg/d(parameter) is computed from the polynomial through eleven
     # curves with the parameter within 5 % of its value. If values on one side are invalid, the other side is used. The
     # relative error is about 1e-11 if g is computed to rounding.
@@ -76,7 +76,7 @@ def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
 
 
 def _describes_own_curve(cls: type) -> bool:
-    """Tell whether `_sensitivity_to` belongs to the curve of this class, not to an inherited curve."""
+    """Return whether `_sensitivity_to` belongs to the curve of this class, not to an inherited curve."""
     # A subclass that overrides `_log_slope` but not `_sensitivity_to` has a curve that the latter does not describe.
     first = {name: next(c for c in cls.__mro__ if name in vars(c)) for name in ("_sensitivity_to", "_log_slope")}
     return issubclass(first["_sensitivity_to"], first["_log_slope"])

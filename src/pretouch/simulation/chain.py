@@ -21,8 +21,8 @@ from pretouch.control.components import design_low_pass, format_output
 
 Row = tuple[str, Cell]
 
-_LOCKED: Final = 1e-6  # of a period: with less phase drift, both clocks keep their phase for a million readings
-_DRIFT: Final = 0.01  # of a period: with less phase drift per reading, the phase stays similar in an encounter
+_LOCKED: Final = 1e-6  # share of a period: with less phase drift, both clocks keep their phase for a million readings
+_DRIFT: Final = 0.01  # share of a period: with less phase drift per reading, the phase stays similar in an encounter
 _LONGEST_BEAT: Final = 102  # readings: by Dirichlet's theorem, a beat of at most 1 / _DRIFT exists for any ratio
 
 
@@ -30,9 +30,10 @@ _LONGEST_BEAT: Final = 102  # readings: by Dirichlet's theorem, a beat of at mos
 class SensorChain:
     """Model of a sensor: exposure, offset, noise, clipping, quantization, dropouts and delay, in this order.
 
-    The k-th exposure starts at phase + k / rate, shifted by its jitter, and the output is averaged over it. The output
-    is xi with the misfit of the curve, ln xi + h(l): h is a smooth function of distance, drawn once per run, with the
-    covariance misfit^2 exp(-d^2 / (2 misfit_length^2)) over runs. A reading is
+    The k-th exposure starts at phase + k / rate, shifted by its jitter, and the output is averaged over it. The sensor
+    deviates from its curve by the misfit h: its output has the logarithm ln xi + h(l). Here h is a smooth random
+    function of distance, drawn once per run, with the covariance misfit^2 exp(-d^2 / (2 misfit_length^2)) over runs. A
+    reading is
 
         y = quantize(clip(mean xi + offset + crosstalk + drift t + noise)),
 
@@ -41,8 +42,8 @@ class SensorChain:
     Args:
         rate: readings per second [Hz], > 0.
         phase: start of the first exposure [s].
-        random_phase: whether the phase is random in each run, uniformly over a period, because objects do not come in
-            step with the sensor.
+        random_phase: whether the phase is random in each run, uniform over a period, because the arrival of an object
+            is not synchronized with the sensor.
         exposure: time over which a reading is averaged [s], at most one period.
         delay: time from the end of an exposure until the reading is available [s]: conversion and transfer.
         jitter: standard deviation of the start of an exposure [s], at most a quarter of the period.
@@ -150,9 +151,9 @@ class SensorChain:
         yield "delay after the exposure", Measured(self.delay, "s")
         yield "latency of a reading", f"{format_quantity(self.latency, 's')}, from the middle of its exposure"
         if self.reports_distance:
-            yield "reports", "a distance, which its driver converts to \u03be by the curve"
+            yield "output", "a distance, which its driver converts to \u03be by the curve"
             yield "noise of the distance", Measured(self.distance_noise, "m")
-            yield "step of the distance", Measured(self.distance_resolution, "m")
+            yield "resolution of the distance", Measured(self.distance_resolution, "m")
         yield "noise without a signal", format_output(self.noise)
         yield "noise relative to \u03be", _percent(self.relative_noise)
         if self.misfit:
@@ -164,11 +165,11 @@ class SensorChain:
         if self.drift:
             yield "drift", f"{self.drift:.4g} per s, in the sensor's output unit"
         if math.isfinite(self.lowest) or math.isfinite(self.highest):
-            yield "clips", f"below {self.lowest:.6g} and above {format_output(self.highest)}"
+            yield "clipping", f"below {self.lowest:.6g} and above {format_output(self.highest)}"
         if self.jitter:
             yield "jitter of an exposure", Measured(self.jitter, "s")
         if self.dropout:
-            yield "readings that are missing", _percent(self.dropout)
+            yield "missing readings", _percent(self.dropout)
 
 
 @check_arguments
@@ -276,16 +277,16 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
     """Return the timing of a loop with this chain and this controller.
 
     A new reading waits for the next step of the controller. If the ratio of both rates is an integer, this wait is the
-    same for all readings of a run: it follows from the chain's phase, or with a random phase it is any time up to a
+    same for all readings of a run. It follows from the chain's phase; with a random phase it is any time up to a
     period. For other ratios, the mean wait at the worst phase is used. The force of a difference acts for the sensor
     period in the controller's settings. A controller that is slower than its sensor uses the newest reading, so the
-    loop has the controller's rate. A median over N readings is a delay of (N - 1) / 2 periods, which is exact for
-    signals that only rise.
+    loop has the controller's rate. A median over N readings counts as a delay of (N - 1) / 2 periods, which is exact
+    for signals that only rise.
 
     Args:
         chain: the sensor chain; its jitter, noise and dropouts are ignored.
-        controller: the controller; its limits and all other parts of its law than the gain and a `smoothing_time` are
-            ignored, see `pretouch.control.laws.Law`.
+        controller: the controller; its limits are ignored. Of its law, only the gain and a `smoothing_time` count, see
+            `pretouch.control.laws.Law`.
         worst_ratio: whether to assume the longest wait, as with an integer ratio of rates at the worst phase. This is
             needed for statements about all rates above a limit.
 

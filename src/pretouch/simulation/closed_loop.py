@@ -37,7 +37,7 @@ class ClosedLoop:
     """A sampled loop without its encounter and gain: sensor chain, law, robot and contact.
 
     Called with a scenario, a sensor and gains, it solves encounters like `find_contact`. So `design_gain` and
-    `design_robust_gain` accept it as `evaluate`. With the law and the chain of the example of `simulate`,
+    `design_robust_gain` accept it as the argument `evaluate`. With the law and the chain of the example of `simulate`,
     `ClosedLoop(law=law, chain=chain).run(scenario, sensor, -0.7)` returns the same as `simulate`.
 
     Args:
@@ -74,7 +74,7 @@ class ClosedLoop:
         array([-0.082, -0.069])
     """
 
-    law: TunableLaw = field(metadata={"takes": SampledLaw})  # a single run does not need another gain
+    law: TunableLaw = field(metadata={"takes": SampledLaw})  # run without a gain needs only a SampledLaw
     chain: SensorChain
     plant: PlantModel = field(default_factory=IdealPlant)
     contact: ContactModel | None = None
@@ -232,7 +232,7 @@ class ClosedLoop:
                 f"gain: found shape {gains.shape}, which does not broadcast with {shapes}"
             ) from None
         first = () if runs is None else (runs_of(runs),)
-        between = (1,) * (len(shape) - len(several))  # between the axis of the runs and those of the scenario
+        between = (1,) * (len(shape) - len(several))  # axes between the one of the runs and those of the scenario
         noise = np.arange(math.prod((*first, *several))).reshape((*first, *between, *several))
         shape = (*first, *shape)
         zeros = np.zeros(shape, dtype=np.int64)
@@ -309,9 +309,9 @@ def _joined(rows: Iterable[Row]) -> str:
 def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
     """Yield the rows on the noise and the duration of runs."""
     yield "seed of the noise", str(loop.seed)
-    yield "waits for contact", Measured(loop.horizon, "s")
+    yield "longest time until contact", Measured(loop.horizon, "s")
     if loop.contact is not None:
-        yield "goes on after the first contact", Measured(loop.follow, "s")
+        yield "time after the first contact", Measured(loop.follow, "s")
 
 
 def law_rows(law: SampledLaw) -> Iterable[Row]:

@@ -26,7 +26,7 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from .chain import LoopTiming
 
 _Complex: TypeAlias = NDArray[np.complex128]
-_Plant: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]  # x' = A x + B F, read as C x
+_Plant: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]  # the system x' = A x + B F, whose reading is C x
 _TERMS: Final = 18  # terms of an exponential series: the next term is 1/19! of the sum, below rounding
 _ROUNDING: Final = 4 * 2.0**-52
 _LOWEST: Final = 1e-6  # lowest omega T without a delay: slower instabilities take more than 10^6 periods
@@ -36,13 +36,13 @@ _SILENT: Final = 1e-12  # of the largest response: below, near zeros of a low-pa
 _UNDAMPED: Final = 1e-12  # of the fastest mode of the plant: rounding error of its eigenvalues
 _NEAR: Final = 1e-7  # relative angle around an undamped mode that is excluded, because P is unbounded there
 _NUDGE: Final = 1e-6  # relative change of an eigenvalue: its second order, 1e-12, is above rounding
-_FLAT: Final = 1e-9  # of P: a smaller imaginary part is rounding error
+_FLAT: Final = 1e-9  # relative to P; a smaller imaginary part is rounding error
 _DENSE: Final = 300  # periods of delay up to which all eigenvalues are computed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearLoop:
-    """The linear open loop, cut at the damping d, over the period from one start of an exposure to the next.
+    """The linear open loop, opened at the damping d, over the period from the start of one exposure to the next.
 
     Args:
         timing: the timing of the loop.
@@ -113,7 +113,7 @@ def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing
     n, exposure, period = len(push), timing.exposure, timing.period
     block = np.zeros((n + 2, n + 2))  # the state, the integral of the reading, a constant force
     block[:n, :n], block[n, :n], block[:n, n + 1] = system, output, push
-    start = exposure / 2 + timing.delay  # of the force, after the start of the exposure
+    start = exposure / 2 + timing.delay  # start of the force after the start of the exposure [s]
     count = max(int(np.ceil((start + timing.holding) / period - 1e-12)), 1)
     lag = max(math.floor((start - exposure) / period - 1e-9), 0)
     ends = np.arange(lag, count + 1) * period
@@ -329,10 +329,10 @@ def _is_relevant(response: _Complex) -> BoolArray:
 
 def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
     """Return between which neighbors an undamped mode lies, where P changes its sign without a crossover."""
-    held = np.zeros(len(angle) - 1, dtype=bool)
+    contains = np.zeros(len(angle) - 1, dtype=bool)
     for pole in poles:
-        held |= (angle[:-1] < pole) & (pole <= angle[1:])
-    return held
+        contains |= (angle[:-1] < pole) & (pole <= angle[1:])
+    return contains
 
 
 def zero_between(

@@ -71,6 +71,6 @@ def simulate(
         -0.082
     """
     chain, plant = chain or SensorChain(rate=1 / law.period), plant or IdealPlant()
-    tunable = cast("TunableLaw", law)  # the law keeps its gain
+    tunable = cast("TunableLaw", law)  # never called with another gain, so any SampledLaw works
     loop = ClosedLoop(law=tunable, chain=chain, plant=plant, contact=contact, seed=seed, horizon=horizon, follow=follow)
     return result_of(loop.encounters(scenario, (sensor,), None, runs))

@@ -155,7 +155,7 @@ def witness_encounter(
     if coefficients[0] == 0:
         raise InvalidInputError("plant: an ideal plant has no mass; choose an ImpedancePlant or a PositionPlant")
     if not isinstance(contact, SpringDamper):
-        raise InvalidInputError(f"contact: found {type(contact).__name__}, expected a SpringDamper, as MuJoCo has")
+        raise InvalidInputError(f"contact: found {type(contact).__name__}, expected a SpringDamper, as in MuJoCo")
     step = positive(time_step, "time_step", "s")
     parts = round(law.period / step)
     if parts < 1 or abs(law.period / step - parts) > 1e-9 * parts:

@@ -58,7 +58,7 @@ CONTACT_NUMBERS: Final = "stiffness", "damping", "exponent", "grows", "inverse_m
 
 _Step = ctypes.CFUNCTYPE(None, POINTER, POINTER, ctypes.POINTER(RawSample), ctypes.POINTER(RawOutput))
 _INDEX: Final = np.dtype(np.int64)
-_READING: Final = 3  # numbers of a reading that is not delivered yet
+_READING: Final = 3  # numbers stored for each undelivered reading
 _AT_ONCE: Final = 16  # encounters per call, after which Ctrl-C is handled
 _JITTERS: Final = 16  # largest shift of an exposure in standard deviations; none of 2^53 draws exceeds 9
 _BEYOND: Final = 4.0  # times the farthest start: from there on, a curve is taken as flat
@@ -197,7 +197,7 @@ def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> 
         *(address(trace), len(trace), address(moments), len(moments), address(stretches), len(course)),
     )
     native.held = (
-        laws.held,
+        laws.blocks,
         scenes,
         stretches,
         tables,
@@ -218,17 +218,17 @@ def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _Pyth
     parameters = [loop.laws[int(i)].parameters() for i in used_laws]
     states = [loop.laws[int(i)].start(position=float(x), velocity=float(v)) for i, x, v in distinct]
     python_step = None if isinstance(step, CompiledStep) else _PythonStep(step, parameters, states)
-    held = _to_rows(parameters, "parameters", python_step), _to_rows(states, "state", python_step)
+    blocks = _to_rows(parameters, "parameters", python_step), _to_rows(states, "state", python_step)
     indices = law_of.ravel(), start_of.ravel()
     laws = _Laws(
         *(
             python_step.address if python_step else step.located(),
-            *map(address, held),
-            *(8 * part.shape[1] for part in held),
+            *map(address, blocks),
+            *(8 * part.shape[1] for part in blocks),
         ),
         *(address(i, _INDEX) for i in indices),
     )
-    laws.held = held, indices
+    laws.blocks = blocks, indices
     return laws, python_step
 
 
@@ -307,7 +307,7 @@ class _PythonStep:
                 return
         except BaseException as error:  # raised again by run_loop, also for Ctrl-C
             self.raised = error
-        raw.position = raw.velocity = math.nan  # ends the run
+        raw.position = raw.velocity = math.nan  # a status that ends the run
 
 
 def _to_sample(raw: RawSample) -> Sample:

@@ -38,8 +38,8 @@ FOLLOW: Final = 0.2
 MOST_RUNS: Final = 1_000_000
 """The largest number of runs of a simulation: their results take about 2 GB."""
 
-_MOST_STEPS: Final = 20_000_000  # steps of any kind in one run, which take some seconds
-_MOST_BUFFERED: Final = 1_000_000  # undelivered readings
+_MOST_STEPS: Final = 20_000_000  # most steps of any kind in one run, which take some seconds
+_MOST_BUFFERED: Final = 1_000_000  # most undelivered readings
 
 
 def check_loop(loop: Loop) -> Loop:
@@ -78,13 +78,13 @@ def _refuse_endless_runs(loop: Loop) -> None:
     _refuse(loop.horizon, period, "loop horizon", f"a controller with a period of {_time(period)}")
     _refuse(loop.horizon, 1 / chain.rate, "loop horizon", f"a sensor with {chain.rate:g} readings per second")
     step = plant_step(loop.plant, period)
-    _refuse(loop.horizon, step, "loop horizon", f"a robot followed in steps of {_time(step)}")
+    _refuse(loop.horizon, step, "loop horizon", f"a robot integrated in steps of {_time(step)}")
     if loop.contact is not None:
         numbers, mass = loop.contact.numbers(), loop.plant.coefficients()[0]
         fastest = max(1.0, float(np.max(np.abs(loop.scenario.relative_velocity))))
         step = contact_step(numbers, 1 / mass + numbers[4], fastest)
         _refuse(loop.follow, period, "loop follow", f"a controller with a period of {_time(period)}")
-        _refuse(loop.follow, step, "loop follow", f"a contact followed in steps of {_time(step)}")
+        _refuse(loop.follow, step, "loop follow", f"a contact integrated in steps of {_time(step)}")
     waiting = chain.exposure + chain.delay + 16 * chain.jitter + period
     if waiting * chain.rate > _MOST_BUFFERED:
         raise InvalidInputError(
@@ -141,8 +141,9 @@ class LoopTrace(Value):
         flags: status flags reported by the law.
         contacts: a row per contact: time [s], l' [m/s], peak force [N], impulse [N s], l' at its end [m/s],
             duration [s]; NaN if the run ended before.
-        contact_course: time series in contact, finer than the steps of the law: time [s], distance l [m], l' [m/s] and
-            contact force [N] at each touch and after each integration step, shape (m, 4); the first 8192 rows.
+        contact_course: time series in contact, shape (m, 4), with a row at each touch and after each integration step,
+            finer than the steps of the law: time [s], distance l [m], l' [m/s] and contact force [N]. Only the first
+            8192 rows are kept.
     """
 
     time: FloatArray
@@ -171,7 +172,7 @@ class SimulationResult(Value):
     Args:
         columns: the quantities by name, each of the shape of the runs.
         contact_list: the contacts of each run, as in LoopTrace, shape (..., 32, 6), with rows of NaN after the last.
-        trace_of: function that runs the i-th encounter again and records it; it can be pickled.
+        trace_of: function that runs the i-th encounter again and records its time series; it can be pickled.
 
     Attributes:
         status: how each run ended: a ContactStatus, or an array of their numbers (contact, horizon, unresolved).

@@ -30,7 +30,7 @@ _WORDS: Final = {
 COEFFICIENTS: Final = tuple(_WORDS)
 """The coefficients of a plant in the compiled loop; a mass of 0 means an ideal plant, a servo rate of 0 no lag."""
 
-_FASTEST: Final = 1e6  # rad/s: a robot with a higher natural frequency is a typing error
+_FASTEST: Final = 1e6  # rad/s: a higher natural frequency of a robot indicates a typing error
 _FINE: Final = 0.2  # step of the Runge-Kutta method, in shortest time scales of the plant
 
 Row = tuple[str, Cell]
@@ -39,8 +39,8 @@ Row = tuple[str, Cell]
 class PlantModel(ABC):
     """How the robot's contact surface follows the virtual object, and how a contact force moves it.
 
-    Each is m x'' = f - friction(x') - F_contact, where f follows k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the
-    servo's rate. A user-defined plant implements `coefficients`.
+    The equation of motion is m x'' = f - friction(x') - F_contact, where f follows k (x_v - x) + d_v x_v' - d_x x' +
+    m_f x_v'' at the servo's rate. A user-defined plant implements `coefficients`.
     """
 
     __slots__ = ()
@@ -88,7 +88,8 @@ class ImpedancePlant(PlantModel):
         bandwidth: bandwidth of the force servo, a first-order lag [Hz]; infinite for no lag.
         viscous_friction: viscous friction coefficient [N s/m].
         coulomb_friction: Coulomb friction, which only depends on the sign of the velocity [N].
-        friction_speed: speed at which three quarters of it act [m/s]: it follows tanh(x' / friction_speed).
+        friction_speed: speed at which three quarters of the Coulomb friction act [m/s]; the friction follows tanh(x' /
+            friction_speed).
         feedforward: whether the controller adds m x_v''.
 
     Examples:
@@ -119,12 +120,12 @@ class ImpedancePlant(PlantModel):
     def coefficients(self) -> tuple[float, ...]:
         """Return the coefficients in the order of COEFFICIENTS, in SI."""
         rate = 0.0 if math.isinf(self.bandwidth) else 2 * math.pi * self.bandwidth
-        own = self.damping + (self.viscous_friction if rate == 0 else 0.0)
+        own_damping = self.damping + (self.viscous_friction if rate == 0 else 0.0)
         ahead = self.mass if self.feedforward else 0.0
         friction = self.coulomb_friction, self.friction_speed
         if rate and self.viscous_friction:
             raise InvalidInputError("viscous_friction: only without a servo bandwidth; use coulomb_friction instead")
-        return (self.mass, self.stiffness, self.damping, own, ahead, rate, *friction)
+        return (self.mass, self.stiffness, self.damping, own_damping, ahead, rate, *friction)
 
     def rows(self) -> Iterator[Row]:
         """Yield the rows of a report on the robot."""
@@ -135,7 +136,7 @@ class ImpedancePlant(PlantModel):
         yield "bandwidth of the force servo", Measured(self.bandwidth, "Hz")
         yield "viscous friction", Measured(self.viscous_friction, "N*s/m")
         yield "Coulomb friction", Measured(self.coulomb_friction, "N")
-        yield "acceleration fed forward", "yes" if self.feedforward else "no"
+        yield "acceleration feedforward", "yes" if self.feedforward else "no"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,12 +224,12 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
 
 def plant_step(plant: PlantModel, period: float) -> float:
     """Return the integration step of a plant [s], an integer fraction of the controller's period."""
-    mass, stiffness, _, own, _, servo, coulomb, friction_speed = plant.coefficients()
+    mass, stiffness, _, own_damping, _, servo, coulomb, friction_speed = plant.coefficients()
     if mass == 0:
         return period
     # the slope of the friction at rest is the fastest rate; the step only needs to be stable for it
     friction = coulomb / friction_speed / mass / 8
-    fastest = max(math.sqrt(stiffness / mass), own / mass, servo, friction)
+    fastest = max(math.sqrt(stiffness / mass), own_damping / mass, servo, friction)
     return period / max(math.ceil(period * fastest / _FINE), 1)
 
 
@@ -273,8 +274,8 @@ class HuntCrossley(ContactModel):
     """F = k d^n (1 + a d'): damping grows with depth, so that the force starts and ends at 0.
 
     After K. H. Hunt, F. R. E. Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl.
-    Mech. 42 (1975) 440-445, where a = 3/2 alpha and the restitution is e = 1 - alpha v for slow impacts. For any
-    speed v, a v - ln(1 + a v) = -a e v - ln(1 - a e v): e depends on a and v, not on k, n and the masses.
+    Mech. 42 (1975) 440-445, where a = 3/2 alpha and the restitution is e = 1 - alpha v for slow impacts. For any speed
+    v, a v - ln(1 + a v) = -a e v - ln(1 - a e v). So e depends on a and v, not on k, n and the masses.
 
     Args:
         obstacle_mass: mass of the obstacle [kg]; infinite if it is driven.

@@ -15,7 +15,7 @@ from .chain import LoopTiming
 from .robot import PlantModel
 from .stability import gain_limit
 
-_LAG: Final = 0.25  # allowed motion within the lag, in detection distances: from 0.3 to 0.4 on, a drag acts too late
+_LAG: Final = 0.25  # allowed motion within the lag, in detection distances; a drag acts too late from 0.3 to 0.4 on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,9 +23,10 @@ class SpeedLimit(Value):
     """The highest approach speeds for which a loop with a virtual drag is stable, and for which it reacts in time.
 
     Args:
-        stable: the approach speed v from which on 2 phi g^2 |l'| exceeds the largest stable damping at some distance,
-            with |l'| = v exp(-Q(l)) for an object at constant speed [m/s]; infinite for phi = 0.
-        critical_distance: the distance at which it is exceeded first [m].
+        stable: the approach speed v above which 2 phi g^2 |l'| exceeds the largest stable damping at some distance
+            [m/s]; infinite for phi = 0. For an object at constant speed, |l'| = v exp(-(phi/M) int g^2 dl), integrated
+            from l to the start.
+        critical_distance: the distance at which this damping is exceeded first [m].
         timely: l_d / 4 over the lag, delay + 2 tau_s + hold [m/s]: an estimate. If an object moves by 0.3 to 0.4 of the
             detection distance l_d within the lag, the drag acts too late, and contact is faster than designed.
     """

@@ -34,12 +34,12 @@ class DampingLimit(Value):
     """The largest damping d, such as D_p g, with which the sampled loop is stable, at any distance.
 
     Args:
-        damping: the limit [N s/m]; infinite if no damping makes the loop unstable. It is 0 if any damping does, however
-            weak: with an undamped spring and a late force, or a robot whose own loop is unstable.
+        damping: the limit [N s/m]; infinite if no damping makes the loop unstable. It is 0 if every damping does,
+            however weak: with an undamped spring and a late force, or with a robot whose own loop is unstable.
         frequency: frequency of the oscillation at the limit [Hz]; NaN without a limit.
         radius_below: spectral radius of the closed loop at 0.999 of the limit, by its eigenvalues. If forces act for
-            more than 300 periods after their readings, the modulus of the eigenvalue that leaves the unit circle. NaN
-            for a limit of 0.
+            more than 300 periods after their readings, it is the modulus of the eigenvalue that leaves the unit circle.
+            NaN for a limit of 0.
         radius_above: the same at 1.001 of the limit, so that the limit lies between. For a limit of 0, the modulus of
             the eigenvalue that grows for the weakest damping.
         delay: delay from reading to force for which the limit was computed [s]: the worst in the range of the timing.
@@ -66,7 +66,7 @@ class GainLimit(Value):
     Args:
         distance: l [m], shape (n,).
         gain: the strongest stable gain at each distance, shape (n,): D_p < 0 [N s] of a damper, phi > 0 [N s^2] of a
-            drag; infinite where the law does not damp, and 0 if no damping is stable.
+            drag. It is infinite where the law does not damp, and 0 if no damping is stable.
         damping: the largest damping, the same at all distances.
         law: the law of the gain.
     """
@@ -94,7 +94,7 @@ class GainLimit(Value):
                 6 dB.
 
         Returns:
-            The magnitude [N s for a damper]; infinite if no gain makes the loop unstable, 0 if any does.
+            The magnitude [N s for a damper]; infinite if no gain makes the loop unstable, 0 if every gain does.
 
         Raises:
             InvalidInputError: the margin does not exceed 1.
@@ -149,9 +149,9 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
         The limit, with the frequency of the oscillation and its certificate.
 
     Valid for:
-        One held force per reading. Jitter, noise and saturation are ignored; a median counts as its delay. A delay that
-        differs between runs is tried at both ends and in the middle of its range, and refined if the worst is not the
-        longest.
+        One constant force per reading. Jitter, noise and saturation are ignored; a median counts as its delay. A delay
+        that differs between runs is tried at both ends and in the middle of its range, and refined if the worst is not
+        the longest.
 
     Examples:
         A virtual mass alone, read without delay, is stable up to exactly 2 M / T:
@@ -258,9 +258,9 @@ def lowest_rate(
 ) -> float:
     """Find the lowest sensor rate such that a gain is stable at this and every higher rate, at every distance.
 
-    The limit on the gain does not always grow with the rate: it has minima. A gain near a minimum is unstable between
-    two rates, and stable again below the lower one; the result is the upper one. So the lowest rate jumps when the gain
-    (or a delay, an exposure, a mass) passes the value at which it equals such a minimum.
+    The limit on the gain does not always grow with the rate: it has local minima. A gain near a minimum is unstable
+    between two rates, and stable again below the lower one; the result is the upper one. So the lowest rate jumps when
+    a change of the gain, a delay, an exposure or a mass lets the gain pass such a minimum.
 
     Args:
         sensor: the sensor curve.
@@ -275,8 +275,9 @@ def lowest_rate(
         relative_velocity: l' at each distance [m/s], for a law whose damping depends on it, such as a drag.
 
     Returns:
-        The rate [Hz]; 0 if the gain is stable from 1e-6 Hz on. It is infinite if the lower of 1 MHz and a hundred times
-            D_p g / (2 M) is too low: then the delay or the plant forbids the gain.
+        The rate [Hz]; 0 if the gain is stable from 1e-6 Hz on. The search ends at 1 MHz or at a hundred times D_p g /
+        (2 M), whichever is lower. If the gain is unstable there, the delay or the plant forbids it, and the result is
+        infinite.
 
     Raises:
         InvalidInputError: the gain does not mitigate.

@@ -47,7 +47,7 @@ _IMPACT_UNITS: Final = {
 
 
 def with_input(task: Task, name: str, value: float) -> Task:
-    """Change an input that is the same in one call of the solver: of the sensor, impact, constraints or objective."""
+    """Return a task with another value of an input of the sensor, impact, constraints or objective."""
     part, _, rest = name.partition(".")
     if part == "sensor":
         return replace(task, sensor=sensor_with(task.sensor, {rest: value}))
@@ -137,7 +137,7 @@ def _values(name: str, values: Any, units: Mapping[str, str]) -> FloatArray:
 def _unit(name: str, units: Mapping[str, str], option: str) -> str:
     """Return the unit of an input; raise InvalidInputError with similar names if it is unknown."""
     if name not in units:
-        similar = [known for known in units if known.rpartition(".")[2] == name]
+        similar = [key for key in units if key.rpartition(".")[2] == name]
         near = sorted(similar, key=lambda n: not n.startswith("obstacle.")) or get_close_matches(name, units, n=1)
         hint = f"did you mean {' or '.join(near)}?" if near else f"expected one of {', '.join(units)}"
         raise InvalidInputError(f"{option}: found {name!r}, which is not an input of this sweep; {hint}")

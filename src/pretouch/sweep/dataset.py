@@ -55,18 +55,18 @@ def attributes_of(plan: Plan) -> dict[str, Any]:
 
 def _inputs_of(plan: Plan) -> dict[str, Any]:
     """Return all inputs of a sweep for JSON, in SI; columns of values are given by their ends and a hash."""
-    held = plan.held
+    task = plan.task
     parts = ("admittance", "obstacle", "plant", "reference")
     return {
-        "scenario": {part: asdict(getattr(held.scenario, part)) for part in parts},
-        "sensor": _sensor(held.sensor),
-        "gain": held.gain,
-        "objective": _objective(held.goal, held.impact) if plan.designs else None,
-        "bounds": held.bounds,
-        "constraints": {c.name: c.limit for c in held.limits},
-        "impact": {"model": type(held.impact).__name__, **asdict(held.impact)} if held.impact else None,
-        "method": held.method,
-        "horizon": held.horizon,
+        "scenario": {part: asdict(getattr(task.scenario, part)) for part in parts},
+        "sensor": _sensor(task.sensor),
+        "gain": task.gain,
+        "objective": _objective(task.goal, task.impact) if plan.designs else None,
+        "bounds": task.bounds,
+        "constraints": {c.name: c.limit for c in task.limits},
+        "impact": {"model": type(task.impact).__name__, **asdict(task.impact)} if task.impact else None,
+        "method": task.method,
+        "horizon": task.horizon,
         "axes": {axis.name: {name: _column(values) for name, values in axis.columns.items()} for axis in plan.axes},
         "results": plan.results,
         "chunk": plan.chunk,
@@ -128,15 +128,15 @@ def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
     """Make a dataset from result arrays of the shape of the grid; without results it has only the axes."""
     xarray = require("xarray")
     coords: dict[str, Any] = {}
-    units = inputs_of(plan.held)
+    units = inputs_of(plan.task)
     for axis in plan.axes:
         if axis.zipped:
             coords[axis.name] = (axis.name, np.arange(len(axis)), {"long_name": f"{axis.name} number"})
         for name, values in axis.columns.items():
             words = name.replace(".", " ").replace("_", " ")
-            words = plan.held.law.number.label if name == "gain" and plan.held.law != DAMPER else words
+            words = plan.task.law.number.label if name == "gain" and plan.task.law != DAMPER else words
             coords[name] = (axis.name, values, {"long_name": words, "units": units[name] or "1"})
-    describe = partial(result_attributes, designs=plan.designs, law=plan.held.law)
+    describe = partial(result_attributes, designs=plan.designs, law=plan.task.law)
     data = {name: (plan.dims, column, describe(name)) for name, column in columns.items()}
     return xarray.Dataset(data, coords=coords, attrs=attributes_of(plan))
 

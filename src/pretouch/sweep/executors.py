@@ -1,4 +1,4 @@
-"""Compute chunks and blocks of a sweep with the array form of the solvers, and measure progress."""
+"""Compute chunks and blocks of a sweep by calls of the solvers with arrays, and measure progress."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pretouch.motion import ContactStatus
 from pretouch.motion.scenario import scenario_with
 
 from .axes import ENCOUNTER_INPUTS, Axis
-from .plan import Plan, Region, held_at
+from .plan import Plan, Region, task_at
 from .results import ALWAYS, DESIGN_CODES, OF_DESIGNS, STATUS, read
 from .stores import Store
 
@@ -32,15 +32,15 @@ def evaluate(plan: Plan, region: Region) -> Columns:
     shape = tuple(map(len, axes))
     looped = [k for k, axis in enumerate(axes) if axis.looped]
     if not looped:
-        return {name: np.broadcast_to(a, shape) for name, a in _columns(plan.held, plan, _values(axes)).items()}
+        return {name: np.broadcast_to(a, shape) for name, a in _columns(plan.task, plan, _values(axes)).items()}
     results: Columns = {}
     for index in np.ndindex(*(shape[k] for k in looped)):
-        held = held_at(plan.held, [axes[k] for k in looped], index)
+        task = task_at(plan.task, [axes[k] for k in looped], index)
         place = [slice(None)] * len(axes)
         for k, i in zip(looped, index, strict=True):
             place[k] = slice(i, i + 1)
         values = _values([axis.at(which) for axis, which in zip(axes, place, strict=True)])
-        for name, column in _columns(held, plan, values).items():
+        for name, column in _columns(task, plan, values).items():
             if name not in results:
                 results[name] = np.empty(shape, dtype=column.dtype)
             results[name][tuple(place)] = column
@@ -56,19 +56,19 @@ def _values(axes: Sequence[Axis]) -> Columns:
     return values
 
 
-def _columns(held: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+def _columns(task: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Solve encounters that have the same sensor and other inputs that are not arrays."""
-    position = values.get("obstacle.position", np.full((1,) * len(plan.axes), held.scenario.obstacle.position))
+    position = values.get("obstacle.position", np.full((1,) * len(plan.axes), task.scenario.obstacle.position))
     changed = {name: value for name, value in values.items() if name != "gain"}
-    scenario = scenario_with(held.scenario, {**changed, "obstacle.position": position})
-    options: dict[str, Any] = {"method": held.method, "horizon": held.horizon}
+    scenario = scenario_with(task.scenario, {**changed, "obstacle.position": position})
+    options: dict[str, Any] = {"method": task.method, "horizon": task.horizon}
     if not plan.designs:
-        gain: Any = values.get("gain", held.gain)
-        contact = held.law.contact(scenario, held.sensor, gain, **options)
+        gain: Any = values.get("gain", task.gain)
+        contact = task.law.contact(scenario, task.sensor, gain, **options)
         results: dict[str, NDArray[Any]] = {STATUS: np.asarray(contact.status, dtype=np.int8)}
         good = results[STATUS] == ContactStatus.CONTACT
     else:
-        design = design_gain(held.replace(scenario=scenario))
+        design = design_gain(task.replace(scenario=scenario))
         words = np.asarray(design.status)
         status = np.zeros(words.shape, dtype=np.int8)
         for word, code in DESIGN_CODES.items():
@@ -76,11 +76,11 @@ def _columns(held: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict
         results = {STATUS: status, "gain": design.gain, "objective": design.objective}
         good = status == DESIGN_CODES["optimal"]
         if set(plan.results) - set(OF_DESIGNS):
-            contact = held.law.contact(scenario, held.sensor, np.where(good, design.gain, 0.0), **options)
+            contact = task.law.contact(scenario, task.sensor, np.where(good, design.gain, 0.0), **options)
     for name in plan.results:
         if name not in results:
-            column = read(name, contact, held.impact)
-            complete = good.all() or (held.objective is None and name in ALWAYS)
+            column = read(name, contact, task.impact)
+            complete = good.all() or (task.objective is None and name in ALWAYS)
             results[name] = np.asarray(column if complete else np.where(good, column, np.nan), dtype=np.float64)
     return {name: results[name] for name in (STATUS, *plan.results)}
 
@@ -133,14 +133,14 @@ class Progress(Value):
 
 
 def chunks_per_block(plan: Plan, *, workers: int = 1) -> int:
-    """Choose the number of chunks per block by the duration of a trial; results do not depend on it.
+    """Choose the number of chunks per block from the duration of a trial; results do not depend on this number.
 
     Args:
         plan: the sweep. The trial also detects mistakes in it before the work begins.
         workers: number of workers; each should get several blocks.
 
     Returns:
-        The number of chunks that take about a second.
+        The number of chunks that together take about a second.
     """
     few = plan.thinned(1)
     evaluate(few, few.region(0))

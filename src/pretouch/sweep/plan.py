@@ -41,14 +41,14 @@ class Plan:
     """A grid of encounters and the results to compute for each.
 
     Args:
-        held: the task with the values of all inputs that are not on an axis.
+        task: the task with the values of all inputs that are not on an axis.
         axes: the axes, in the order of the dimensions.
         results: names of the results; the status is always added.
-        seed: seed of the random number generator that made the values, for the record; None for none.
+        seed: seed of the random number generator that made the values, for the record; None if there is none.
         chunk: shape of a chunk, which is computed by one call of the solver and stored in one file.
     """
 
-    held: Task
+    task: Task
     axes: tuple[Axis, ...]
     results: tuple[str, ...]
     seed: int | None
@@ -57,7 +57,7 @@ class Plan:
     @property
     def designs(self) -> bool:
         """Whether gains are designed; otherwise contacts are computed for given gains."""
-        return self.held.objective is not None
+        return self.task.objective is not None
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -102,42 +102,42 @@ class Plan:
 
 
 def make_plan(
-    held: Task, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
+    task: Task, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
 ) -> Plan:
     """Check a request, and divide it into chunks of at most `chunk_size` encounters; None for a default size."""
-    if held.scenario.shape != ():
+    if task.scenario.shape != ():
         raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {held.scenario.shape}, expected one encounter; pass "
+            f"scenario: found an array of encounters of shape {task.scenario.shape}, expected one encounter; pass "
             "arrays as axes"
         )
-    checked = make_axes(axes, held)
-    designs = held.objective is not None
+    checked = make_axes(axes, task)
+    designs = task.objective is not None
     gains = [axis.name for axis in checked if "gain" in axis.columns]
-    if not designs and (held.gain is None) == (not gains):
+    if not designs and (task.gain is None) == (not gains):
         what = "a gain and an axis of gains" if gains else "neither gain nor objective"
         raise InvalidInputError(
             f"gain: found {what}, expected one of: gain=..., an axis 'gain', or objective=... with bounds=..."
         )
-    names = check_results(results, designs=designs, impact=held.impact)
+    names = check_results(results, designs=designs, impact=task.impact)
     clash = next((axis.name for axis in checked if axis.name in (*names, STATUS)), None)
     if clash is not None:
         raise InvalidInputError(f"axes: found {clash!r}, which is the name of a result; choose another name")
-    finite(0.0 if held.gain is None else held.gain, "gain", held.law.number.unit)
-    positive(held.horizon, "horizon", "s")
-    most = chunk_size or _chunk_size(held, names)
+    finite(0.0 if task.gain is None else task.gain, "gain", task.law.number.unit)
+    positive(task.horizon, "horizon", "s")
+    most = chunk_size or _chunk_size(task, names)
     shape = tuple(map(len, checked))
-    plan = Plan(held=held, axes=checked, results=names, seed=seed, chunk=part_shape(shape, most))
+    plan = Plan(task=task, axes=checked, results=names, seed=seed, chunk=part_shape(shape, most))
     _check_values(plan)
     return plan
 
 
-def _chunk_size(held: Task, results: tuple[str, ...]) -> int:
+def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
     quantities = set(results)
-    if held.objective is not None:
-        quantities |= {term.quantity for term in held.goal.terms} | {c.quantity for c in held.limits}
-    curved = held.sensor.constant_log_slope is None or held.method == "integration"
-    whole = bool(quantities & WHOLE_MOTION) or isinstance(held.objective, OwnObjective)  # which may read any quantity
-    return _CHUNK[held.objective is not None, curved, whole]
+    if task.objective is not None:
+        quantities |= {term.quantity for term in task.goal.terms} | {c.quantity for c in task.limits}
+    curved = task.sensor.constant_log_slope is None or task.method == "integration"
+    whole = bool(quantities & WHOLE_MOTION) or isinstance(task.objective, OwnObjective)  # which may read any quantity
+    return _CHUNK[task.objective is not None, curved, whole]
 
 
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
@@ -162,7 +162,7 @@ def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
 
 def _check_values(plan: Plan) -> None:
     """Check all values before the sweep starts."""
-    scenario = plan.held.scenario
+    scenario = plan.task.scenario
     first = {n: float(v[0]) for axis in plan.axes for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS}
     positions = {name: first[name] for name in ("obstacle.position", "plant.position") if name in first}
     for axis in plan.axes:
@@ -172,27 +172,27 @@ def _check_values(plan: Plan) -> None:
         changed = {name: value for name, value in {**first, **columns, **near}.items() if name != "gain"}
         scenario_with(scenario, changed)
         for i in range(len(axis) if axis.looped else 0):
-            held_at(plan.held, (axis,), (i,))
+            task_at(plan.task, (axis,), (i,))
     _check_distances(plan)
     velocities = next((a.columns["obstacle.velocity"] for a in plan.axes if "obstacle.velocity" in a.columns), None)
     moving = bool(scenario.obstacle.velocity != 0 if velocities is None else np.all(velocities != 0))
-    terms = plan.held.goal.terms if plan.designs else ()
+    terms = plan.task.goal.terms if plan.designs else ()
     if not moving and any(term.scale == OBSTACLE_SPEED for term in terms):
         raise InvalidInputError(f"scale: {OBSTACLE_SPEED!r} cannot scale the speed of an obstacle at rest")
 
 
-def held_at(held: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
+def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
     """Set the inputs that are the same in one call of the solver to their values at an index of these axes."""
     for axis, i in zip(axes, index, strict=True):
         for name, values in axis.columns.items():
             if name not in ENCOUNTER_INPUTS:
-                held = with_input(held, name, float(values[i]))
-    return held
+                task = with_input(task, name, float(values[i]))
+    return task
 
 
 def _check_distances(plan: Plan) -> None:
     """Check that all initial distances are positive and within the range of the sensor."""
-    scenario, sensors = plan.held.scenario, [a for a in plan.axes if any(n.startswith("sensor.") for n in a.columns)]
+    scenario, sensors = plan.task.scenario, [a for a in plan.axes if any(n.startswith("sensor.") for n in a.columns)]
     low = high = 0.0
     for name, position, sign in (
         ("obstacle.position", scenario.obstacle.position, 1.0),
@@ -207,12 +207,12 @@ def _check_distances(plan: Plan) -> None:
     parts = [_distance_part(axis) for axis in sensors]
     for index in product(*map(range, map(len, sensors))):
         shift = sum(float(part[i]) for part, i in zip(parts, index, strict=True))
-        nearest, farthest = held_at(plan.held, sensors, index).sensor.valid_range
+        nearest, farthest = task_at(plan.task, sensors, index).sensor.valid_range
         for distance in (low + shift, high + shift):
             if not (distance > 0 and nearest <= distance <= farthest):
                 raise OutOfRangeError(
                     f"obstacle position: found an encounter that starts at a distance of {distance:g} m, expected more "
-                    f"than 0 m, and {nearest:g} m to {farthest:g} m, the range of the {plan.held.sensor.name} curve"
+                    f"than 0 m, and {nearest:g} m to {farthest:g} m, the range of the {plan.task.sensor.name} curve"
                 )
 
 

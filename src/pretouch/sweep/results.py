@@ -27,7 +27,7 @@ ALWAYS: Final = (
     "closest_distance",
     "settling_distance",
     "impulse_residual",
-)  # these have values without contact as well
+)  # results that have values for runs without contact, too
 
 _OF_CONTACTS: Final = (*ContactState.names(), *_PHYSICAL, *ALWAYS)
 OF_DESIGNS: Final = ("gain", "objective")

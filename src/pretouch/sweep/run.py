@@ -57,7 +57,7 @@ def sweep(
     Args:
         task: one encounter with its sensor; it has the values of all inputs that are not on an axis. If the task or an
             axis has gains, contacts are computed. Otherwise each encounter gets its optimal gain, by objective, bounds,
-            constraints and stability margin; the latter is allowed if no axis changes the stability limit.
+            constraints and stability margin. A stability margin is allowed if no axis changes the stability limit.
         axes: values of inputs, in SI. A name is an input: `gain`; `admittance.mass`, `.damping`, `.stiffness`,
             `.natural_frequency`, `.damping_ratio`; any quantity of `obstacle`, `plant`, `reference`; `sensor.` with a
             parameter of the curve, or `recess`; `impact.` with a property; for designs `constraint.` with the name of
@@ -77,7 +77,7 @@ def sweep(
         inputs, versions and seed. Values are NaN without a contact or an optimal gain; `status` has the reason.
 
     Raises:
-        InvalidInputError: the request makes no sense, or an output cannot be written.
+        InvalidInputError: the request is invalid, or an output cannot be written.
         OutOfRangeError: an encounter starts outside the range of the sensor.
 
     Examples:
@@ -100,7 +100,7 @@ def sweep(
         {'obstacle.velocity': 2, 'gain': 10}
     """
     try:
-        plan = make_plan(_held(task, axes), axes, results=results, seed=seed)
+        plan = make_plan(_sweep_task(task, axes), axes, results=results, seed=seed)
     except OutOfRangeError as error:
         if task.source is None:
             raise
@@ -121,7 +121,7 @@ def sweep(
     return _to_zarr(plan, target, overwrite=overwrite, dask=dask, progress=progress).dataset()
 
 
-def _held(task: Task, axes: Axes) -> Task:
+def _sweep_task(task: Task, axes: Axes) -> Task:
     """Return the task of the sweep: without an objective if there are gains, otherwise with stable bounds."""
     names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
     if task.gain is not None or "gain" in names or task.objective is None:
@@ -224,7 +224,7 @@ def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress
                 with store.dataset() as computed:
                     write_netcdf(computed, target, overwrite=overwrite)
             except OutputExistsError:
-                if not _is_written(plan, target):  # by an equal sweep at the same time
+                if not _is_written(plan, target):  # an equal sweep has written it at the same time
                     raise
 
         _to_zarr(plan, folder, overwrite=overwrite, dask=dask, progress=progress, then=write)

@@ -1,7 +1,7 @@
 """Store the results of a sweep, in memory or in a Zarr folder, with a ledger of finished blocks.
 
 The data of a block are written first, each chunk atomically as a file. Then its entry in the ledger is written, a file
-of one byte. If the process is killed in between, only unfinished blocks are lost. A block with damaged data is computed
+of one byte. If the process is killed, only unfinished blocks are lost. A block with damaged data is computed
 again. A process that writes to a folder locks it, so that no other process removes it.
 
 The ledger is an array in a subgroup of the Zarr group, so that `xarray.open_zarr` shows only axes, status and results.
@@ -41,7 +41,7 @@ LEDGER: Final = "pretouch-ledger/finished"
 """Path of the ledger in the Zarr group; no axis or result can have this name."""
 
 _PER_BLOCK: Final = "chunks_per_block"
-_MOST_BYTES: Final = 4_000_000_000  # of results in memory
+_MOST_BYTES: Final = 4_000_000_000  # largest size of the results in memory
 _MOST_CHECKED: Final = 2_000  # chunks that are checked before a sweep is resumed, which takes about a second
 
 
@@ -232,7 +232,7 @@ class ZarrStore(Store):
                     fill_value=-1 if status else np.nan,
                     compressors="auto" if status else None,  # results do not compress well
                     dimension_names=plan.dims,
-                    attributes=result_attributes(name, designs=plan.designs, law=plan.held.law),
+                    attributes=result_attributes(name, designs=plan.designs, law=plan.task.law),
                 )
             subgroup, ledger = LEDGER.split("/")
             group.create_group(subgroup).create_array(

@@ -21,7 +21,7 @@ from .distributions import Distribution, JointDistribution, Normal, normal_in_wo
 if TYPE_CHECKING:
     from pretouch.calibration import SensorFit
 
-_DEVIATIONS: Final = 4.0  # standard deviations that one sample in 16,000 exceeds
+_DEVIATIONS: Final = 4.0  # standard deviations; one sample in 16,000 is farther from the mean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,7 +39,7 @@ class JointDistribution(ABC):
 
     @abstractmethod
     def draw(self, points: FloatArray) -> FloatArray:
-        """Return a sample for each point of the open unit cube, shape (n, k) both."""
+        """Return a sample for each point of the open unit cube; points and samples have the shape (n, k)."""
 
     @abstractmethod
     def variance_along(self, slopes: FloatArray) -> float:
@@ -154,7 +154,7 @@ def _check_order(low: float, high: float) -> None:
 class Interval(Distribution):
     """Bounds without a distribution between them, for the worst case.
 
-    If samples are drawn nevertheless (to explore, or together with other inputs), they are uniform.
+    If samples are drawn nevertheless, alone or together with other inputs, they are uniform.
 
     Args:
         low: the smallest value, in SI.
@@ -317,4 +317,5 @@ class TruncatedNormal(Distribution):
 
     def described(self, unit: str) -> str:
         """Return the normal distribution and its truncation in words."""
-        return f"{normal_in_words(self.location, self.deviation, unit)}, cut to {format_range(self.support, unit)}"
+        normal = normal_in_words(self.location, self.deviation, unit)
+        return f"{normal}, truncated to {format_range(self.support, unit)}"

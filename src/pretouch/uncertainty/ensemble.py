@@ -215,8 +215,8 @@ class Ensemble(Value):
         of, frequency = result.gradients.of, "admittance.natural_frequency"
         if name not in {frequency, "admittance.damping_ratio", "admittance.mass"}:
             return of(quantity, name)
-        tied = frequency in self.values or "admittance.damping_ratio" in self.values
-        if name == "admittance.mass" and not tied:
+        keeps_frequency = frequency in self.values or "admittance.damping_ratio" in self.values
+        if name == "admittance.mass" and not keeps_frequency:
             return of(quantity, name)
         a = self.scenario.admittance
         omega = np.sqrt(np.asarray(a.stiffness) / a.mass)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pretouch.calibration.result import OffsetEstimate
 
 
-_DECISIVE: Final = 0.05  # largest share of the impulse that may be given beyond the data without a warning
+_DECISIVE: Final = 0.05  # largest share of the impulse that may act beyond the data without a warning
 _EFFECTS: Final = {1: "impulse of the virtual force", 2: "effect of the drag, ln(1/\u03c1)"}
 _PLACES: Final = 2001
 _ROUNDING: Final = 1e-9  # smaller shares of the impulse are rounding errors
@@ -42,15 +42,16 @@ class Reservations(Value):
         recess: how far the sensor's zero, from which the calibration counts, lies behind the contact surface [m].
         supported: the distances between which readings support the curve [m].
         start: the distance at which the encounter starts [m].
-        share_nearer: the share of the impulse, or of the effect of a drag, that is given nearer than any reading.
-        share_beyond: the share that is given beyond all readings.
+        share_nearer: the share of the impulse, or of a drag's effect, that acts nearer than any reading.
+        share_beyond: the share that acts beyond all readings.
         degree: power of d(ln xi)/dt in the force of the law; 1: shares of the impulse, 2: shares of a drag's effect.
         left: whether the nominal motion leaves the distances at which the curve is used, and so never reaches contact.
         recedes: whether the object recedes at the start, in one encounter or more.
-        speed: the speed at contact on the extended curve [m/s]; None if contact is supported, or the speed is unknown.
+        speed: the speed at contact on the extended curve [m/s]; None if readings support contact, or the speed is
+            unknown.
         speed_without_force: the speed at contact if no virtual force acts nearer than any reading [m/s], as with a
-            sensor whose output does not change there; None likewise.
-        speed_without_mitigation: the speed at contact without any virtual force [m/s]; None likewise.
+            sensor whose output does not change there; None in the same cases.
+        speed_without_mitigation: the speed at contact without any virtual force [m/s]; None in the same cases.
         witness: the check of the gain on the readings; None if there is no gain, or no contact.
     """
 
@@ -70,7 +71,7 @@ class Reservations(Value):
 
     @property
     def is_refuted(self) -> bool:
-        """Whether readings allow a contact harder than without mitigation, against the prediction."""
+        """Whether the readings allow a harder contact than without mitigation, contrary to the prediction."""
         return self.witness is not None and self.witness.harder > 0
 
     @property
@@ -80,7 +81,7 @@ class Reservations(Value):
 
     @property
     def headline(self) -> str | None:
-        """What the readings contradict, or which distances no data support, and what to do; None without a warning."""
+        """The warning that readings contradict the gain or do not support some distances, and what to do; else None."""
         contradiction = None if self.witness is None else self.witness.headline
         parts = [contradiction, self._extension] if self.is_refuted else [self._extension, contradiction]
         if not any(parts):
@@ -114,7 +115,7 @@ class Reservations(Value):
             parts.append(f"from {near}{nearest} to contact at 0 mm")
             advice = recess_advice(self.report.window.l_min, self.recess)
             remedies.append(
-                f"sink the sensor to {advice}, or calibrate it down to contact, with a lower "
+                f"mount the sensor deeper, with {advice}, or calibrate it down to contact, with a lower "
                 "amplification if its output clips"
             )
         if self.share_beyond > _DECISIVE:
@@ -137,7 +138,7 @@ class Reservations(Value):
 
     @property
     def _zero(self) -> str:
-        """The sentence that says from which zero distances in brackets count; empty if both zeros are the same."""
+        """The sentence on the zero of the distances in brackets; empty if both zeros are the same."""
         return f" Distances in brackets count from {self._sensor_zero}." if self.recess else ""
 
     @property
@@ -145,7 +146,7 @@ class Reservations(Value):
         return f"the sensor's zero, {format_quantity(self.recess, 'm')} behind the contact surface"
 
     def _without_force(self, near: str) -> str:
-        """Compare the speed at contact without force nearer than the data with the predicted one."""
+        """Compare the contact speed without a virtual force nearer than the data with the predicted contact speed."""
         if self.speed is None or self.speed_without_force is None:
             return ""
         speed, predicted = (format_quantity(v, "m/s") for v in (self.speed_without_force, self.speed))
@@ -178,8 +179,8 @@ class Reservations(Value):
         lines = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
         if self.recess:
             lines.append(
-                f"distances in brackets and of readings left out count from {self._sensor_zero}; all others count from "
-                "the contact surface"
+                f"distances in brackets and those of excluded readings count from {self._sensor_zero}; all others "
+                "count from the contact surface"
             )
         for share, where in ((self.share_nearer, f"nearer than {near}"), (self.share_beyond, f"beyond {far}")):
             if share > _ROUNDING:
@@ -194,7 +195,7 @@ class Reservations(Value):
         return tuple(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything that JSON can hold, in SI; the offset is in the unit of the outputs."""
+        """Return the reservations as one JSON object, in SI; the offset is in the unit of the outputs."""
         window, offset = self.report.window, self.report.offset
         names = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "left")
         offset_names = ("value", "standard_error", "low", "high", "kind")
@@ -242,7 +243,7 @@ class Reservations(Value):
 
 
 def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
-    """Find the distances at which no calibration data support an answer, and check its gain on the readings.
+    """Find the distances at which no calibration data support a result, and check its gain on the readings.
 
     Args:
         report: the report of the fit that the sensor comes from.

@@ -23,7 +23,7 @@ CLOSE: Final = 0.15
 
 _THROUGH: Final = 40  # curves through the readings
 _UNDER: Final = 60  # curves under ceilings
-_FEW: Final = 4, 6  # the same two numbers for a law that is integrated one encounter after the other
+_FEW: Final = 4, 6  # numbers of both kinds of curves for a law that is integrated one encounter after the other
 _SEED: Final = 1
 _DISAGREE: Final = 0.25  # largest share of the curves under ceilings that may disagree with the prediction
 _QUANTILES: Final = (0.05, 0.95)  # the stated range covers these quantiles of both kinds of curves
@@ -47,7 +47,7 @@ class WitnessCheck(Value):
         low: the smallest |l'| at contact on these curves [m/s], without the lowest 5 % of either kind.
         high: the largest |l'| [m/s], without the highest 5 %.
         outside: the share of the curves under ceilings on which |l'| differs from the prediction by more than 15 %.
-        harder: the number of curves on which contact is harder than without mitigation, against the prediction.
+        harder: the number of curves on which contact is harder than without mitigation, contrary to the prediction.
         is_contradicted: whether no curve through the readings agrees with the prediction within 15 %.
         encounters: the number of encounters that were checked.
         unsupported: the number of these whose prediction the readings do not support.
@@ -95,7 +95,7 @@ class WitnessCheck(Value):
         return f"on {self.curves} curves that fit the readings, contact is at {low} to {high} ({predicted} predicted)"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything that JSON can hold, in SI."""
+        """Return the check as one JSON object, in SI."""
         return {"is_supported": self.is_supported, **asdict(self)}
 
 
@@ -176,7 +176,7 @@ def _speeds(
 
 
 def mount(drawn: DrawnCurve, sensor: SensorModel, offset: float, start: float) -> PiecewiseCubic:
-    """Return the curve that a controller observes if the sensor is a drawn one, mounted like the fitted one.
+    """Return the curve that a controller observes if the sensor has a drawn curve and is mounted like the fitted one.
 
     Args:
         drawn: the curve, over the distance from the sensor's zero, and the offset that belongs to it.

@@ -1,4 +1,4 @@
-"""Report page of a gain design: the gain, the contact that it leads to, and the evidence."""
+"""Report page of a gain design: the gain, the resulting contact, and the evidence."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _MOTION_NOTES: Final = {
 
 
 def gain_page(design: GainDesign) -> Page:
-    """Return the page of a design of one encounter, whatever its status."""
+    """Return the page of a design of one encounter, with any status."""
     if design.scenario.shape:
         raise ResultUnavailableError("page: found an array of designs, expected one; select it with .at(index)")
     advice = _ADVICE.get(design.status)
@@ -180,7 +180,7 @@ def _trade_off(design: GainDesign) -> Chapter:
     itemized = bool(design.objective_parts or not isinstance(design.definition, OwnObjective))
     caption = (
         f"Left: {'the objective and its terms' if itemized else 'the objective'} over the searched range of gains; "
-        "hatched gains exceed the named limit or end without contact. Right: the contact that each gain leads to."
+        "hatched gains exceed the named limit or end without contact. Right: the resulting contact of each gain."
     )
     if shows_equals(design):
         caption += (
@@ -231,7 +231,7 @@ def objective_rows(objective: Objective) -> Iterator[Row]:
 
 
 def traded_quantity(design: GainDesign) -> str:
-    """Return the quantity that the objective trades for a lower contact speed: its first term that is not a speed."""
+    """Return the quantity that is traded for a lower contact speed: the objective's first term that is not a speed."""
     for term in design.definition.terms:
         if term.quantity not in {"relative_velocity", "impact_force"} and term.weight > 0:
             return term.quantity
@@ -239,7 +239,7 @@ def traded_quantity(design: GainDesign) -> str:
 
 
 def shows_equals(design: GainDesign) -> bool:
-    """Return whether the objective depends only on the two plotted quantities, so that it has contour lines there."""
+    """Return whether the objective depends only on the two plotted quantities, so that contour lines can be plotted."""
     quantities = sorted(t.quantity for t in design.definition.terms if t.weight > 0)
     return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
 
@@ -264,11 +264,11 @@ _FORCE_LAWS: Final = {
         "four times",
     ),
 }
-"""Force law, name of its coefficient, and factor on the number for half the slope; keys: the power of s' = g l'."""
+"""By the law's power of s' = g l': the force law, the name of its coefficient, the factor on the gain at half slope."""
 
 
 def _gain_and_sensor(design: GainDesign) -> Chapter | None:
-    """Return the coefficient of the force law at contact and at the start: the product of gain and sensor slope."""
+    """Return the section with the coefficient of the force law, the product of gain and sensor slope."""
     run, n, power = _shown(design), design.number, design.problem.task.law.degree
     if run is None or power not in _FORCE_LAWS:
         return None

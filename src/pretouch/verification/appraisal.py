@@ -25,16 +25,16 @@ from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
 from .effect import EFFECT, Effect, VerdictStatus, effect_of
 
 USUAL_MARGIN: Final = 2.0  # gain margin: 6 dB
-ROOM: Final = 0.03  # of a limit: a smaller margin counts as narrow
-_ALMOST: Final = 1 - EFFECT  # score of a gain without effect: better than one that does harm
-_ROUNDING: Final = 1e-12  # of a limit, as in the validation of robust designs
+ROOM: Final = 0.03  # share of a limit; a smaller margin counts as narrow
+_ALMOST: Final = 1 - EFFECT  # score of a gain without effect: better than a gain that does harm
+_ROUNDING: Final = 1e-12  # share of a limit, as in the validation of robust designs
 _COMPARED: Final = 200  # runs on which changes are compared
 _COMPARED_SENSORS: Final = 100  # the same if each run has its own sensor curve, which is tabulated first
-_IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities of the time after the first touch
+_IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities that arise after the first touch
 
 
 def foreseen_impact(task: Task) -> ImpactModel | None:
-    """Return the impact model of the prediction: that of the task, else the contact of the loop without loss."""
+    """Return the impact model of the prediction: the task's, else the lossless contact stiffness of the loop."""
     contact, mass = task.loop.contact, task.loop.plant.coefficients()[0]
     if task.impact is not None or contact is None or mass == 0:  # an ideal robot has no mass and no contact force
         return task.impact
@@ -53,7 +53,7 @@ class Draws:
     """Random encounters; encounter i always has the i-th noise sequence."""
 
     task: Task  # with the nominal encounter and sensor curve
-    scenarios: Scenario  # of the shape () or (runs,)
+    scenarios: Scenario  # shape () or (runs,)
     ensemble: Ensemble | None = None  # None if every run has the nominal encounter
     sensors: tuple[SensorModel, ...] = ()  # one for each run if sensor parameters are uncertain
 
@@ -90,7 +90,7 @@ class Draws:
 
 
 def draw_encounters(task: Task) -> Draws:
-    """Draw independent encounters with the seed of the loop; exact bounds of probabilities need independence."""
+    """Draw independent encounters with the seed of the loop; exact confidence bounds need independent encounters."""
     if not task.uncertainty:
         obstacle = task.scenario.obstacle
         alike = replace(obstacle, position=np.full(task.runs, obstacle.position))
@@ -109,9 +109,9 @@ def draw_encounters(task: Task) -> Draws:
 class Requirement(NamedTuple):
     """A condition that must hold in a share of the runs."""
 
-    name: str  # of a limit, or `contact`
-    held: BoolArray  # in which runs it holds
-    probability: float  # the share that is required
+    name: str  # name of a limit, or `contact`
+    held: BoolArray  # the runs in which the condition holds
+    probability: float  # the required share of the runs
 
     @property
     def standing(self) -> float:
@@ -129,10 +129,10 @@ class LoopOutcomes:
     """Outcome of one gain on one loop over many runs."""
 
     result: SimulationResult
-    objective: FloatArray  # of each run; infinite without contact
+    objective: FloatArray  # objective of each run; infinite without contact
     ratios: tuple[FloatArray, ...]  # |quantity| / limit of each limit and run; infinite without contact
-    requirements: tuple[Requirement, ...]  # contact where it is predicted, and every limit
-    effect: Effect | None  # on the speed at contact, compared with no mitigation; None if no run ends in contact
+    requirements: tuple[Requirement, ...]  # contact in the encounters for which it is predicted, and every limit
+    effect: Effect | None  # change of the speed at contact by the gain; None if no run ends in contact
     margin: float | None = None  # gain margin, at least 1 if stable; None if it is not known
 
     @property
@@ -176,7 +176,7 @@ class LoopOutcomes:
 
 
 def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
-    """Return the status by limits, effect and gain margin alone, without prediction, sensor speed and calibration."""
+    """Return the status by limits, effect and gain margin alone, ignoring prediction, sensor speed and calibration."""
     effect, margin = outcomes.effect, outcomes.margin
     if not outcomes.is_kept or outcomes.stable < 1:
         return VerdictStatus.DOES_NOT_HOLD
@@ -194,7 +194,7 @@ class LoopProblem:
 
     draws: Draws
     predicted: BoolArray  # which of the encounters end in contact in continuous time
-    unmitigated: SimulationResult  # with gain 0 on the unchanged loop; changed loops are compared with it too
+    unmitigated: SimulationResult  # runs with gain 0 on the unchanged loop; changed loops are compared with them, too
 
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
         """Return a loop that ends at contact, unless objective or limits need the forces after it."""
@@ -202,7 +202,7 @@ class LoopProblem:
         own = isinstance(task.goal, OwnObjective)
         needed = {constraint.quantity for constraint in task.limits}
         needed |= set() if own else {term.quantity for term in task.goal.terms}
-        # results up to contact are bit-identical
+        # up to contact, the results are bit-identical with those of the whole loop
         return loop if own or needed & _IN_CONTACT else replace(loop, follow=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
@@ -256,7 +256,7 @@ def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
 def simulated_quantity(
     name: str, result: SimulationResult, gain: float, loop: ClosedLoop, impact: ImpactModel | None
 ) -> FloatArray:
-    """Return a quantity of objectives and limits, or `peak_force`, of every run; NaN if it needs a missing contact."""
+    """Return a quantity of objectives and limits, or `peak_force`, of every run; NaN if a needed contact is missing."""
     if name == "gain":
         return np.full(result.shape, gain)
     known: Any = impact  # not None if needed: the ideal design refuses objectives that lack physical properties
@@ -272,7 +272,7 @@ def simulated_quantity(
 
 @dataclass(frozen=True, slots=True)
 class _Runs(Value):
-    """Quantities of simulated runs, in the form that a ContactState reads."""
+    """Quantities of simulated runs, in the form that a ContactState needs."""
 
     result: SimulationResult
     gain: float

@@ -21,32 +21,33 @@ from pretouch.uncertainty.witness_check import WitnessCheck, check_on_readings, 
 from .appraisal import simulated_quantity
 
 _DRAWS: Final = 100
-_ALIKE: Final = 20  # times as many draws, of which those with the nearest offsets are kept: as if it were known
-_FAILING: Final = 0.05  # of the draws
-_HARDER: Final = 0.15  # of the speed at contact
-_ROOM: Final = 0.03  # of a limit: a design that lies exactly on its limit may exceed it by so much
+_ALIKE: Final = 20  # factor on the draws; those with the nearest offsets are kept, as if the offset were known
+_FAILING: Final = 0.05  # largest share of the draws that may fail
+_HARDER: Final = 0.15  # allowed relative increase of the speed at contact
+_ROOM: Final = 0.03  # share of a limit by which a design that lies exactly on the limit may exceed it
 _SEED: Final = 1
 _CLOSE: Final = 1e-9  # m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationCheck(Value):
-    """A gain, tried on sensors that the readings of its calibration allow.
+    """Results of a gain on other sensors that are compatible with the readings of the calibration.
 
-    Each draw is another sensor: a curve, its offset, and the misfit of the chain. The controller keeps subtracting its
-    configured offset. The loop runs without noise, so that all differences are due to the calibration.
+    Each draw is another sensor: a curve, its offset, and the misfit of the chain. The controller subtracts its
+    configured offset on all of them. The loop runs without noise, so that the calibration causes all differences.
 
     Args:
         draws: number of sensors.
         promised: |l'| at contact on the fitted curve, on the same loop [m/s].
-        low: 5 % quantile of |l'| over the sensors [m/s]; None if some lead to no contact, like the next two.
-        median: median.
-        high: 95 % quantile.
+        low: 5 % quantile of |l'| over the sensors [m/s]. The three quantiles are None if it is without contact.
+        median: median of |l'| [m/s].
+        high: 95 % quantile of |l'| [m/s].
         missing: number of sensors without contact.
         harder: number of sensors with a contact more than 15 % harder than promised.
-        broken: number of sensors on which a limit is missed that the fitted curve meets.
+        broken: number of sensors on which the gain misses a limit that it meets on the fitted curve.
         failing: number of sensors with any of these faults.
-        witness: the nominal encounter in continuous time on curves through the readings; None without contact.
+        witness: results of the nominal encounter, in continuous time, on curves through the readings; None without
+            contact.
         decisive: the largest source of error: `offset`, `curve` or `misfit`; empty if the calibration is good enough.
         remedy: what to measure, in words; empty if the calibration is good enough.
     """
@@ -114,7 +115,7 @@ class CalibrationCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
-    """Speed at contact and quantity / limit on each of several sensors; NaN and infinity without contact."""
+    """Speed at contact and quantity / limit on each of several sensors; NaN and infinite without contact."""
 
     speed: FloatArray
     ratios: FloatArray
@@ -136,7 +137,7 @@ class _Outcome:
 
 
 def check_calibration(task: Task, report: CalibrationReport, gain: float) -> CalibrationCheck | None:
-    """Run the nominal encounter with a gain on sensors that the readings of the calibration allow."""
+    """Run the nominal encounter with a gain on sensors that are compatible with the readings of the calibration."""
     if report.curves is None or report.offset is None:  # too few readings to draw other curves
         return None
     chain = _quiet(task.loop.chain)
@@ -175,7 +176,7 @@ def _quiet(chain: SensorChain) -> SensorChain:
 
 
 def _mounted(drawn: DrawnCurve, task: Task) -> DrawnCurve:
-    """Extend and recess a drawn curve like the fitted one; the chain holds the controller's offset."""
+    """Extend and recess a drawn curve like the fitted one; the chain has the controller's offset."""
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
 
@@ -200,8 +201,8 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
 
 
 def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, promised: _Outcome) -> str:
-    """Return the largest source of error, by removing the misfit, the uncertainty of the offset, or both curves."""
-    # offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
+    """Return the largest source of error, from runs without the misfit, without the offset error, and without both."""
+    # Offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
     # offset is nearest to the fitted one show the uncertainty that remains if the offset is known.
     report: Any = task.calibration
     chain = _quiet(task.loop.chain)

@@ -26,11 +26,11 @@ from .effect import mean_and_error
 from .result import Comparison, LimitCheck, Reached, RunSpread
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
-_SHARE: Final = 0.1  # of the time to detection: a cause with a smaller share is not named
-_LATE: Final = 0.95  # of the distance at the start: a first detection below that is late
-_FORCE_APART: Final = 1.25  # ratio of simulated to predicted impact force from which a warning is given
+_SHARE: Final = 0.1  # a cause is named if it explains at least this share of the time to detection
+_LATE: Final = 0.95  # a first detection below this share of the start distance is late
+_FORCE_APART: Final = 1.25  # smallest ratio of simulated to predicted impact force that causes a warning
 _ERRORS: Final = 2.0  # standard errors: a smaller difference is not significant
-_ROUNDING: Final = 1e-9  # of a force
+_ROUNDING: Final = 1e-9  # relative rounding error of a force
 _TRACED: Final = 8  # runs that are examined step by step
 _FLAGS: Final = {
     Status.SATURATED: "the sensor was saturated",
@@ -48,7 +48,7 @@ def compare_quantities(
     runs: tuple[SimulationResult, SimulationResult],
     foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
-    """Compare magnitudes of the runs with the predicted ones of the nominal encounter, with the gain and without."""
+    """Compare the runs with the prediction for the nominal encounter: magnitudes with the gain and without."""
     contact, impact = task.loop.contact, foreseen_impact(task)
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
     if contact is not None and any(np.any(r.peak_force > (1 + _ROUNDING) * r.impact_force) for r in runs):
@@ -123,7 +123,7 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
 
 
 def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
-    """Return the assumptions of a verdict in sentences; `compared` is the number of runs of changes."""
+    """Return the assumptions of a verdict in sentences; `compared` is the number of runs that compare changes."""
     loop, runs = task.loop, task.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
     first = f" in the first {compared} of them" if compared < runs else ""
@@ -192,7 +192,7 @@ def _recession(loop: ClosedLoop) -> Iterator[str]:
     law, chain = loop.law, loop.chain
     if not isinstance(law, Controller) or law.conditioning.largest_rate is not None:
         return
-    if loop.continuous is not None and loop.continuous.damping(1.0, -1.0, 1.0) == 0:  # it follows nothing that recedes
+    if loop.continuous is not None and loop.continuous.damping(1.0, -1.0, 1.0) == 0:  # no force if the object recedes
         return
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
         yield (
@@ -208,7 +208,7 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
     free = np.all(s.plant.position == s.reference.position) and np.all(s.plant.velocity == s.reference.velocity)
     if not (seen.any() and free):
         return
-    # until detection there is no virtual force: the robot follows its reference
+    # Until detection there is no virtual force, so the robot follows its reference.
     t = np.asarray(result.detection_time)
     velocity = np.asarray(s.obstacle.velocity) - s.reference.velocity
     acceleration = np.asarray(s.obstacle.one_acceleration()) - s.reference.acceleration
@@ -234,7 +234,7 @@ def _why_late(loop: ClosedLoop, late: float) -> str:
 
 
 def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:
-    """Yield that the largest force of the whole contact is larger with mitigation, if a push causes it."""
+    """Yield a warning if a push makes the largest force of the whole contact larger with mitigation than without."""
     contact, both = loop.contact, result.touched & unmitigated.touched
     if contact is None or not both.any():
         return
@@ -295,7 +295,7 @@ def _percent(share: float) -> str:
 
 
 def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
-    """Yield that a calibration has too few readings to be checked."""
+    """Yield a warning if the calibration has too few readings to be checked."""
     if report is None or report.best is None or report.curves is not None:
         return
     yield (

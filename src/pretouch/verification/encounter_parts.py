@@ -20,9 +20,9 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import LoopTrace, SimulationResult
 
 _SAME: Final = 5e-5  # relative: a smaller difference does not show in four digits
-_LATE: Final = 0.1  # of the change of ln xi until contact: a detection after that is late
-_PASSING: Final = 0.01  # of the approach: shorter gaps of the readings are not reported
-_STRONG: Final = 1.5  # ratio of simulated to predicted virtual force from which a warning is given
+_LATE: Final = 0.1  # a detection is late if more than this share of the change of ln xi until contact has happened
+_PASSING: Final = 0.01  # gaps of the readings are reported if they are longer than this share of the approach
+_STRONG: Final = 1.5  # smallest ratio of simulated to predicted virtual force that causes a warning
 _AT_CONTACT: Final = ("time", "relative_velocity", "position")
 _LARGEST: Final = ("largest_excursion", "largest_virtual_force")
 _RUN: Final = (
@@ -37,17 +37,17 @@ _OF_CONTACT: Final = ("impact_force", "peak_force", "impulse", "rebound_velocity
 class QuantityComparison(Value):
     """One quantity of an encounter, on the loop and as predicted, with the gain and without; None if not available."""
 
-    name: str  # as SimulationResult and ContactState call it
-    label: str  # in words
+    name: str  # its name in SimulationResult and ContactState
+    label: str  # its name in words
     unit: str  # its SI unit
-    loop: float | None  # on the loop with the gain
-    predicted: float | None  # by the continuous solution with the gain
-    loop_unmitigated: float | None  # on the loop with gain 0
-    predicted_unmitigated: float | None  # by the continuous solution with gain 0
+    loop: float | None  # value on the loop with the gain
+    predicted: float | None  # value of the continuous solution with the gain
+    loop_unmitigated: float | None  # value on the loop with gain 0
+    predicted_unmitigated: float | None  # value of the continuous solution with gain 0
 
     @property
     def values(self) -> tuple[float | None, ...]:
-        """The four numbers: loop and prediction with the gain, then both without."""
+        """The four values: loop and prediction with the gain, then loop and prediction without."""
         return self.loop, self.predicted, self.loop_unmitigated, self.predicted_unmitigated
 
     @property
@@ -88,12 +88,12 @@ class QuantityComparison(Value):
 class LoopContact(Value):
     """One contact of a run; None for quantities that need a contact model."""
 
-    time: float  # of the touch [s]
-    relative_velocity: float  # l' there [m/s]
+    time: float  # time of the touch [s]
+    relative_velocity: float  # l' at the touch [m/s]
     peak_force: float | None  # largest contact force [N]
-    impulse: float | None  # of the contact force [N s]
-    rebound_velocity: float | None  # l' at its end [m/s]; None if the bodies still touch at the end of the run
-    duration: float | None  # of the contact, or until the end of the run [s]
+    impulse: float | None  # impulse of the contact force [N s]
+    rebound_velocity: float | None  # l' at the end of the contact [m/s]; None if the run ends before
+    duration: float | None  # duration of the contact, or until the end of the run [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +101,10 @@ class ReportedFlag(Value):
     """A flag that the controller reported in a run."""
 
     name: str  # such as `force-limited`
-    meaning: str  # in words
+    meaning: str  # its meaning in words
     since: float  # time of the first report [s]
-    duration: float  # total [s], in whole controller periods
-    approach_duration: float  # the part before the first contact [s]
+    duration: float  # total duration [s], in whole controller periods
+    approach_duration: float  # duration before the first contact [s]
 
     @property
     def is_trouble(self) -> bool:
@@ -116,13 +116,13 @@ class ReportedFlag(Value):
 class Detection(Value):
     """First detection of the object. The prediction assumes detection at the start."""
 
-    time: float  # of the first detection [s]
-    distance: float  # at that time [m]
-    start_distance: float  # at the start [m]
-    # share of the change of ln xi from start to contact that happened before detection, 0 to 1, to which the controller
-    # could not respond; None if the curve is flat
+    time: float  # time of the first detection [s]
+    distance: float  # distance at the first detection [m]
+    start_distance: float  # distance at the start [m]
+    # Share, 0 to 1, of the change of ln xi from start to contact that happened before detection, so that the controller
+    # could not respond to it; None if the curve is flat.
     missed_share: float | None
-    time_left: float | None  # from then until contact [s]; None without contact
+    time_left: float | None  # time from detection to contact [s]; None without contact
 
     @property
     def sentence(self) -> str:
@@ -249,7 +249,7 @@ def headline_of(
     """Return contact speed and time of a run, compared with prediction and no mitigation, in words."""
     text = _loop_clause(run, free)
     if predicted is None:
-        text += "; no prediction, since the obstacle has a course"
+        text += "; no prediction, because the obstacle has a course"
     elif predicted.reached.all():
         text += f"; predicted {_speed(predicted.end.relative_velocity)}"
         text += "" if run.touched else f" after {_time(predicted.end.time)}"
@@ -285,7 +285,7 @@ def _speed_or_none(run: SimulationResult) -> str:
 
 
 def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
-    """Return how much harder and earlier the contact is than predicted, in words."""
+    """Compare the speed and the time of the contact with the prediction, in words."""
     share, late = speed.relative_difference, time.difference
     parts = []
     if share is not None:
@@ -324,7 +324,7 @@ def cautions_in_words(
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
             yield (
-                f"During the approach the controller reported {flag.name} ({flag.meaning}): first after "
+                f"During the approach, the controller reported {flag.name} ({flag.meaning}): first after "
                 f"{_time(flag.since)}, for {_time(flag.approach_duration)} in total."
             )
     if run.contacts > 1:
@@ -336,13 +336,13 @@ def cautions_in_words(
         yield f"There are {run.contacts} contacts; {which} is the fastest{beyond}."
     if grows:
         yield (
-            f"After the impact the contact force grows to {_force(run.peak_force)}: a push or another contact is "
+            f"After the impact, the contact force grows to {_force(run.peak_force)}: a push or another contact is "
             "stronger than the first impact."
         )
 
 
 def force_in_words(force: QuantityComparison) -> Iterator[str]:
-    """Yield that the virtual force on the loop is much larger than predicted, if it is."""
+    """Yield a warning if the virtual force on the loop is much larger than predicted."""
     if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
         loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
         yield (

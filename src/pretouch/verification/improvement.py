@@ -23,12 +23,12 @@ from .appraisal import LoopOutcomes, LoopProblem, Requirement, foreseen_impact, 
 from .effect import VerdictStatus, effect_of, mean_and_error
 from .stability import Candidate, Passed, StabilityCheck, candidates_of, limit_of, stability_margin
 
-_ERRORS: Final = 2.0  # standard errors that a change must gain: one in twenty does by chance
-_WORTH: Final = 0.01  # of the objective: a smaller improvement is not worth a change
+_ERRORS: Final = 2.0  # smallest improvement in standard errors; by chance, one change in twenty reaches it
+_WORTH: Final = 0.01  # smallest relative improvement of the objective that justifies a change
 _MARGIN: Final = 2.0  # gain margin of a proposed gain, if any within the bounds has it; a change must keep it
-_FALL: Final = 0.8  # of the margin: a change that leaves less is reported with the new margin
+_FALL: Final = 0.8  # if a change reduces the margin below this share of it, the new margin is reported
 _BEYOND: Final = 1e3  # a larger margin is not reported
-_SAME: Final = 1e-6  # of a gain
+_SAME: Final = 1e-6  # relative difference below which two gains are the same
 _ORDER: Final = (VerdictStatus.DOES_NOT_HOLD, VerdictStatus.HOLDS_NARROWLY, VerdictStatus.HOLDS)
 _DIGITS: Final = 12  # decimals of u = ln|D_p| that distinguish two gains
 
@@ -39,7 +39,7 @@ class LoopCurve(Value):
 
     Args:
         gain: the law's number, such as D_p [N s], ascending, shape (n,).
-        objective: its mean over the runs; infinite if a run ends without contact.
+        objective: mean objective over the runs; infinite if a run ends without contact.
         standing: score, at most 1: the smallest ratio of the share of runs that meet a limit to the required share;
             lower if contact is no softer than without mitigation.
         share: share of the runs that meet all limits.
@@ -64,14 +64,14 @@ class Loss(Value):
 
     Args:
         predicted: the objective of the nominal encounter in continuous time; None without contact.
-        objective: its mean over the runs; None if a run ends without contact.
-        standard_error: of that mean.
+        objective: the mean objective over the runs; None if a run ends without contact.
+        standard_error: standard error of the mean objective.
         loop_gain: the best gain on the loop that meets the limits, such as D_p [N s]; None if no tried gain does.
-        sought_margin: gain margin required of the best gain: 2; 1 if no gain within the bounds has that; None if the
+        sought_margin: gain margin required of the best gain: 2, or 1 if no gain within the bounds has 2; None if the
             margin is not known.
-        loop_objective: the mean objective with that gain, over the same runs.
-        loss: mean of objective - objective with the loop gain, run by run.
-        loss_error: standard error of that mean.
+        loop_objective: the mean objective with the best gain, over the same runs.
+        loss: mean over the runs of the objective with the verified gain minus that with the best gain.
+        loss_error: standard error of the loss.
         curve: the gains that were tried.
     """
 
@@ -96,13 +96,13 @@ class LoopChange(Value):
         gain: the gain of these runs, such as D_p [N s].
         objective: the mean objective with the change; None if a run ends without contact.
         improvement: relative decrease of the objective; None if it is not known.
-        improvement_error: standard error of that.
+        improvement_error: standard error of the improvement.
         standing: score with the change, at most 1: the smallest ratio of the share of runs that meet a limit to the
             required share; lower if contact is no softer than without mitigation or the loop is unstable.
         held: share of the runs with the change that meet the limit that was missed most; None if none was missed.
         margin: gain margin with the change; None if it is not known.
-        status: by limits, effect and gain margin over the runs on which it was compared.
-        helps: whether it improves that status, or is a significant improvement, and leaves the loop stable.
+        status: status by limits, effect and gain margin over the compared runs.
+        helps: whether the loop stays stable and the change improves the status or is a significant improvement.
     """
 
     name: str
@@ -122,10 +122,10 @@ class Verified(NamedTuple):
     """The verified gain with its prediction, outcomes and stability, before changes are tried."""
 
     gain: float  # such as D_p [N s]
-    predicted: ContactResult  # the nominal encounter with it in continuous time
-    outcomes: LoopOutcomes  # on the loop, over all runs
+    predicted: ContactResult  # the nominal encounter with the gain in continuous time
+    outcomes: LoopOutcomes  # the outcomes on the loop, over all runs
     design: GainDesign  # the ideal design
-    stability: StabilityCheck | None  # None if it is not known, like the limit
+    stability: StabilityCheck | None  # None if it is not known; `limit` is then None, too
     limit: GainLimit | None  # the strongest stable gains of the loop
     passed: Passed  # the distances that the encounter passes
 
@@ -133,14 +133,14 @@ class Verified(NamedTuple):
 def find_improvements(
     problem: LoopProblem, known: Verified
 ) -> tuple[Loss, tuple[LoopChange, ...], tuple[LoopChange, ...]]:
-    """Return the cost of the verified gain, the changes, most helpful first, and the unchanged loop."""
+    """Return the cost of the verified gain, the tried changes (most helpful first) and the unchanged loop."""
     task, gain, runs = problem.draws.task, known.gain, problem.draws.compared
     loop = task.loop
     search = _best_on_loop(problem, known)
     optimum, best, changes = search.best, None, []
     better = search.nearest if optimum is None else optimum
     if better is not None:
-        # over all runs: on the runs by which it was chosen alone, it would look too good
+        # All runs are used, because the gain would look too good on only those runs by which it was chosen.
         same, margin = math.isclose(better, gain, rel_tol=_SAME), stability_margin(known.limit, better)
         outcomes = known.outcomes if same else problem.appraise(problem.compared(loop), better)
         best = None if optimum is None else outcomes.objective
@@ -164,7 +164,7 @@ def find_improvements(
 
 
 def _candidates(problem: LoopProblem, known: Verified) -> list[Candidate]:
-    """Return candidate changes, from the fastest change and the largest noise of ln xi in the encounter."""
+    """Return candidate changes; they depend on the fastest change and the largest noise of ln xi in the encounter."""
     draws, check, free = problem.draws, known.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
     slope = np.abs(np.asarray(sensor.log_slope(known.passed[0])))
@@ -204,10 +204,10 @@ def _loss(task: Task, known: Verified, search: _Search, best: FloatArray | None)
 class _Tried(NamedTuple):
     """Summary of a gain that was tried."""
 
-    gain: float  # D_p [N s]
-    objective: float  # its mean
+    gain: float  # the law's number, such as D_p [N s]
+    objective: float  # the mean objective
     standing: float  # score, at most 1
-    share: float  # of the runs that meet all limits
+    share: float  # share of the runs that meet all limits
     kept: bool  # whether all requirements are met
 
 
@@ -217,11 +217,11 @@ class _Search:
 
     problem: LoopProblem
     axis: GainAxis
-    margin: float | None  # gain margin of all gains on the axis; None if it is not known
-    tried: dict[float, _Tried] = field(default_factory=dict)  # by the coordinate
+    margin: float | None  # gain margin that all gains on the axis have; None if it is not known
+    tried: dict[float, _Tried] = field(default_factory=dict)  # the tried gains by coordinate
 
     def merit(self, coordinate: FloatArray) -> FloatArray:
-        """Return the mean objective at coordinates u; infinity where a requirement is missed."""
+        """Return the mean objective at coordinates u, infinite if a requirement is missed."""
         places = {round(u, _DIGITS): u for u in coordinate.tolist()}
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
@@ -233,7 +233,7 @@ class _Search:
         return np.array([one.objective if one.kept else math.inf for one in of])
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Return the merit in the form that a scan takes."""
+        """Return the merit as a Landscape for the scan."""
         return Landscape(objective=self.merit(coordinate), ratios=np.empty((0, len(coordinate))))
 
     @property
@@ -263,7 +263,7 @@ def _best_on_loop(problem: LoopProblem, known: Verified) -> _Search:
     margin, sign = None, problem.draws.task.law.number.sign
     if limit is not None:
         margin = _MARGIN if limit.allowed(_MARGIN) >= min(sign * low, sign * high) else 1.0
-        # the ends of the axis are exact, so that every proposed gain has the required margin
+        # The ends of the axis are exact, so that every proposed gain has the required margin.
         strongest = limit.strongest / margin
         low, high = (max(low, strongest), high) if sign < 0 else (low, min(high, strongest))
     axis = GainAxis(low=low, high=high)
@@ -314,7 +314,7 @@ def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requireme
 
 def _with_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
     """Return the sentence of a change, with the new gain margin if that is clearly smaller."""
-    if candidate.name == "gain" or before is None or after is None:  # the sentence of a gain names its margin
+    if candidate.name == "gain" or before is None or after is None:  # for a gain, the sentence already has the margin
         return candidate.sentence
     if after > _BEYOND or after >= _FALL * before:
         return candidate.sentence
@@ -326,7 +326,7 @@ def _stands_better(before: LoopOutcomes, after: LoopOutcomes) -> bool:
     """Return whether the requirement that was missed most is missed significantly less often."""
     if after.standing <= before.standing:
         return False
-    if before.stable <= before.standing:  # the margin was decisive, which is free of chance
+    if before.stable <= before.standing:  # the margin was decisive; it does not depend on chance
         return True
     if before.softness <= before.standing:
         change = effect_of(after.result, before.result)  # whether the speed at contact falls
@@ -347,6 +347,6 @@ def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, f
 
 
 def _rank(change: LoopChange) -> tuple[bool, int, float, float]:
-    # scores that differ by rounding count as equal
+    # Scores that differ only by rounding count as equal.
     gained = -math.inf if change.improvement is None else change.improvement
     return (not change.helps, -_ORDER.index(change.status), -round(change.standing, 9), -gained)

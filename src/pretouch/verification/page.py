@@ -29,8 +29,8 @@ _WHY: Final = {
 }
 _COMPARED: Final = (
     "Predicted: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly. "
-    "Simulated: {runs} of the loop listed below, those that end in contact. {symbol} = 0: no mitigation, with the same "
-    "noise. Largest: until the first contact, except for contact forces. "
+    "Simulated: those of {runs} on the loop listed below that end in contact. {symbol} = 0: no mitigation, with the "
+    "same noise. Largest: until the first contact, except for contact forces. "
     "Simulated and predicted, not measured."
 )
 _SHARES: Final = (
@@ -52,16 +52,17 @@ _STABLE: Final = (
     "distance with the weakest stable gain is decisive."
 )
 _OF_CALIBRATION: Final = (
-    "Each sensor has a curve, an offset and a misfit that are drawn from what the readings of the calibration allow. "
-    "The controller keeps subtracting its configured offset; the loop runs without noise."
+    "Each sensor has a curve, an offset and a misfit that are drawn at random, compatible with the readings of the "
+    "calibration. The controller subtracts its configured offset on all of them; the loop runs without noise."
 )
 _OF_THE_RUNS: Final = (
-    "Each run is an independent draw of encounter and noise on the loop listed above. The controller is the one that "
-    "runs on a robot, with its own period, on readings with the latency, noise and quantization of the sensor chain.",
+    "Each run is an independent draw of encounter and noise on the loop listed above. The controller is the same code "
+    "that runs on a robot, with its own period. Its readings have the latency, noise and quantization of the sensor "
+    "chain.",
     "Robot and contact are integrated by a Runge-Kutta method of order 4; the first contact is located between two "
     "steps.",
     "Other gains and changes are simulated with the same encounters and noise, so that chance largely cancels in "
-    "differences; the standard error states the rest.",
+    "differences; the standard error describes the remaining uncertainty.",
     "Stability is computed from the eigenvalues of the exactly discretized linear loop at each distance.",
 )
 
@@ -121,7 +122,7 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
 
 
 def _findings(v: Verdict) -> Iterator[str]:
-    """Yield the other reasons of the status, and the limits that are met."""
+    """Yield the reasons for the status after the first one, and the limits that are met."""
     yield from v.reasons[1:]
     for c in v.limits:
         if c.is_met:

@@ -1,4 +1,4 @@
-"""Check the stability of a loop and the sensor rate that a gain needs; build loops with one change."""
+"""Check the stability of a loop, find the sensor rate that a gain needs, and propose loops with one change."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from pretouch.simulation import (
     timing_of,
 )
 
-_BELOW_HALF: Final = 0.45  # of the rate: the highest cutoff of a low-pass whose sensor becomes too slow for its own
+_BELOW_HALF: Final = 0.45  # share of the rate: highest cutoff of a low-pass; a slower sensor needs a lower cutoff
 _FASTER: Final = 2.0
-_ROOM: Final = 2.0  # times the fastest change of ln xi that an approach makes
-_DEVIATIONS: Final = 6.0 * 2**0.5  # of the difference of two readings
-_SHORT_MEDIAN: Final = 3  # readings: it takes out single spikes
-_LOW: Final = 0.2  # of the rate: a cutoff that averages some readings
+_ROOM: Final = 2.0  # largest_rate as a multiple of the fastest change of ln xi in an approach
+_DEVIATIONS: Final = 6.0 * 2**0.5  # six standard deviations of the difference of two readings, in those of one reading
+_SHORT_MEDIAN: Final = 3  # window of a median filter that removes single spikes, in readings
+_LOW: Final = 0.2  # share of the rate: a cutoff that averages some readings
 NOISES: Final = ("noise", "relative_noise", "distance_noise")
 
 
@@ -46,13 +46,14 @@ class StabilityCheck(Value):
         limit: the strongest stable gain at each distance.
         margin: gain margin, the factor by which the gain can grow until the loop is unstable; below 1 it is unstable.
         rate: readings per second of the loop [Hz].
-        lowest_rate: lowest sensor rate above which the gain is stable at every rate, and at every phase between
-            sensor and controller [Hz]; infinite if none is high enough. A controller that is slower than the sensor
-            is run at the rate of the sensor. `lowest_rate` can exceed `rate` although the margin is above 1: then
-            some rates or phases between the two are unstable.
-        lowest_rate_with_margin: the same for a gain margin of 2 [Hz]; infinite if none is high enough.
-        has_unknown_phase: whether the time from a reading to the controller step that uses it differs from run to
-            run; limit and margin are then those of the worst case.
+        lowest_rate: sensor rate [Hz] above which the gain is stable at every rate and at every phase between sensor
+            and controller; infinite if none is high enough. A controller that is slower than the sensor is run at the
+            rate of the sensor. `lowest_rate` can exceed `rate` although the margin is above 1. In this case, some
+            phases, or some rates between `rate` and `lowest_rate`, are unstable.
+        lowest_rate_with_margin: the sensor rate above which the gain margin is at least 2 [Hz]; infinite if none is
+            high enough.
+        has_unknown_phase: whether the time from a reading to the controller step that uses it differs between runs;
+            limit and margin are then those of the worst case.
     """
 
     limit: GainLimit
@@ -126,7 +127,7 @@ class StabilityCheck(Value):
 
 
 Passed: TypeAlias = tuple[FloatArray, FloatArray | None]
-"""Distances that an encounter passes [m]; with l' there [m/s] where the damping of the law follows it."""
+"""Distances that an encounter passes [m], with l' at each distance [m/s] if the damping of the law depends on l'."""
 
 
 def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit | None:
@@ -140,7 +141,7 @@ def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit
 
 def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
     """Return the gain margin; None if it is not known."""
-    if limit is None or limit.law.number.sign * gain < 0:  # a gain of that sign does not mitigate
+    if limit is None or limit.law.number.sign * gain < 0:  # a gain of the wrong sign does not mitigate
         return None
     return math.inf if gain == 0 or math.isinf(limit.strongest) else abs(limit.strongest / gain)
 
@@ -188,7 +189,7 @@ def told_period(controller: Controller) -> float:
 
 
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:
-    """Return a controller configured for another sensor period [s], at least its own, which may change too."""
+    """Return a controller with another sensor period [s], at least the controller period, which may change, too."""
     own = controller.period if period is None else period
     told, c = max(sensor_period, own), controller.conditioning
     conditioning = replace(
@@ -214,15 +215,15 @@ class Candidate(NamedTuple):
 
     name: str  # short name of the change
     sentence: str  # what to do, with numbers
-    loop: ClosedLoop  # with the change
+    loop: ClosedLoop  # the loop with the change
 
 
 _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
 def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[Candidate]:
-    """Return loops with one change each; |d ln xi / dt| is at most `quickest` [1/s], ln xi has the noise `noise`."""
-    # wanted: sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough
+    """Return loops with one change each, for |d ln xi / dt| up to `quickest` [1/s] and the noise `noise` of ln xi."""
+    # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
     rate, found = wanted, []
     if rate is None:
         rate = _FASTER * loop.chain.rate
@@ -233,7 +234,7 @@ def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float
     for name, sentence, make in (*made, *_of_controller(loop, quickest, noise)):
         try:
             changed = make()
-        except InvalidInputError:  # the change does not fit the other parts of the loop: not proposed
+        except InvalidInputError:  # a change that does not fit the other parts of the loop is not proposed
             continue
         found.append(Candidate(name, sentence or _rate_in_words(loop, changed), changed))
     return found
@@ -324,7 +325,7 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
         text += f" instead of {own:.4g}" if pedestal != own else ""
         text += ", and track its drift." if loop.chain.drift else "."
         yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
-    # a reading is rejected only if neither the fastest approach nor noise can explain it
+    # The limit rejects a reading only if neither the fastest approach nor noise can explain it.
     rate = _ROOM * quickest + _DEVIATIONS * noise * loop.chain.rate
     if c.largest_rate is None and rate > 0:
         text = f"Set largest_rate to {format_quantity(rate, '1/s')}: twice the largest |d ln xi / dt| of an approach"

@@ -39,14 +39,14 @@ _NO_LOOP: Final = (
 @check_arguments
 @with_file_location
 def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
-    """Verify whether a gain designed in continuous time, by L(1) and L(2), holds on a loop, and what would help.
+    """Verify whether a gain designed in continuous time, by L(1) and L(2), holds on a loop, and find what would help.
 
     Args:
         task: the nominal encounter with the loop, the objective, and the bounds of the ideal design and of the best
             gain on the loop. Optional: the gain (default: designed by the effect of a drag, or the ideal design),
-            constraints, impact (default: the contact of the loop), uncertainty of encounter and sensor, runs,
+                constraints, impact (default: the contact of the loop), uncertainty of encounter and sensor, runs,
             confidence, stability margin, calibration, method and horizon.
-        changes: whether to search the best gain on the loop and the change that helps most.
+        changes: whether to search for the best gain on the loop and the change that helps most.
 
     Returns:
         The verdict. Its status says if the gain does not hold or does not exist; this is not an error.
@@ -93,7 +93,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
 
 
 def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
-    """Return the fields of a verdict, before it is judged."""
+    """Return the fields of a verdict, except status and reasons."""
     loop, sensor = task.loop, task.sensor
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
@@ -158,8 +158,8 @@ def _checked(task: Task) -> Task:
         )
     if task.effect is not None and (task.objective is None or task.bounds is None):
         raise InvalidInputError(
-            "effect: found no objective or no bounds with it, expected both: a verdict compares its drag with the best "
-            "one; in a file [objective] and [gain]"
+            "effect: found no objective or no bounds with it, expected both, because a verdict compares the drag with "
+            "the best one; in a file, add [objective] and [gain]"
         )
     return task.replace(bounds=task.stable_bounds(), stability_margin=None, evaluate=None)
 
@@ -195,7 +195,7 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
     """Return why the stability of a gain is not assessed."""
     if known:
         return f"Stability is not assessed: {task.law.number.equals(gain)} does not mitigate."
-    return f"The stability of the loop is not known, because neither damping nor timing of the law {task.law.kind} are."
+    return f"The stability of the loop is not known: damping and timing of the law {task.law.kind} are unknown."
 
 
 @check_arguments
@@ -203,11 +203,11 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
 def simulate_encounter(task: Task) -> SimulatedEncounter:
     """Simulate one encounter on the sampled loop, and compare it with the continuous solution of L(1) with L(2).
 
-    The loop is run with the gain and with gain 0, with the same noise; both are also predicted.
+    The loop is run twice with the same noise: with the gain and with gain 0. Both encounters are also predicted.
 
     Args:
-        task: one encounter, the loop, and the gain; without a gain, objective and bounds, or the effect of a drag, by
-            which it is designed. Optional: impact, to predict an elastic impact force; method and horizon of the
+        task: one encounter, the loop, and the gain. Without a gain, one is designed from objective and bounds, or from
+            the effect of a drag. Optional: impact, to predict an elastic impact force; method and horizon of the
             prediction.
 
     Returns:

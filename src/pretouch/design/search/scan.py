@@ -13,7 +13,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
 HELD: Final = 1 - 1e-11
-"""Share of a limit that the search allows, so that a repeated solution at the optimal gain meets the limit, too."""
+"""Largest share of a limit that the search uses, so that a repeated solution at the optimal gain meets the limit."""
 
 _JUMP: Final = 1e-6  # share of the axis: a change over an interval this narrow is a jump
 _EDGE: Final = 1e-3  # share of the axis: largest interval in which feasibility may change
@@ -27,7 +27,7 @@ class Effort:
         first: number of coordinates of the first scan.
         largest: largest number of coordinates, which a function with jumps may reach.
         resolved: relative error of interpolation above which an interval is halved.
-        share: share of the range of values that is added to a value for this relative error, for values near zero.
+        share: share of the range of values that is added to a value in this relative error, for values near zero.
         relevant: factor on the lowest value: intervals with higher values at both ends are not halved for their error,
             and higher minima are not refined.
         most: largest number of local minima that are refined, lowest first: a smooth function has a few, a function
@@ -110,7 +110,7 @@ class Landscape(Value):
 
 
 Evaluate = Callable[[FloatArray], Landscape]
-"""From coordinates to a Landscape; deterministic, because noise is the same for every coordinate."""
+"""Function that maps coordinates to a Landscape; deterministic, because every coordinate has the same noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +136,7 @@ def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) ->
     of 1e-6 of the axis, and at the largest number of coordinates, `largest`.
 
     Args:
-        evaluate: from coordinates to a Landscape.
+        evaluate: a function that maps coordinates to a Landscape.
         low: start of the axis.
         high: end of the axis.
         effort: settings of the search.
@@ -167,7 +167,7 @@ def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) ->
 
 
 def _missed(predicted: FloatArray, new: FloatArray, found: Landscape, share: float) -> FloatArray:
-    """Return the relative error of a prediction; 0 where there is no finite one."""
+    """Return the relative error of a prediction; 0 if it is not finite."""
     size = np.abs(new)
     if share:
         known = found.objective[..., found.reached.reshape(-1, found.objective.shape[-1]).all(axis=0)]

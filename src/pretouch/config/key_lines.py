@@ -1,7 +1,7 @@
 """Find the line of every key in a TOML text.
 
-Neither tomllib nor tomlkit reports lines of keys. The scan requires that `tomllib` has accepted the text, so that it
-only has to find keys and need not check anything.
+Neither tomllib nor tomlkit reports the lines of keys. The scan requires a text that `tomllib` has accepted. So it only
+finds keys and checks nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def key_lines(text: str) -> Mapping[KeyPath, int]:
     r"""Map every key of a valid TOML text to its line.
 
     Returns:
-        For the path of each key, its line number from 1.
+        The line number of each key, counted from 1, by the path of the key.
 
     Examples:
         >>> lines = key_lines('[gain]\nbounds = [\n  "-10 N*s",\n  "-0.01 N*s",\n]\n')

@@ -137,7 +137,7 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
 
 
 def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
-    """Read a no-object level; text that is not an output is the path of a file with such readings, in `folder`."""
+    """Read a no-object level: an output, or a file of readings without an object, whose path is relative to `folder`."""
     try:
         return read_output(value, name=name)
     except UnitError:
@@ -206,7 +206,7 @@ class FitRequest:
         return matches
 
     def _is_calibration(self) -> bool:
-        """Return whether the file is a calibration by its own header, so that messages may quote its content."""
+        """Return whether the file's own header makes it a calibration, so that messages may quote its content."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         try:
@@ -246,7 +246,7 @@ def _as_toml(label: str) -> str:
 
 
 def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> float:
-    """Return the number of an output; refuse another unit than that of the calibration."""
+    """Return the number of an output; raise an error if its unit is not that of the calibration."""
     number, unit = value
     if unit and unit != calibration.unit:
         raise UnitError(

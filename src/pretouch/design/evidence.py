@@ -234,10 +234,7 @@ class GainEvidence(Answer):
 
     @_part
     def ideal(self) -> IdealDesign | None:
-        """The optimal gain in continuous time, with its loss on the loop.
-
-        None without `evaluate`, without a gain, or for an obstacle with a course.
-        """
+        """The continuous-time optimum and its loss on the loop; None without `evaluate` or gain, or with a course."""
         p = self.problem
         if p.task.evaluate is None or p.task.scenario.obstacle.course or self.gain is None:
             return None
@@ -252,10 +249,7 @@ class GainEvidence(Answer):
 
 
 def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
-    """Design one encounter, or each of an array, by the fast searches.
-
-    None for a single encounter if the fast searches give no certain result.
-    """
+    """Design one encounter, or each of an array, by the fast searches; None for one without a certain result."""
     if problem.task.scenario.shape:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()

@@ -18,7 +18,7 @@ from .printed import Printed, resolution
 from .program import Program
 
 PROGRAM: Final = Program(
-    "Table II: the objective f_1 of L(20) over the whole range of gains, with the gains of the table on it.",
+    "Table II: the objective f_1 of L(20) over the whole range of gains, with the gains of the table marked.",
     ONE_APPROACH,
     """\
 objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
@@ -93,8 +93,8 @@ def _contacts(curve: SensorModel, gains: Sequence[float]) -> FloatArray:
 
 
 def _columns(values: FloatArray, ranges: FloatArray) -> list[Printed]:
-    repeated = "repeats l' of its column; with it f_1 would be 0.102, not the printed 0.107 (finding 1)"
-    reasons = {"-1.0": "these are the values of D_p = -10 N s, printed under another head (finding 2)"}
+    repeated = "the column prints l' again; with this x, f_1 would be 0.102, not the printed 0.107 (finding 1)"
+    reasons = {"-1.0": "these are the values of D_p = -10 N s, printed under another column head (finding 2)"}
     heads = {f" at D_p = {head} N s": (column, reasons.get(head, repeated)) for head, column in PRINTED.items()}
     heads[", last column as -10 N s"] = PRINTED["-1.0"], "1.4975 was truncated after two decimals, not rounded"
     numbers = []
@@ -119,7 +119,7 @@ def _repeated(values: FloatArray, ranges: FloatArray) -> Finding:
     reached = bool(ranges[0, 0] <= float(x) <= ranges[0, 1])
     return finding(
         1,
-        "Table II prints l' in place of x at D_p = -0.7",
+        "Table II prints l' instead of x at D_p = -0.7",
         "Table II, column -0.7",
         f"x is printed as {x} m, the same number as l' below it. The equations give {values[0]:.4f} m, and only such a "
         f"value is consistent with f₁ = {f} in the same column.",
@@ -144,7 +144,7 @@ def _misheaded(values: FloatArray, ranges: FloatArray) -> Finding:
     near = (r[0] - resolution(p) <= float(p) <= r[1] + resolution(p) for r, p in zip(ranges, printed, strict=True))
     return finding(
         2,
-        "The last column of Table II is that of D_p = -10, not -1.0",
+        "The last column of Table II belongs to D_p = -10, not -1.0",
         "Table II, column -1.0",
         "Only the gain -10 N s reaches x = -0.611 m, and the other two values of the column are also those of -10 N s. "
         f"Table III ends with -10, too. At -1.0 N s the equations give {at[0]:.4f} m, {at[1]:.4f} m/s and {at[2]:.4f}.",

@@ -137,7 +137,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
 
 
 def _checked(task: Task) -> Task:
-    """Check the inputs of a verdict; return the task with its bounds reduced to the required gain margin."""
+    """Check the inputs of a verdict; return the task without gains that lack the required gain margin."""
     if task.scenario.shape != ():
         raise InvalidInputError(f"scenario: found encounters of shape {task.scenario.shape}, expected one")
     law: Any = _loop_of(task).law

@@ -154,5 +154,10 @@ def test_a_person_who_waits_is_told_how_far_the_work_is(run: Any, monkeypatch: p
     assert counts == sorted(set(counts))
     lay("loop.toml")
     _, _, err = run("verify", "loop.toml", "--runs", "8", "--no-report")
-    for work in ("simulating 8 encounters", "the best gain on the loop, ", "simulating change 1 of ", "a robot at rest"):
+    for work in (
+        "simulating 8 encounters",
+        "the best gain on the loop, ",
+        "simulating change 1 of ",
+        "a robot at rest",
+    ):
         assert re.search(rf"^pretouch: .*{work}.* \(\d+ s\)$", err, re.MULTILINE), work

@@ -94,7 +94,7 @@ def _from_calibration(value: Any) -> Any:
 
 
 def _inputs(part: str) -> dict[str, str]:
-    """Return the inputs of a part with their units; for sensors, those of all curves except the scale, which cancels."""
+    """Return the inputs of a part with their units; sensors have those of all curves, but no scale, which cancels."""
     if part != "sensor":
         units = {tuple(name.split(".")): unit for name, unit in SCENARIO_INPUTS.items()}
         return {name: unit for (of, name), unit in units.items() if of == part}

@@ -137,7 +137,7 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
 
 
 def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
-    """Read a no-object level: an output, or a file of readings without an object, whose path is relative to `folder`."""
+    """Read a no-object level: an output, or the path, relative to `folder`, of a file of readings without an object."""
     try:
         return read_output(value, name=name)
     except UnitError:

@@ -131,7 +131,7 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
         shifts = follow_optimum(problem, constraint, gain=np.array([gain]), names=tuple(inputs), held=held)
         exact = [(float(shift[0]), float(total[0])) for shift, total in shifts.values()]
         if np.isfinite(exact).all():  # next to an edge of contact, only one-sided differences exist
-            return _ranked(inputs, exact)
+            return _rank(inputs, exact)
     (step, relative), axis = _SMOOTH if problem.task.evaluate is None else _RIPPLED, problem.axis
     first, second = _FIRST / step, _SECOND / step**2
     gains = axis.scale * np.sinh(float(axis.coordinate(gain)) + step * _NODES)
@@ -156,10 +156,10 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
             shift = 0.0
         total = f_p[2] + (0.0 if at == "interior" else (f @ first) * shift)
         derivatives.append((float(shift * axis.stretch(gain)), float(total)))
-    return _ranked(inputs, derivatives)
+    return _rank(inputs, derivatives)
 
 
-def _ranked(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
+def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
     """Return the finite sensitivities, largest effect first."""
     entries = [
         Sensitivity(

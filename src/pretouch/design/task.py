@@ -56,7 +56,7 @@ class Source(Protocol):
         """Return the message of an error, with its cause in the file."""
 
 
-def _sparing(cls: type[R]) -> type[R]:
+def _with_fast_init(cls: type[R]) -> type[R]:
     """Replace `__init__` by a fast one, which stores only the passed fields: a design takes only microseconds."""
     complete: Any = cls.__init__
     names = {name for name in cls.__annotations__ if name != "_"}
@@ -91,7 +91,7 @@ def _sparing(cls: type[R]) -> type[R]:
     return cls
 
 
-@_sparing
+@_with_fast_init
 @dataclass(frozen=True)
 class Task(Value):
     """The problem for the verbs (functions such as `design_gain`): the encounter, the sensor and all options.

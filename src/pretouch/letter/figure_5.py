@@ -48,7 +48,7 @@ def reproduce(ran: Ran) -> Reproduction:
         numbers.append(Printed(f"relative error of {PRINTED[name]} % to 78.0 %", error, ours, "%", PLACE))
     return Reproduction(
         summary="Without mitigation the obstacle arrives at 0.3 m/s. The letter's \"ratio l'/v_o\" is the reduction of "
-        "that speed by mitigation, not the remaining speed (finding 3). As reductions, the letter's model values agree.",
+        "that speed by mitigation, not the remaining speed (finding 3). As reductions, the model values agree.",
         parameters=PARAMETERS,
         comparisons=tuple(numbers),
         findings=(_reductions(taken),),

@@ -52,7 +52,7 @@ def reproduce(ran: Ran) -> Reproduction:
     columns["speed at contact [mm/s]"] = ([-1e3 * c.relative_velocity for c in at], ".2f")
     return Reproduction(
         summary="If mass and stiffness are known, the peak force can be a term of the objective or a limit. The spring "
-        "has √(μ k) = 62.7 N s/m, the value from Table III; the sphere is soft, with a radius of 10 mm. Both models are "
+        "has √(μ k) = 62.7 N s/m, as found from Table III; the sphere is soft, with a radius of 10 mm. Both models are "
         "lossless, so they bound the peak force from above. The mass is the robot's physical mass, not M_a.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
         findings=(_shifted(*[*gains.values()][:3]),),

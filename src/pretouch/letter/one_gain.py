@@ -48,7 +48,7 @@ def reproduce(ran: Ran) -> Reproduction:
         summary="The letter advises to design for a fast obstacle and to keep that gain. Here the loss of one gain in "
         "f₁ is computed, compared with the best gain for each speed, for the inverse power curve and l'_typ equal to "
         f"the obstacle's speed. {gain[FAST]:.3f} N s minimizes the largest loss from 0.2 to 1 m/s. Over all speeds "
-        f"from 0.01 m/s on, the best gain is {gain[ALL]:.3f} N s, but its loss is large in every range of speeds.",
+        f"from 0.01 m/s on, the gain with the smallest largest loss is {gain[ALL]:.3f} N s; it suits no range well.",
         parameters=(*ADMITTANCE, *SENSORS["inverse-power"], *F_1[:3]),
         findings=(_price(gain[FAST], loss[FAST], left[FAST], speeds < 0.2),),
         tables=(readings("The loss at each speed", columns, note),),

@@ -33,7 +33,7 @@ def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
         samples.fill()
     best = non_dominated(samples.values)
     piece = np.cumsum(np.concatenate([[True], best[1:] & ~best[:-1]]))
-    kept = np.flatnonzero(_thinned(samples.values, best))
+    kept = np.flatnonzero(_thin_out(samples.values, best))
     order = kept[np.argsort(samples.values[kept, 0] if samples.values.shape[1] == 2 else kept, kind="stable")]
     numbers = np.concatenate([[0], np.cumsum(np.diff(piece[order]) != 0)])[: len(order)]
     connected = np.diff(piece[kept]) == 0
@@ -108,7 +108,7 @@ class _Samples:
                 return
 
 
-def _thinned(values: FloatArray, best: BoolArray) -> BoolArray:
+def _thin_out(values: FloatArray, best: BoolArray) -> BoolArray:
     """Remove points that have close neighbors, but not ends of pieces or minima of quantities."""
     kept, front = best.copy(), np.flatnonzero(best)
     if not len(front):

@@ -64,7 +64,7 @@ class RobustProblem(GainProblem):
 
     def values(self, gain: float) -> tuple[FloatArray, FloatArray]:
         """Return objectives, shape (n,), and ratios |quantity| / limit, (k, n), at a gain; infinite without contact."""
-        objective, ratios, _ = self._raw(np.array([gain]))
+        objective, ratios, _ = self._evaluate(np.array([gain]))
         return objective[0], ratios[:, 0]
 
     def criterion(self, which: int) -> Criterion:
@@ -120,7 +120,7 @@ class RobustProblem(GainProblem):
         block = _BLOCK if self.ensemble.evaluator is None else _BLOCK_OF_EVALUATOR
         step = max(1, block // len(self.ensemble))
         for start in range(0, len(gains), step):
-            objective, ratios, least = self._raw(gains[start : start + step])
+            objective, ratios, least = self._evaluate(gains[start : start + step])
             quantiles = [limit.share(ratio) for limit, ratio in zip(self.limits, ratios, strict=True)]
             yield (
                 np.asarray(self.measure.of(objective)),
@@ -128,7 +128,7 @@ class RobustProblem(GainProblem):
                 np.asarray(self.measure.of(least)),
             )
 
-    def _raw(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _evaluate(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return objective, ratios, shape (k, m, n), and a lower bound of the objective of stronger gains, (m, n)."""
         result = self.ensemble.contacts(gains[:, None])
         reached, state, speed = result.reached, result.end, self.ensemble.speed

@@ -77,7 +77,7 @@ def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, to
         bound = max(bound, float(reach[~settled & ~over].max(initial=-np.inf)))
         if over.any():
             lows, highs = np.where(grows, highs, lows)[over], np.where(falls, lows, highs)[over]
-            waiting.append(_halved(lows, highs, change[over], (grows | falls)[over]))
+            waiting.append(_halve(lows, highs, change[over], (grows | falls)[over]))
     remaining = np.inf if waiting else -np.inf
     return CertifiedMaximum(point=where, value=best, bound=max(best, bound, remaining), boxes=boxes, signs=whole)
 
@@ -89,7 +89,7 @@ def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return slopes.min(axis=1) - beyond, slopes.max(axis=1) + beyond, change
 
 
-def _halved(
+def _halve(
     lows: FloatArray, highs: FloatArray, change: FloatArray, collapsed: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Halve boxes in the coordinate with the largest change, except boxes that have just lost a dimension."""

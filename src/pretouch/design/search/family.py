@@ -38,7 +38,7 @@ _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, PO
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """Return gain [N s], objective and certainty of encounters that differ in one input, each of shape (n,)."""
     # The result is None if they differ in more than one input, are few, or the compiled search does not support them.
-    varied = list(_varied(problem.task.scenario))
+    varied = list(_varied_inputs(problem.task.scenario))
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or supported_terms(problem) is None:
         return None
     family = _family(problem, *varied[0])
@@ -125,7 +125,7 @@ def _family(problem: GainProblem, name: str, value: Any) -> _Family:
     return _Family(problem, name, sign, np.log(np.abs(x)) if logarithmic else x)
 
 
-def _varied(scenario: Scenario) -> Iterator[tuple[str, Any]]:
+def _varied_inputs(scenario: Scenario) -> Iterator[tuple[str, Any]]:
     """Yield name and value of the inputs that are arrays of more than one number."""
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)

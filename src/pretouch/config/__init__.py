@@ -187,7 +187,7 @@ class _Builder(Reading):
             self.refuse(key if is_key else ("sensor", CALIBRATION), sentence)
             return None, None
         limits = {key: values[key] for key in FROM_SURFACE if key in values}
-        return self.attempt("sensor", lambda: _extended(sensor, values.get("recess"), limits)), report
+        return self.attempt("sensor", lambda: _extend(sensor, values.get("recess"), limits)), report
 
     def scenario(self) -> Scenario | None:
         """Build the encounter."""
@@ -316,7 +316,7 @@ def _without_content(error: PretouchError, path: Path) -> str:
     return problem if problem == str(error) else f"{problem}; to see more, run: pretouch fit {shlex.quote(str(path))}"
 
 
-def _extended(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
+def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
     """Apply the recess to a fitted curve, and extend or cut it to the requested distances from the contact surface."""
     if recess is None:
         return dataclasses.replace(sensor, **limits)

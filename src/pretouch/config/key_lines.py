@@ -96,7 +96,7 @@ class _Scan:
             if match is None:
                 raise ValueError(f"no key at {self.position}")
             self.position = match.end()
-            keys.append(_unquoted(match.group(1)))
+            keys.append(_unquote(match.group(1)))
             self.skip(_BLANK)
             if not self.text.startswith(".", self.position):
                 return keys
@@ -140,5 +140,5 @@ class _Scan:
         self.lines.setdefault(path, bisect.bisect_right(self.starts, position))
 
 
-def _unquoted(key: str) -> str:
+def _unquote(key: str) -> str:
     return next(iter(tomllib.loads(f"{key} = 0"))) if key[0] in "\"'" else key

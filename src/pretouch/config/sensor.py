@@ -191,13 +191,13 @@ class FitRequest:
             if error.problem or not self._is_calibration():
                 raise
             raise CalibrationDataError(str(error), problem=str(error)) from None
-        wanted = {f"{key}={value}" for key, value in self.select.items()}
-        matches = tuple(curve for curve in curves if wanted <= set(curve.label.split(", ")))
+        selected = {f"{key}={value}" for key, value in self.select.items()}
+        matches = tuple(curve for curve in curves if selected <= set(curve.label.split(", ")))
         if not matches:
             labels = "; ".join(curve.label for curve in curves[:8] if curve.label) or "none: the file holds one curve"
             more = f" and {len(curves) - 8} more" if len(curves) > 8 else ""
             message = (
-                f"select: found {', '.join(sorted(wanted))}, expected labels of a curve in {self.path.name} "
+                f"select: found {', '.join(sorted(selected))}, expected labels of a curve in {self.path.name} "
                 f"({labels}{more})"
             )
             raise CalibrationDataError.without_content(message)  # labels of a valid calibration may be quoted

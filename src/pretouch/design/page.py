@@ -80,12 +80,12 @@ def gain_page(design: GainDesign) -> Page:
     )
 
 
-def _shown(design: GainDesign) -> ContactResult | None:
+def _displayed_result(design: GainDesign) -> ContactResult | None:
     return design.result or design.nearest
 
 
 def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
-    run, before = _shown(design), design.no_mitigation
+    run, before = _displayed_result(design), design.no_mitigation
     if run is None:
         yield "nearest approach without mitigation", Measured(float(before.closest_distance), "m")
         return
@@ -117,7 +117,7 @@ def _next_step(design: GainDesign) -> str:
 
 
 def _contact(design: GainDesign) -> Chapter:
-    run = _shown(design)
+    run = _displayed_result(design)
     runs = [r for r in (design.no_mitigation, run) if r is not None]
     head: Row = ("", "without mitigation")
     if run is not None:
@@ -269,7 +269,7 @@ _FORCE_LAWS: Final = {
 
 def _gain_and_sensor(design: GainDesign) -> Chapter | None:
     """Return the section with the coefficient of the force law, the product of gain and sensor slope."""
-    run, n, power = _shown(design), design.number, design.problem.task.law.degree
+    run, n, power = _displayed_result(design), design.number, design.problem.task.law.degree
     if run is None or power not in _FORCE_LAWS:
         return None
     (force, coefficient, times), unit = _FORCE_LAWS[power], f"{n.unit}/m" if power == 1 else f"{n.unit}/m^{power}"

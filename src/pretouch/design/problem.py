@@ -171,8 +171,8 @@ class GainProblem(Value):
         shape, evaluate = self.task.scenario.shape, self.task.evaluate
         if evaluate is not None:
             evaluate = with_noise_after(evaluate, int(np.ravel_multi_index(index, shape, mode="wrap")))
-        one = map_fields(self.task.scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
-        return self.changed(scenario=one, evaluate=evaluate)
+        scenario = map_fields(self.task.scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
+        return self.changed(scenario=scenario, evaluate=evaluate)
 
     def within_gain_limit(self) -> GainProblem:
         """Return the problem with its constraints on the gain replaced by narrower bounds.

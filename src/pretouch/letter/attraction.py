@@ -44,10 +44,10 @@ def reproduce(ran: Ran) -> Reproduction:
     a, b, around, same = float(ran["a"]), float(ran["b"]), ran["around"], np.isclose(ran["speeds"], ran["a"])
     root = float(np.sqrt(1 + 8 * INPUTS["b_2"] * INPUTS["D_p"] * INPUTS["v_o"] / INPUTS["K_a"]))
     apart = around.distance - a * around.time - b
-    left = apart[:, -1] / apart[:, 0]  # share of the initial deviation that remains at contact
+    remaining = apart[:, -1] / apart[:, 0]  # share of the initial deviation that remains at contact
     starts, ends = ran["starts"][same], around.time[same, -1]
     columns = {"l(0) [mm]": (1e3 * starts, ".1f"), "l(0) - B [mm]": (1e3 * (starts - b), "+.1f")}
-    columns |= {"share of it at contact": (left[same], ".3f"), "time of contact [s]": (ends, ".3f")}
+    columns |= {"share of it at contact": (remaining[same], ".3f"), "time of contact [s]": (ends, ".3f")}
     course, names = ("time", "distance", "relative_velocity"), ("around", "letter", "uniform")
     motions = {name: {of: getattr(ran[name], of) for of in course} for name in names}
     return Reproduction(
@@ -56,7 +56,7 @@ def reproduce(ran: Ran) -> Reproduction:
         "D_p v_o / K, and the damping is positive wherever the output falls with the distance: the energy ½ M δ'² + ½ "
         "K (1 + s)/2 δ² can only fall. This proves, for every start, the attraction that the letter reports.",
         parameters=(*APPROACH, *SENSORS["exponential-2"], EXPERIMENT_GAIN),
-        findings=(_attracted(ran, apart, left[same]), _roots(root, a)),
+        findings=(_attraction_finding(ran, apart, remaining[same]), _roots(root, a)),
         tables=(readings("Motions that start with the velocity A", columns),),
         caption="Grey: 21 motions from other distances and velocities, until contact. The letter's motion starts and "
         "ends 4 mm from the uniform motion, because its relative velocity must first fall from -0.3 m/s.",
@@ -66,13 +66,13 @@ def reproduce(ran: Ran) -> Reproduction:
             "effective_stiffness_other_root": INPUTS["K_a"] * (1 - root) / 2,
             "initial_distance": ran["starts"],
             "initial_relative_velocity": ran["speeds"],
-            "deviation_left_at_contact": left,
+            "deviation_left_at_contact": remaining,
             "motion": motions,
         },
     )
 
 
-def _attracted(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
+def _attraction_finding(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
     stiffness = INPUTS["K_a"] + 2 * INPUTS["b_2"] * INPUTS["D_p"] * ran["a"]
     energy = INPUTS["M_a"] * (ran["around"].relative_velocity - ran["a"]) ** 2 / 2 + stiffness * apart**2 / 2
     falls = bool(np.diff(energy / energy[:, :1], axis=1).max() < 0)

@@ -40,7 +40,7 @@ def reproduce(ran: Ran) -> Reproduction:
     first = "reduction 1 - l'/v_o, experiment; computed: inverse power"
     numbers = [Printed(first, true, taken["inverse-power"], "%", PLACE, hardware, hardware=True)]
     for name, (method, _) in MODELS.items():
-        span = over_rounding(name, partial(_taken, method=method))
+        span = over_rounding(name, partial(_reduction, method=method))
         label = f"reduction 1 - l'/v_o, {NAMES[name]}"
         numbers.append(Printed(label, PRINTED[name], taken[name], "%", PLACE, over_inputs=span))
     for name, (_, error) in MODELS.items():
@@ -62,7 +62,7 @@ def reproduce(ran: Ran) -> Reproduction:
     )
 
 
-def _taken(curve: SensorModel, method: str) -> float:
+def _reduction(curve: SensorModel, method: str) -> float:
     """Return the reduction of the obstacle's speed at contact [%]."""
     contact = find_contact(approach(), curve, EXPERIMENT_GAIN.value, method=method).contact
     return float(100 - 100 * contact.relative_velocity / approach().obstacle.velocity)

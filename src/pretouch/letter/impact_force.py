@@ -55,7 +55,7 @@ def reproduce(ran: Ran) -> Reproduction:
         "has √(μ k) = 62.7 N s/m, as found from Table III; the sphere is soft, with a radius of 10 mm. Both models are "
         "lossless, so they bound the peak force from above. The mass is the robot's physical mass, not M_a.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
-        findings=(_shifted(*[*gains.values()][:3]),),
+        findings=(_shift_finding(*[*gains.values()][:3]),),
         tables=(readings("Optimum by speed and by force", columns),),
         caption="The peak force over the gain for two kinds of contact, with the optimum of each objective.",
         numbers={
@@ -66,7 +66,7 @@ def reproduce(ran: Ran) -> Reproduction:
     )
 
 
-def _shifted(by_speed: float, spring: float, hertz: float) -> Finding:
+def _shift_finding(by_speed: float, spring: float, hertz: float) -> Finding:
     return finding(
         13,
         "For a linear contact, the force objective changes nothing; for a curved one, it shifts the gain",

@@ -131,7 +131,9 @@ def _part(part: Reproduction) -> Chapter:
         Paragraph(text=part.summary),
         Paragraph(text=f"Findings: {links}", quiet=True) if links else None,
         Chapter(title="Inputs, as printed in the letter", blocks=(inputs,)) if part.parameters else None,
-        Chapter(title="Printed and computed numbers", blocks=tuple(_compared(part))) if part.comparisons else None,
+        Chapter(title="Printed and computed numbers", blocks=tuple(_comparison_blocks(part)))
+        if part.comparisons
+        else None,
         *part.tables,
         picture,
         Code(text=part.code, title="Complete program of this figure"),
@@ -139,7 +141,7 @@ def _part(part: Reproduction) -> Chapter:
     return Chapter(title=f"{part.place}: {part.title}", anchor=f"part-{part.id}", blocks=blocks)
 
 
-def _compared(part: Reproduction) -> Iterator[Rows | Listing | Paragraph]:
+def _comparison_blocks(part: Reproduction) -> Iterator[Rows | Listing | Paragraph]:
     """Yield the table of printed and computed numbers, then each reason with the numbers that it explains."""
     head = ("number", "place", "printed", "computed", "difference", "range over input rounding", "verdict")
     rows = [

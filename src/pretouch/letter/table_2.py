@@ -62,7 +62,7 @@ def reproduce(ran: Ran) -> Reproduction:
     ranges = over_rounding("inverse-power", lambda curve: _contacts(curve, gains))
     optima = {way: best_gain(sensor(way.split(", ")[0]), method=way.split(", ")[1].replace(" ", "-")) for way in WAYS}
     terms = np.array([(values[0] / F_1[2].value) ** 2, (values[1] / F_1[3].value) ** 2])
-    sought = ((f"optimal gain, {way}", p, optima[way]) for way, p in WAYS.items() if p is not None)
+    optimal_gains = ((f"optimal gain, {way}", p, optima[way]) for way, p in WAYS.items() if p is not None)
     columns = {"D_p [N s]": (gains, "g"), "x [m]": (values[0], ".4f"), "l' [m/s]": (values[1], ".4f")}
     columns |= {"(x / x_typ)²": (terms[0], ".4f"), "(l' / l'_typ)²": (terms[1], ".4f"), "f₁": (values[2], ".4f")}
     return Reproduction(
@@ -70,8 +70,8 @@ def reproduce(ran: Ran) -> Reproduction:
         "entries of the table cannot be right (findings 1 and 2); the others agree. If a computed number misses the "
         "last digit by less than one unit, parameters that round to the printed ones reproduce it.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
-        comparisons=(*_columns(values, ranges), *(Printed(*way, "N s", "Section V-A") for way in sought)),
-        findings=(_repeated(values[:, 2], ranges[:, 2]), _misheaded(values, ranges[:, -1])),
+        comparisons=(*_columns(values, ranges), *(Printed(*way, "N s", "Section V-A") for way in optimal_gains)),
+        findings=(_repetition_finding(values[:, 2], ranges[:, 2]), _column_finding(values, ranges[:, -1])),
         tables=(readings("Both terms of the objective", columns),),
         caption="The objective and its two terms, which cross near the optimum. Circles are the gains of the table; "
         "the letter prints the values of the last one, -10 N s, under -1.0.",
@@ -110,7 +110,7 @@ def _rounded(printed: str) -> tuple[float, float]:
     return abs(float(printed)) - resolution(printed) / 2, abs(float(printed)) + resolution(printed) / 2
 
 
-def _repeated(values: FloatArray, ranges: FloatArray) -> Finding:
+def _repetition_finding(values: FloatArray, ranges: FloatArray) -> Finding:
     x, v, f = PRINTED["-0.7"]
     (_, x_high), (v_low, v_high), (f_low, f_high) = (_rounded(number) for number in (x, v, f))
     x_typ, v_typ = abs(F_1[2].value), abs(F_1[3].value)
@@ -134,7 +134,7 @@ def _repeated(values: FloatArray, ranges: FloatArray) -> Finding:
     )
 
 
-def _misheaded(values: FloatArray, ranges: FloatArray) -> Finding:
+def _column_finding(values: FloatArray, ranges: FloatArray) -> Finding:
     curve, printed, at = sensor("inverse-power"), PRINTED["-1.0"], values[:, -2]
 
     def gain(x: float) -> float:

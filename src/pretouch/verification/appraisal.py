@@ -82,8 +82,8 @@ class Draws:
 
     def predicted(self, gain: float) -> FloatArray:
         """Predict |l'| at contact of each encounter in continuous time [m/s]; NaN without contact."""
-        found = predicted_contact(self.task, gain) if self.ensemble is None else self.ensemble.contacts(gain)
-        return self._each(np.where(found.reached, np.abs(found.end.relative_velocity), np.nan))
+        result = predicted_contact(self.task, gain) if self.ensemble is None else self.ensemble.contacts(gain)
+        return self._each(np.where(result.reached, np.abs(result.end.relative_velocity), np.nan))
 
     def _each(self, value: Any) -> FloatArray:
         return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.task.runs,))
@@ -96,14 +96,14 @@ def draw_encounters(task: Task) -> Draws:
         alike = replace(obstacle, position=np.full(task.runs, obstacle.position))
         return Draws(task=task, scenarios=replace(task.scenario, obstacle=alike))
     values = sample_inputs(task.uncertainty, task.runs, seed=task.loop.seed, sampling="random")
-    known = [name for name in values if name.startswith("admittance.")]
-    if known:
+    certain = [name for name in values if name.startswith("admittance.")]
+    if certain:
         raise InvalidInputError(
-            f"uncertainty: found {known[0]}, which is a number in the controller and known exactly; remove it"
+            f"uncertainty: found {certain[0]}, which is a number in the controller and known exactly; remove it"
         )
     several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
-    own = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
-    return Draws(task=task, scenarios=several.scenario, ensemble=several, sensors=own)
+    sensors = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
+    return Draws(task=task, scenarios=several.scenario, ensemble=several, sensors=sensors)
 
 
 class Requirement(NamedTuple):
@@ -199,11 +199,11 @@ class LoopProblem:
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
         """Return a loop that ends at contact, unless objective or limits need the forces after it."""
         task = self.draws.task
-        own = isinstance(task.goal, OwnObjective)
+        custom = isinstance(task.goal, OwnObjective)
         needed = {constraint.quantity for constraint in task.limits}
-        needed |= set() if own else {term.quantity for term in task.goal.terms}
+        needed |= set() if custom else {term.quantity for term in task.goal.terms}
         # up to contact, the results are bit-identical with those of the whole loop
-        return loop if own or needed & _IN_CONTACT else replace(loop, follow=0.0)
+        return loop if custom or needed & _IN_CONTACT else replace(loop, follow=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
         """Run the first `count` encounters (all if None) with a gain, and evaluate each."""
@@ -219,7 +219,7 @@ class LoopProblem:
         """Evaluate runs of the first encounters with the loop and the gain that produced them."""
         limits, touched = limits_of(self.draws.task.constraints), result.touched
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
-        met = (
+        requirements = (
             Requirement(limit.constraint.name, ratio <= 1 + _ROUNDING, limit.probability)
             for limit, ratio in zip(limits, ratios, strict=True)
         )
@@ -227,13 +227,13 @@ class LoopProblem:
             result=result,
             objective=self._objective(result, loop, gain),
             ratios=ratios,
-            requirements=(Requirement("contact", touched[self.predicted[: len(touched)]], 1.0), *met),
+            requirements=(Requirement("contact", touched[self.predicted[: len(touched)]], 1.0), *requirements),
             effect=effect_of(result, self.unmitigated),
         )
 
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
-        found = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.task.impact)
-        return np.where(result.touched & np.isfinite(found), np.abs(found) / limit.constraint.limit, np.inf)
+        magnitude = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.task.impact)
+        return np.where(result.touched & np.isfinite(magnitude), np.abs(magnitude) / limit.constraint.limit, np.inf)
 
     def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
         objective, impact = self.draws.task.goal, self.draws.task.impact
@@ -259,13 +259,13 @@ def simulated_quantity(
     """Return a quantity of objectives and limits, or `peak_force`, of every run; NaN if a needed contact is missing."""
     if name == "gain":
         return np.full(result.shape, gain)
-    known: Any = impact  # not None if needed: the ideal design refuses objectives that lack physical properties
+    model: Any = impact  # not None if needed: the ideal design refuses objectives that lack physical properties
     if name == "impact_force" and loop.contact is None:
-        return np.asarray(known.peak_force(result.relative_velocity))
+        return np.asarray(model.peak_force(result.relative_velocity))
     if name == "impact_force":
         return np.where(result.touched, result.impact_force, np.nan)
     if name == "drive_force":
-        mass = loop.plant.coefficients()[0] or known.robot_mass  # an ideal robot has no mass
+        mass = loop.plant.coefficients()[0] or model.robot_mass  # an ideal robot has no mass
         return mass * np.asarray(result.largest_acceleration)
     return np.asarray(getattr(result, name), dtype=np.float64)
 

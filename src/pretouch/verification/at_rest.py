@@ -96,8 +96,8 @@ def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[floa
     def largest(places: FloatArray, count: int, first: int) -> FloatArray:
         note_work("simulating a robot at rest")
         here = Scenario(admittance=task.scenario.admittance, obstacle=Obstacle(position=np.repeat(places, count)))
-        found = at_rest.after(first).run(here, task.sensor, gain).largest_excursion
-        return np.asarray(found).reshape(len(places), count)
+        excursions = at_rest.after(first).run(here, task.sensor, gain).largest_excursion
+        return np.asarray(excursions).reshape(len(places), count)
 
     scanned = largest(places, _SCANS, 0).mean(axis=1)
     worst = places[np.argsort(scanned)[-2:]]
@@ -118,5 +118,5 @@ def _places(task: Task, law: Controller, floor: float, deviations: FloatArray) -
     noise = np.hypot(
         np.hypot(chain.noise, chain.resolution * 12**-0.5), xi * np.hypot(chain.relative_noise, by_distance)
     )
-    seen = level >= floor + deviations[:, None] * noise
-    return np.asarray(np.where(seen, places, 0.0).max(axis=1))
+    detected = level >= floor + deviations[:, None] * noise
+    return np.asarray(np.where(detected, places, 0.0).max(axis=1))

@@ -140,16 +140,16 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
     """Run the nominal encounter with a gain on sensors that are compatible with the readings of the calibration."""
     if report.curves is None or report.offset is None:  # too few readings to draw other curves
         return None
-    chain = _quiet(task.loop.chain)
+    chain = _without_noise(task.loop.chain)
     nominal = DrawnCurve(sensor=task.sensor, offset=report.offset.value)
     promised = _run(task, gain, replace(chain, misfit=0.0), (nominal,))
     if np.isnan(promised.speed[0]):
         return None
-    drawn = tuple(_mounted(curve, task) for curve in report.curves.draw(_DRAWS, _SEED))
+    sensors = tuple(_mount(curve, task) for curve in report.curves.draw(_DRAWS, _SEED))
     witness = check_on_readings(report.curves, report.offset.value, task.scenario, task.sensor, gain=gain, law=task.law)
-    found = _run(task, gain, chain, drawn)
-    missing, harder, broken = found.failures(promised)
-    ends = [finite_or_none(v) for v in np.quantile(found.speed, (0.05, 0.5, 0.95))]
+    outcome = _run(task, gain, chain, sensors)
+    missing, harder, broken = outcome.failures(promised)
+    ends = [finite_or_none(v) for v in np.quantile(outcome.speed, (0.05, 0.5, 0.95))]
     check = CalibrationCheck(
         draws=_DRAWS,
         promised=float(promised.speed[0]),
@@ -164,18 +164,18 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
     )
     if check.is_good_enough:
         return check
-    decisive = _decisive(task, gain, drawn, found, promised)
+    decisive = _decisive(task, gain, sensors, outcome, promised)
     return replace(check, decisive=decisive, remedy=_remedy(task, report, decisive))
 
 
-def _quiet(chain: SensorChain) -> SensorChain:
+def _without_noise(chain: SensorChain) -> SensorChain:
     """Return a chain that is the same in every run, except for its misfit."""
     return replace(
         chain, noise=0.0, relative_noise=0.0, distance_noise=0.0, jitter=0.0, dropout=0.0, random_phase=False
     )
 
 
-def _mounted(drawn: DrawnCurve, task: Task) -> DrawnCurve:
+def _mount(drawn: DrawnCurve, task: Task) -> DrawnCurve:
     """Extend and recess a drawn curve like the fitted one; the chain has the controller's offset."""
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
@@ -205,18 +205,18 @@ def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Ou
     # Offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
     # offset is nearest to the fitted one show the uncertainty that remains if the offset is known.
     report: Any = task.calibration
-    chain = _quiet(task.loop.chain)
+    chain = _without_noise(task.loop.chain)
     value = report.offset.value
     many = report.curves.draw(_ALIKE * _DRAWS, _SEED)
     nearest = sorted(many, key=lambda curve: abs(curve.offset - value))[:_DRAWS]
     fitted = DrawnCurve(sensor=task.sensor, offset=value)
     smooth = _run(task, gain, replace(chain, misfit=0.0), drawn).badness(promised)
-    known = _run(task, gain, chain, tuple(_mounted(curve, task) for curve in nearest)).badness(promised)
+    known_offset = _run(task, gain, chain, tuple(_mount(curve, task) for curve in nearest)).badness(promised)
     rest = _run(task, gain, chain, (fitted,) * _DRAWS).badness(promised)
     if chain.misfit and smooth < rest:
         return "misfit"
     failing = found.badness(promised)
-    return "offset" if known[0] <= failing[0] / 2 and known < failing else "curve"
+    return "offset" if known_offset[0] <= failing[0] / 2 and known_offset < failing else "curve"
 
 
 def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:

@@ -53,14 +53,14 @@ def compare_quantities(
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
     if contact is not None and any(np.any(r.peak_force > (1 + _ROUNDING) * r.impact_force) for r in runs):
         names.append("peak_force")
-    found = []
+    comparisons = []
     for name in names:
         predicted = [None if name == "peak_force" else _magnitude(name, r, impact) for r in foreseen]
         simulated = [_spread_of(np.abs(np.asarray(getattr(r, name))), r.touched) for r in runs]
         ideal: dict[str, Any] = {"predicted": predicted[0], "predicted_unmitigated": predicted[1]}
         real: dict[str, Any] = {"simulated": simulated[0], "unmitigated": simulated[1]}
-        found.append(Comparison(name=name, label=words_for(name), unit=unit_of(name), **ideal, **real))
-    return tuple(found)
+        comparisons.append(Comparison(name=name, label=words_for(name), unit=unit_of(name), **ideal, **real))
+    return tuple(comparisons)
 
 
 def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
@@ -70,20 +70,20 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
         return None
     mean, error = mean_and_error(some)
     low, median, high = (float(q) for q in np.quantile(some, [0.05, 0.5, 0.95]))
-    told = {"low": low, "median": median, "high": high, "worst": float(some.max())}
-    return RunSpread(mean=mean, standard_error=error, **told, runs=len(some))
+    statistics = {"low": low, "median": median, "high": high, "worst": float(some.max())}
+    return RunSpread(mean=mean, standard_error=error, **statistics, runs=len(some))
 
 
 def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, gain: float) -> tuple[LimitCheck, ...]:
     """Return how often each limit is met in the runs with a gain, and the prediction for the nominal encounter."""
-    found, impact = [], foreseen_impact(task)
+    checks, impact = [], foreseen_impact(task)
     for required, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
         constraint = required.constraint
         count = int((ratio <= 1 + 1e-12).sum())
         reached = float(required.share(ratio)) * constraint.limit
         value = reached if math.isfinite(reached) else None
         own = constraint.quantity == "gain"
-        found.append(
+        checks.append(
             LimitCheck(
                 required=required,
                 predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, impact),
@@ -94,7 +94,7 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
                 source=_source_of(constraint.quantity, task.loop),
             )
         )
-    return tuple(found)
+    return tuple(checks)
 
 
 def _source_of(name: str, loop: ClosedLoop) -> str:
@@ -147,10 +147,12 @@ def _force(task: Task) -> Iterator[str]:
         if task.impact is not None:
             yield "The impact force is computed by the impact model from the simulated speed at contact."
         return
-    own = "the same contact stiffness without loss, and the mass of the robot"
+    model = "the given impact model"
+    if task.impact is None:
+        model = "the same contact stiffness without loss, and the mass of the robot"
     yield (
-        f"The impact force is predicted with {own if task.impact is None else 'the given impact model'}. Loss in the "
-        "contact lowers the simulated force; the robot's drive and a driven obstacle raise it."
+        f"The impact force is predicted with {model}. Loss in the contact lowers the simulated force; the robot's drive "
+        "and a driven obstacle raise it."
     )
 
 
@@ -171,19 +173,19 @@ def cautions_of(
         *creep_in_words(draws.task, gain),
         *_push(loop, *runs),
         *_impact(comparisons),
-        *_reported(loop, runs[0]),
+        *_flag_warnings(loop, runs[0]),
         *_unknown_calibration(draws.task.calibration),
     )
 
 
 def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
-    own: Any = getattr(loop.law, "admittance", None)
+    virtual: Any = getattr(loop.law, "admittance", None)
     a, names = scenario.admittance, ("mass", "damping", "stiffness")
-    if own is None or all(np.allclose(getattr(own, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
+    if virtual is None or all(np.allclose(getattr(virtual, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
         return
     yield (
-        f"The controller's virtual mass, damping and stiffness ({own.mass:g} kg, {own.damping:g} N s/m, "
-        f"{own.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
+        f"The controller's virtual mass, damping and stiffness ({virtual.mass:g} kg, {virtual.damping:g} N s/m, "
+        f"{virtual.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
         f"{a.stiffness:g} N/m)."
     )
 
@@ -268,7 +270,7 @@ def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
     yield f"The simulated impact force is {times:.3g} times the predicted elastic one: {why}."
 
 
-def _reported(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
+def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
     if not isinstance(loop.law, Controller):  # the flags of custom laws are unknown
         return
     for flag, text in _FLAGS.items():

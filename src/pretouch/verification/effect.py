@@ -112,8 +112,8 @@ class Effect(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the effect as one JSON object, in SI."""
-        found = {name: getattr(self, name) for name in ("is_harder", "is_absent", "excess")}
-        return {**asdict(self), **found}
+        derived = {name: getattr(self, name) for name in ("is_harder", "is_absent", "excess")}
+        return {**asdict(self), **derived}
 
     @property
     def _chance(self) -> float:
@@ -133,7 +133,7 @@ def effect_of(
     difference, error = mean_and_error(speed - free)
     mean, without = float(speed.mean()), float(free.mean())
     promised = np.full(len(speed), np.nan) if foreseen is None else foreseen[:n][some]
-    known = np.isfinite(promised)
+    predictable = np.isfinite(promised)
     return Effect(
         speed=mean,
         unmitigated=without,
@@ -141,8 +141,8 @@ def effect_of(
         standard_error=error,
         runs=len(speed),
         harder=int((speed > free * (1 + _ALIKE)).sum()),
-        predicted=float(promised[known].mean()) if known.any() else None,
-        reached=float(speed[known].mean()) if known.any() else None,
+        predicted=float(promised[predictable].mean()) if predictable.any() else None,
+        reached=float(speed[predictable].mean()) if predictable.any() else None,
     )
 
 
@@ -256,11 +256,11 @@ def compare_with_fast_sensor(
     fast = with_fast_sensor(without_noise(loop))
     if fast is None:
         return None
-    other = run(fast)
-    both = quiet.touched & other.touched
+    fast_speed = run(fast)
+    both = quiet.touched & fast_speed.touched
     if not both.any():
         return None
-    speed, ideal = (np.abs(np.asarray(r.relative_velocity)[both]) for r in (quiet, other))
+    speed, ideal = (np.abs(np.asarray(r.relative_velocity)[both]) for r in (quiet, fast_speed))
     ratio = speed / np.maximum(ideal, _LEAST_SPEED)
     harder = float(np.quantile(ratio, _MOST)) - 1
     means = {"speed": float(speed.mean()), "fast": float(ideal.mean())}

@@ -154,8 +154,8 @@ class SimulatedEncounter(Described, Value):
         for found in self.comparisons:
             if found.name == name:
                 return found
-        known = ", ".join(c.name for c in self.comparisons)
-        raise InvalidInputError(f"name: found {name!r}, expected one of {known}")
+        names = ", ".join(c.name for c in self.comparisons)
+        raise InvalidInputError(f"name: found {name!r}, expected one of {names}")
 
     @cached_property
     def contacts(self) -> tuple[LoopContact, ...]:
@@ -187,12 +187,12 @@ class SimulatedEncounter(Described, Value):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Sentences to read before relying on the numbers, most important first."""
-        found = self.detection, self.flags, self.contacts, self.grows_after_impact
+        parts = self.detection, self.flags, self.contacts, self.grows_after_impact
         both = self.law.number, self.gain, self.run, self.unmitigated
         return (
             *harm_in_words(*both),
             *self._instability(),
-            *cautions_in_words(self.run, *found),
+            *cautions_in_words(self.run, *parts),
             *force_in_words(self.comparison("largest_virtual_force")),
             *idleness_in_words(*both),
         )
@@ -222,7 +222,7 @@ class SimulatedEncounter(Described, Value):
     def to_dict(self) -> dict[str, Any]:
         """Return the encounter as one JSON object without the traces: numbers in SI, None for missing ones."""
         loop = self.loop
-        found: dict[str, Any] = plain(
+        fields: dict[str, Any] = plain(
             {
                 "status": ContactStatus(self.run.status).label,
                 "headline": self.headline,
@@ -248,7 +248,7 @@ class SimulatedEncounter(Described, Value):
                 "warnings": self.warnings,
             }
         )
-        return found
+        return fields
 
     def __repr__(self) -> str:
         return f"<SimulatedEncounter: {self.headline}>"
@@ -307,13 +307,13 @@ def _comparison(e: SimulatedEncounter) -> Chapter:
     table = Rows(head=head, rows=tuple(_comparison_rows(e)), note=note, brief=True)
     loop, contact = e.loop, e.loop.contact
     model = "no contact model" if contact is None else type(contact).__name__
-    made = (
+    method = (
         f"On the loop: {type(loop.law).__name__} every {format_quantity(loop.law.period, 's', 3)}, readings at "
         f"{loop.chain.rate:g} Hz, {type(loop.plant).__name__}, {model}, seed {loop.seed}. Predicted: "
         f"{_NOTHING if e.prediction is None else e.prediction.method}."
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
-    return Chapter(title="Loop and prediction", blocks=(table, Paragraph(text=made, brief=True), elastic))
+    return Chapter(title="Loop and prediction", blocks=(table, Paragraph(text=method, brief=True), elastic))
 
 
 def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:
@@ -354,11 +354,11 @@ def _contact_row(contact: LoopContact) -> Row:
 
 
 def _detection(e: SimulatedEncounter) -> Chapter:
-    said = "The controller never detected the object." if e.detection is None else e.detection.sentence
+    sentence = "The controller never detected the object." if e.detection is None else e.detection.sentence
     head = ("controller flag", "meaning", "since", "total", "before contact")
     flags = Rows(head=head, rows=tuple(map(_flag_row, e.flags)), wraps=True, brief=True) if e.flags else None
-    seen = (Paragraph(text=said, brief=e.detection is not None), Paragraph(text=_SEEN, quiet=True))
-    return Chapter(title="Detection", blocks=(*seen, flags))
+    paragraphs = (Paragraph(text=sentence, brief=e.detection is not None), Paragraph(text=_SEEN, quiet=True))
+    return Chapter(title="Detection", blocks=(*paragraphs, flags))
 
 
 def _flag_row(flag: ReportedFlag) -> Row:
@@ -368,7 +368,7 @@ def _flag_row(flag: ReportedFlag) -> Row:
 
 def _method(e: SimulatedEncounter) -> Chapter:
     loop = Chapter(title="Of the loop", blocks=(Listing(items=_OF_THE_LOOP),))
-    other = replace(method_section("loop", solved_on="loop"), title="Of the runs")
+    runs = replace(method_section("loop", solved_on="loop"), title="Of the runs")
     if e.prediction is not None:
-        other = replace(method_section(e.prediction.method), title="Of the prediction")
-    return Chapter(title="Method and assumptions", blocks=(loop, other))
+        runs = replace(method_section(e.prediction.method), title="Of the prediction")
+    return Chapter(title="Method and assumptions", blocks=(loop, runs))

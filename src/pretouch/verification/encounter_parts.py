@@ -176,8 +176,8 @@ def compare_contacts(
         return row(name, (getattr(r, name) for r in runs), predicted)
 
     def of_contact(name: str) -> QuantityComparison:
-        known = impact if name == "impact_force" else None  # an elastic impact is predicted
-        elastic = (math.nan if known is None or e is None else known.peak_force(e.relative_velocity) for e in ends)
+        model = impact if name == "impact_force" else None  # an elastic impact is predicted
+        elastic = (math.nan if model is None or e is None else model.peak_force(e.relative_velocity) for e in ends)
         return row(name, (getattr(r, name) if r.touched else math.nan for r in runs), elastic)
 
     rows = [solved(name) for name in _AT_CONTACT]
@@ -192,11 +192,11 @@ def compare_contacts(
 
 def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ...]:
     """Return the contacts of a single run, at most 32."""
-    found = []
+    contacts = []
     for row in run.contact_list[~np.isnan(run.contact_list[:, 0])]:
         time, velocity, *rest = map(finite_or_none, row)
-        found.append(LoopContact(time or 0.0, velocity or 0.0, *(rest if has_force else (None,) * 4)))
-    return tuple(found)
+        contacts.append(LoopContact(time or 0.0, velocity or 0.0, *(rest if has_force else (None,) * 4)))
+    return tuple(contacts)
 
 
 def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
@@ -208,9 +208,11 @@ def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[Repo
         on = (flags & bit) != 0
         if not on.any():
             continue
-        known = Status(bit) if bit in _MEANINGS else None  # a flag that `Status` does not define is named by its number
-        name = f"flag-{bit}" if known is None else str(known.name).lower().replace("_", "-")
-        meaning = _OWN if known is None else _MEANINGS[known]
+        status = (
+            Status(bit) if bit in _MEANINGS else None
+        )  # a flag that `Status` does not define is named by its number
+        name = f"flag-{bit}" if status is None else str(status.name).lower().replace("_", "-")
+        meaning = _OWN if status is None else _MEANINGS[status]
         since, lasts = float(trace.time[on.argmax()]), (float(part.sum() * period) for part in (on, on & before))
         found.append(ReportedFlag(name, meaning, since, *lasts))
     return tuple(sorted(found, key=lambda flag: flag.since))
@@ -223,13 +225,13 @@ def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, s
     distance = float(trace.distance[int(np.abs(trace.time - run.detection_time).argmin())])
     low, high = sensor.valid_range
     inside = (min(max(d, low), high) for d in (float(scenario.distance), distance, 0.0))
-    start, seen, touch = (float(sensor.log_output(d)) for d in inside)
+    start, detected, touch = (float(sensor.log_output(d)) for d in inside)
     whole = touch - start
     return Detection(
         time=run.detection_time,
         distance=distance,
         start_distance=float(scenario.distance),
-        missed_share=min(max((seen - start) / whole, 0.0), 1.0) if whole else None,
+        missed_share=min(max((detected - start) / whole, 0.0), 1.0) if whole else None,
         time_left=run.time - run.detection_time if run.touched else None,
     )
 
@@ -307,18 +309,18 @@ def _force_sentence(run: SimulationResult, free: SimulationResult, grows: bool) 
 
 def cautions_in_words(
     run: SimulationResult,
-    seen: Detection | None,
+    detection: Detection | None,
     flags: tuple[ReportedFlag, ...],
     contacts: tuple[LoopContact, ...],
     grows: bool,
 ) -> Iterator[str]:
     """Yield warnings about detection, controller flags and contacts of a run, most important first."""
-    if seen is None:
+    if detection is None:
         yield "The object was never detected, so there was no virtual force. Check floor, offset and sensor range."
-    elif seen.missed_share is not None and seen.missed_share > _LATE:
+    elif detection.missed_share is not None and detection.missed_share > _LATE:
         yield (
-            f"Late detection: {seen.sentence[0].lower()}{seen.sentence[1:]} The prediction assumes detection at "
-            f"{format_quantity(seen.start_distance, 'm')}."
+            f"Late detection: {detection.sentence[0].lower()}{detection.sentence[1:]} The prediction assumes "
+            f"detection at {format_quantity(detection.start_distance, 'm')}."
         )
     approach = run.time if run.touched else run.end_time
     for flag in flags:
@@ -331,8 +333,8 @@ def cautions_in_words(
         hardest = max(contacts, key=lambda contact: -contact.relative_velocity)
         which = f"the one after {_time(hardest.time)}, at {_speed(hardest.relative_velocity)},"
         which = "the first" if hardest is contacts[0] else which
-        told = len(contacts)
-        beyond = f"; only the first {told} are listed" if run.contacts > told else ""
+        listed = len(contacts)
+        beyond = f"; only the first {listed} are listed" if run.contacts > listed else ""
         yield f"There are {run.contacts} contacts; {which} is the fastest{beyond}."
     if grows:
         yield (

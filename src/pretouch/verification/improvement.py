@@ -131,70 +131,72 @@ class Verified(NamedTuple):
 
 
 def find_improvements(
-    problem: LoopProblem, known: Verified
+    problem: LoopProblem, verified: Verified
 ) -> tuple[Loss, tuple[LoopChange, ...], tuple[LoopChange, ...]]:
     """Return the cost of the verified gain, the tried changes (most helpful first) and the unchanged loop."""
-    task, gain, runs = problem.draws.task, known.gain, problem.draws.compared
+    task, gain, runs = problem.draws.task, verified.gain, problem.draws.compared
     loop = task.loop
-    search = _best_on_loop(problem, known)
+    search = _best_on_loop(problem, verified)
     optimum, best, changes = search.best, None, []
     better = search.nearest if optimum is None else optimum
     if better is not None:
         # All runs are used, because the gain would look too good on only those runs by which it was chosen.
-        same, margin = math.isclose(better, gain, rel_tol=_SAME), stability_margin(known.limit, better)
-        outcomes = known.outcomes if same else problem.appraise(problem.compared(loop), better)
+        same, margin = math.isclose(better, gain, rel_tol=_SAME), stability_margin(verified.limit, better)
+        outcomes = verified.outcomes if same else problem.appraise(problem.compared(loop), better)
         best = None if optimum is None else outcomes.objective
         if not same:
             candidate = Candidate("gain", _redesign(problem.draws.task.law.number, gain, better, margin), loop)
-            changes.append(_compared(task, candidate, better, known.outcomes, replace(outcomes, margin=margin)))
-    first = part_of(known.outcomes.result, slice(runs))
-    part = replace(problem.appraised(first, loop, gain), margin=known.outcomes.margin)
-    candidates = _candidates(problem, known)
+            changes.append(
+                _evaluate_change(task, candidate, better, verified.outcomes, replace(outcomes, margin=margin))
+            )
+    first = part_of(verified.outcomes.result, slice(runs))
+    part = replace(problem.appraised(first, loop, gain), margin=verified.outcomes.margin)
+    candidates = _candidates(problem, verified)
     for number, candidate in enumerate(candidates, 1):
         note_work(f"simulating change {number} of {len(candidates)}")
         outcomes = problem.appraise(problem.compared(candidate.loop), gain, runs)
         after = None
-        if known.limit is not None:
-            after = stability_margin(limit_of(candidate.loop, task.sensor, known.passed), gain)
-        changes.append(_compared(task, candidate, gain, part, replace(outcomes, margin=after)))
+        if verified.limit is not None:
+            after = stability_margin(limit_of(candidate.loop, task.sensor, verified.passed), gain)
+        changes.append(_evaluate_change(task, candidate, gain, part, replace(outcomes, margin=after)))
     unchanged = Candidate("as-it-is", "", loop)
-    references = (part, known.outcomes)[: 2 if runs < task.runs else 1]
-    as_it_is = tuple(_compared(task, unchanged, gain, reference, reference) for reference in references)
-    return _loss(task, known, search, best), tuple(sorted(changes, key=_rank)), as_it_is
+    references = (part, verified.outcomes)[: 2 if runs < task.runs else 1]
+    as_it_is = tuple(_evaluate_change(task, unchanged, gain, reference, reference) for reference in references)
+    return _loss(task, verified, search, best), tuple(sorted(changes, key=_rank)), as_it_is
 
 
-def _candidates(problem: LoopProblem, known: Verified) -> list[Candidate]:
+def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
     """Return candidate changes; they depend on the fastest change and the largest noise of ln xi in the encounter."""
-    draws, check, free = problem.draws, known.stability, problem.unmitigated
+    draws, check, free = problem.draws, verified.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
-    slope = np.abs(np.asarray(sensor.log_slope(known.passed[0])))
-    xi = np.exp(np.asarray(sensor.log_output(known.passed[0])))
+    slope = np.abs(np.asarray(sensor.log_slope(verified.passed[0])))
+    xi = np.exp(np.asarray(sensor.log_output(verified.passed[0])))
     noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
     ends = np.abs(free.relative_velocity[free.touched])
     fastest = max(ends.max(initial=0.0), np.abs(draws.scenarios.relative_velocity).max())  # [m/s]
-    wanted = None
+    rate = None
     if check is not None and check.margin < _MARGIN and math.isfinite(check.lowest_rate_with_margin):
-        wanted = max(check.lowest_rate_with_margin, check.rate)
-    return candidates_of(draws.task.loop, float(fastest * slope.max()), float(noise.max()), wanted)
+        rate = max(check.lowest_rate_with_margin, check.rate)
+    return candidates_of(draws.task.loop, float(fastest * slope.max()), float(noise.max()), rate)
 
 
-def _loss(task: Task, known: Verified, search: _Search, best: FloatArray | None) -> Loss:
+def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | None) -> Loss:
     """Compare the objective of every run with that of the best gain on the loop."""
-    predicted, ideal = known.predicted, None
+    predicted, ideal = verified.predicted, None
     if predicted.reached.all():
         speed = abs(task.scenario.obstacle.velocity)
         ideal = float(task.goal.value(predicted.end, speed, foreseen_impact(task)))
-    own, other = known.outcomes.objective, np.full(task.runs, np.nan) if best is None else best
+    own, best_objective = verified.outcomes.objective, np.full(task.runs, np.nan) if best is None else best
     mean, error = mean_and_error(own)
     with np.errstate(invalid="ignore"):
-        loss, loss_error = mean_and_error(own - other)
+        loss, loss_error = mean_and_error(own - best_objective)
     return Loss(
         predicted=ideal,
         objective=finite_or_none(mean),
         standard_error=finite_or_none(error),
         loop_gain=search.best,
         sought_margin=search.margin,
-        loop_objective=finite_or_none(mean_and_error(other)[0]),
+        loop_objective=finite_or_none(mean_and_error(best_objective)[0]),
         loss=finite_or_none(loss),
         loss_error=finite_or_none(loss_error),
         curve=search.curve,
@@ -257,9 +259,9 @@ class _Search:
         return LoopCurve(gain=gain, objective=objective, standing=standing, share=share, runs=runs)
 
 
-def _best_on_loop(problem: LoopProblem, known: Verified) -> _Search:
+def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:
     """Search the best gain on the loop; the verified and the ideal gain are among those tried."""
-    (low, high), limit = problem.draws.task.stable_bounds(), known.limit
+    (low, high), limit = problem.draws.task.stable_bounds(), verified.limit
     margin, sign = None, problem.draws.task.law.number.sign
     if limit is not None:
         margin = _MARGIN if limit.allowed(_MARGIN) >= min(sign * low, sign * high) else 1.0
@@ -269,7 +271,7 @@ def _best_on_loop(problem: LoopProblem, known: Verified) -> _Search:
     axis = GainAxis(low=low, high=high)
     search = _Search(problem=problem, axis=axis, margin=margin)
     if axis.low <= axis.high:  # else no gain within the bounds has the margin
-        among = [g for g in (known.gain, known.design.gain) if g is not None and axis.low <= g <= axis.high]
+        among = [g for g in (verified.gain, verified.design.gain) if g is not None and axis.low <= g <= axis.high]
         search.merit(axis.coordinate(np.array(among)))
         scan(search.landscape, *axis.span, RUNS)
         u = np.array(sorted(search.tried))
@@ -283,7 +285,9 @@ def _redesign(number: LawNumber, gain: float, loop_gain: float, margin: float | 
     return f"Use {number.equals(loop_gain)} instead of {number.text(gain)}{stable}."
 
 
-def _compared(task: Task, candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes) -> LoopChange:
+def _evaluate_change(
+    task: Task, candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes
+) -> LoopChange:
     worst, same = _worst_of_both(before, after)
     improvement, error = _improvement(before.objective, after.objective)
     keeps_margin = before.margin is None or (after.margin is not None and after.margin >= min(before.margin, _MARGIN))
@@ -293,7 +297,7 @@ def _compared(task: Task, candidate: Candidate, gain: float, before: LoopOutcome
     turns = _ORDER.index(status) > _ORDER.index(was)
     return LoopChange(
         name=candidate.name,
-        sentence=_with_margin(candidate, before.margin, after.margin),
+        sentence=_add_margin(candidate, before.margin, after.margin),
         gain=gain,
         objective=finite_or_none(after.mean),
         improvement=improvement,
@@ -302,7 +306,7 @@ def _compared(task: Task, candidate: Candidate, gain: float, before: LoopOutcome
         held=None if worst.is_met else float(same.held.mean()),
         margin=after.margin,
         status=status,
-        helps=after.stable == 1 and (turns or _stands_better(before, after) or better),
+        helps=after.stable == 1 and (turns or _meets_more_often(before, after) or better),
     )
 
 
@@ -312,7 +316,7 @@ def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requireme
     return worst, next(r for r in after.requirements if r.name == worst.name)
 
 
-def _with_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
+def _add_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
     """Return the sentence of a change, with the new gain margin if that is clearly smaller."""
     if candidate.name == "gain" or before is None or after is None:  # for a gain, the sentence already has the margin
         return candidate.sentence
@@ -322,7 +326,7 @@ def _with_margin(candidate: Candidate, before: float | None, after: float | None
     return f"{candidate.sentence.removesuffix('.')}; the gain margin falls{was} to {after:.3g}."
 
 
-def _stands_better(before: LoopOutcomes, after: LoopOutcomes) -> bool:
+def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
     """Return whether the requirement that was missed most is missed significantly less often."""
     if after.standing <= before.standing:
         return False

@@ -42,8 +42,8 @@ def best_change_section(v: Verdict) -> Chapter | None:
         return Chapter(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
     title = "What would help most" + ("" if best.standing >= _KEPT else " (not enough alone)")
     effects = Rows(head=("", "now", "with the change"), rows=tuple(_effects(v, best)))
-    said = Paragraph(text=f"{best.sentence} {rate}".strip(), brief=True)
-    return Chapter(title=title, titled=True, blocks=(said, effects))
+    advice = Paragraph(text=f"{best.sentence} {rate}".strip(), brief=True)
+    return Chapter(title=title, titled=True, blocks=(advice, effects))
 
 
 def _rate_in_words(v: Verdict) -> str:
@@ -217,11 +217,11 @@ def _loss_rows(v: Verdict) -> Iterator[Row]:
         yield "ideal optimum, predicted", Measured(design.gain, unit), Measured(design.objective, "", 5)
     if loss is None or v.gain is None:
         return
-    own = Measured(v.gain, unit)
+    verified = Measured(v.gain, unit)
     if v.gain != design.gain:
-        yield "verified gain, predicted", own, Measured(loss.predicted, "", 5)
+        yield "verified gain, predicted", verified, Measured(loss.predicted, "", 5)
     error = f" \u00b1 {loss.standard_error:.1g}" if loss.standard_error else ""
-    yield "verified gain, mean of the runs", own, Measured(loss.objective, "", 5, error)
+    yield "verified gain, mean of the runs", verified, Measured(loss.objective, "", 5, error)
     if loss.loop_gain is not None:
         name = f"{_best_gain_in_words(loss)}, mean of the runs"
         yield name, Measured(loss.loop_gain, unit), Measured(loss.loop_objective, "", 5)

@@ -89,7 +89,7 @@ def verdict_page(verdict: Verdict) -> Page:
             _calibration(v),
             gain_section(v),
             changes_section(v),
-            _listed("Assumptions", v.assumptions),
+            _list_chapter("Assumptions", v.assumptions),
             loop_section(v.loop),
             inputs_section(v.scenario, v.sensor),
             _uncertain(v),
@@ -150,24 +150,24 @@ def _rate(rate: float) -> Cell:
     return "none is enough" if math.isinf(rate) else Measured(rate, "Hz", 3)
 
 
-def _listed(title: str, said: tuple[str, ...]) -> Chapter | None:
-    return Chapter(title=title, titled=True, blocks=(Listing(items=said, brief=True),)) if said else None
+def _list_chapter(title: str, sentences: tuple[str, ...]) -> Chapter | None:
+    return Chapter(title=title, titled=True, blocks=(Listing(items=sentences, brief=True),)) if sentences else None
 
 
 def _reasons(v: Verdict) -> Chapter | None:
     if v.gain is not None or not v.reasons:
-        return _listed(_WHY.get(v.status, ""), v.reasons)
+        return _list_chapter(_WHY.get(v.status, ""), v.reasons)
     tried = (
         "Nothing was simulated. Relax a limit, widen the range of gains, detect the object earlier, or change the "
         "admittance."
     )
     unit = v.law.number.unit
     head = ("limit", "at most", "best value of any gain", f"at {v.law.number.symbol}")
-    asked: tuple[Row, ...] = tuple(
+    rows: tuple[Row, ...] = tuple(
         (words_for(c.quantity), *(Measured(x, c.unit) for x in (c.limit, c.best_value)), Measured(c.best_gain, unit))
         for c in v.design.constraints
     )
-    limits = Rows(head=head, rows=asked) if asked else None
+    limits = Rows(head=head, rows=rows) if rows else None
     blocks = (Listing(items=v.reasons, brief=True), Paragraph(text=tried), limits)
     return Chapter(title=_WHY[v.status], titled=True, blocks=blocks)
 

@@ -18,13 +18,13 @@ _ROUNDING: Final = 1e-9  # relative rounding error of a speed
 
 def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
     """Return the status and the reasons why it is not `holds`, most serious first."""
-    missed, narrow = list(_missed(v)), list(_narrow(v))
+    missed, narrow = list(_failures(v)), list(_narrow_reasons(v))
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
     return VerdictStatus.HOLDS_NARROWLY if narrow else VerdictStatus.HOLDS, tuple(narrow)
 
 
-def _missed(v: Verdict) -> Iterator[str]:
+def _failures(v: Verdict) -> Iterator[str]:
     """Yield the reasons why a gain does not hold, most serious first."""
     stability, reached, calibration = v.stability, v.reached, v.calibration_check
     yield from chase_in_words(v.law.number, v.gain)
@@ -37,13 +37,13 @@ def _missed(v: Verdict) -> Iterator[str]:
             yield f"the loop is unstable: {strongest} is the strongest stable gain, at a distance of {place}"
     if reached is not None and reached.missing:
         yield f"{reached.missing} of {v.runs} runs end without the predicted contact"
-    yield from _harmful(v)
+    yield from _harm_reasons(v)
     yield from (_limit_missed(check, v.runs) for check in v.limits if not check.is_met)
     if calibration is not None and not calibration.is_good_enough:
         yield calibration.reason
 
 
-def _harmful(v: Verdict) -> Iterator[str]:
+def _harm_reasons(v: Verdict) -> Iterator[str]:
     """Yield reasons if contact is no softer than without mitigation: in the runs, without noise, or as predicted."""
     effect, quiet = v.effect, v.noiseless_effect
     if effect is not None and effect.is_harder:
@@ -84,7 +84,7 @@ def _limit_missed(check: LimitCheck, runs: int) -> str:
     return f"{check.label} above {limit}{absent} in {share} of {runs} runs ({allowed} allowed)"
 
 
-def _narrow(v: Verdict) -> Iterator[str]:
+def _narrow_reasons(v: Verdict) -> Iterator[str]:
     """Yield the reasons why a gain holds only narrowly: what is close to failing, or not demonstrated."""
     stability, reached = v.stability, v.reached
     yield from _harder_than_promised(v)

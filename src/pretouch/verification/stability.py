@@ -135,8 +135,8 @@ def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit
     law, own = loop.law, loop.continuous
     if not isinstance(law, Controller) or own is None or np.isnan(own.damping(1.0, -1.0, -1.0)):
         return None
-    known: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "plant": loop.plant, "law": own}
-    return gain_limit(sensor, _own(law), timing_of(loop.chain, law), **known)
+    encounter: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "plant": loop.plant, "law": own}
+    return gain_limit(sensor, _virtual_admittance(law), timing_of(loop.chain, law), **encounter)
 
 
 def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
@@ -155,12 +155,15 @@ def check_stability(
         return None
 
     def timing_at(rate: float) -> LoopTiming:
-        found: Any = loop_at(loop, rate)
-        return timing_of(found.chain, found.law, worst_ratio=True)
+        changed: Any = loop_at(loop, rate)
+        return timing_of(changed.chain, changed.law, worst_ratio=True)
 
-    known: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": limit.law}
-    known |= {"timing_at": timing_at, "plant": loop.plant}
-    least = [lowest_rate(sensor, _own(law), gain, margin=factor, **known) if gain else 0.0 for factor in (1.0, 2.0)]
+    encounter: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": limit.law}
+    encounter |= {"timing_at": timing_at, "plant": loop.plant}
+    least = [
+        lowest_rate(sensor, _virtual_admittance(law), gain, margin=factor, **encounter) if gain else 0.0
+        for factor in (1.0, 2.0)
+    ]
     return StabilityCheck(
         limit=limit,
         margin=margin,
@@ -171,7 +174,7 @@ def check_stability(
     )
 
 
-def _own(law: Controller) -> Admittance:
+def _virtual_admittance(law: Controller) -> Admittance:
     a = law.admittance
     return Admittance(mass=a.mass, damping=a.damping, stiffness=a.stiffness)
 
@@ -190,15 +193,15 @@ def told_period(controller: Controller) -> float:
 
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:
     """Return a controller with another sensor period [s], at least the controller period, which may change, too."""
-    own = controller.period if period is None else period
-    told, c = max(sensor_period, own), controller.conditioning
+    new_period = controller.period if period is None else period
+    configured, c = max(sensor_period, new_period), controller.conditioning
     conditioning = replace(
         c,
-        sensor_period=told,
-        timeout=None if c.timeout is None else max(c.timeout, told),
-        cutoff=None if c.cutoff is None else min(c.cutoff, _BELOW_HALF / told),
+        sensor_period=configured,
+        timeout=None if c.timeout is None else max(c.timeout, configured),
+        cutoff=None if c.cutoff is None else min(c.cutoff, _BELOW_HALF / configured),
     )
-    return replace(controller, period=own, conditioning=conditioning)
+    return replace(controller, period=new_period, conditioning=conditioning)
 
 
 def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
@@ -224,30 +227,30 @@ _Made = tuple[str, str, Callable[[], ClosedLoop]]
 def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[Candidate]:
     """Return loops with one change each, for |d ln xi / dt| up to `quickest` [1/s] and the noise `noise` of ln xi."""
     # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
-    rate, found = wanted, []
+    rate, candidates = wanted, []
     if rate is None:
         rate = _FASTER * loop.chain.rate
     else:  # rounded up to two digits: never below the rate that is needed
         step = 10.0 ** (math.floor(math.log10(rate)) - 1)
         rate = float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
-    made: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
-    for name, sentence, make in (*made, *_of_controller(loop, quickest, noise)):
+    changes: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
+    for name, sentence, make in (*changes, *_of_controller(loop, quickest, noise)):
         try:
             changed = make()
         except InvalidInputError:  # a change that does not fit the other parts of the loop is not proposed
             continue
-        found.append(Candidate(name, sentence or _rate_in_words(loop, changed), changed))
-    return found
+        candidates.append(Candidate(name, sentence or _rate_in_words(loop, changed), changed))
+    return candidates
 
 
 def _with(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
     """Return a loop with other fields of its chain, its plant or the conditioning of its controller."""
     parts: dict[str, Any] = {"chain": loop.chain, "plant": loop.plant}
-    found = {name: replace(part, **changes[name]) for name, part in parts.items() if name in changes}
+    parts_changed = {name: replace(part, **changes[name]) for name, part in parts.items() if name in changes}
     if "conditioning" in changes:
         law: Any = loop.law
-        found["law"] = replace(law, conditioning=replace(law.conditioning, **changes["conditioning"]))
-    return replace(loop, **found)
+        parts_changed["law"] = replace(law, conditioning=replace(law.conditioning, **changes["conditioning"]))
+    return replace(loop, **parts_changed)
 
 
 def _rate_in_words(loop: ClosedLoop, after: ClosedLoop) -> str:
@@ -286,8 +289,8 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
 def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
     plant = loop.plant
     if isinstance(plant, PositionPlant | ImpedancePlant) and plant.bandwidth < math.inf:
-        new, own = (format_quantity(bandwidth, "Hz") for bandwidth in (_FASTER * plant.bandwidth, plant.bandwidth))
-        text = f"Raise the bandwidth of the robot's controller to {new} from {own}."
+        new, present = (format_quantity(bandwidth, "Hz") for bandwidth in (_FASTER * plant.bandwidth, plant.bandwidth))
+        text = f"Raise the bandwidth of the robot's controller to {new} from {present}."
         yield "robot-bandwidth", text, partial(_with, loop, plant={"bandwidth": _FASTER * plant.bandwidth})
     if isinstance(plant, ImpedancePlant):
         stiffness, damping = 2 * plant.stiffness, 2**0.5 * plant.damping
@@ -319,10 +322,10 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
     period = law.period / _FASTER
     text = f"Run the controller at {1 / period:.6g} Hz instead of {1 / law.period:.6g} Hz."
     yield "controller-rate", text, lambda: replace(loop, law=controller_at(law, told_period(law), period))
-    pedestal, own = loop.chain.offset + loop.chain.crosstalk, c.offset
-    if pedestal != own or loop.chain.drift:
+    pedestal, configured = loop.chain.offset + loop.chain.crosstalk, c.offset
+    if pedestal != configured or loop.chain.drift:
         text = f"Subtract the exact offset, {pedestal:.4g} (unit of the readings)"
-        text += f" instead of {own:.4g}" if pedestal != own else ""
+        text += f" instead of {configured:.4g}" if pedestal != configured else ""
         text += ", and track its drift." if loop.chain.drift else "."
         yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
     # The limit rejects a reading only if neither the fastest approach nor noise can explain it.

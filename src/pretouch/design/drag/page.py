@@ -96,8 +96,8 @@ def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
     for c in design.asked.limits:
         value = abs(float(c.magnitude(run.end, design.asked.impact)))
         state = "met" if value <= c.limit * (1 + ROUNDING) else "exceeded"
-        value, limit = (format_quantity(x, c.unit, 3) for x in (value, c.limit))
-        yield f"{words_for(c.quantity)} {value}, limit {limit}: {state}"
+        shown, limit = (format_quantity(x, c.unit, 3) for x in (value, c.limit))
+        yield f"{words_for(c.quantity)} {shown}, limit {limit}: {state}"
 
 
 def letters_optimum(design: DragDesign) -> GainDesign | None:
@@ -185,7 +185,7 @@ def compared_rows(scenario: Scenario, impact: ImpactModel | None, *runs: Contact
     if not why_no_bound(scenario):
         yield (
             "relative to the smallest possible excursion",
-            *(Measured(_beyond_bound(scenario, r), "", 3) for r in runs),
+            *(Measured(_excursion_over_bound(scenario, r), "", 3) for r in runs),
         )
 
 
@@ -195,7 +195,7 @@ def _quantities(impact: ImpactModel | None, *runs: ContactResult) -> Iterator[tu
         yield words, unit_of(name), [abs(float(quantity_of(name, run.end, impact))) for run in runs]
 
 
-def _beyond_bound(scenario: Scenario, run: ContactResult) -> float:
+def _excursion_over_bound(scenario: Scenario, run: ContactResult) -> float:
     """Return the excursion over its physical bound for the same acceleration and contact speed; NaN without a bound."""
     limit = float(run.end.largest_acceleration)
     if not run.reached or not limit > 0 or not float(run.end.displacement) < 0:
@@ -229,13 +229,13 @@ def _speeds(design: DragDesign) -> Chapter:
     ]
     letter = letters_optimum(design)
     if letter is not None:
-        head, columns = _with_letter(design, letter, head, columns, at_speeds(design.scenario, speeds))
+        head, columns = _add_letter_columns(design, letter, head, columns, at_speeds(design.scenario, speeds))
     rows = zip(*([Measured(float(v), unit) for v in values] for values, unit in columns), strict=True)
     table = Rows(head=tuple(head), rows=tuple(rows), note=_UNIFORM, brief=True)
     return Chapter(title="Effect at every approach speed", titled=True, blocks=(table,))
 
 
-def _with_letter(
+def _add_letter_columns(
     design: DragDesign, letter: GainDesign, head: list[str], columns: list[tuple[Any, str]], starts: Scenario
 ) -> tuple[list[str], list[tuple[Any, str]]]:
     """Add columns with contact speed, excursion and acceleration of the letter's gain in the same encounters."""
@@ -273,19 +273,19 @@ def _guarantee(design: DragDesign) -> Chapter:
 def _detection(design: DragDesign) -> Chapter:
     speed, last = -float(design.scenario.relative_velocity), float(design.sensor.valid_range[1])
     distances = np.array([d for share in _DISTANCES if (d := share * float(design.detection_distance)) <= last])
-    seen = design.seen_from(distances)
+    designs = design.seen_from(distances)
     columns: list[tuple[Any, str]] = [
         (distances, "m"),
-        (seen.contact_speed(speed), "m/s"),
-        (seen.excursion, "m"),
-        (seen.acceleration(speed), "m/s^2"),
+        (designs.contact_speed(speed), "m/s"),
+        (designs.excursion, "m"),
+        (designs.acceleration(speed), "m/s^2"),
     ]
     head = ["detection distance", "contact speed", "excursion", "largest acceleration"]
     letter = letters_optimum(design)
     if letter is not None:
         start = at_speeds(design.scenario, np.full(len(distances), speed))
         start = replace(start, obstacle=replace(start.obstacle, position=start.plant.position + distances))
-        head, columns = _with_letter(design, letter, head, columns, start)
+        head, columns = _add_letter_columns(design, letter, head, columns, start)
     rows = zip(*([Measured(float(v), unit) for v in values] for values, unit in columns), strict=True)
     table = Rows(head=tuple(head), rows=tuple(rows), note=_DETECTED)
     return Chapter(title="Other detection distances", blocks=(table,))

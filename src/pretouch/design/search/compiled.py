@@ -61,14 +61,14 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
     axis, inputs = problem.axis, _inputs(problem.task.scenario, size)
     slope, *curve, _held = _curve(problem.task.sensor, farthest(problem.task.scenario, problem.task.sensor), linear)
     ends = (axis.scale, math.asinh(axis.low / axis.scale), math.asinh(axis.high / axis.scale), axis.low, axis.high)
-    wanted = (slope, *curve, horizon, address(terms), len(terms), *ends)
+    arguments = (slope, *curve, horizon, address(terms), len(terms), *ends)
     out = np.empty((3, size))
 
     def run(start: int, stop: int) -> None:
         whole = stop - start == size
         part = inputs if whole else np.ascontiguousarray(inputs[:, start:stop])
         result = out if whole else np.empty((3, stop - start))
-        find_gains(address(part), stop - start, *wanted, address(result))
+        find_gains(address(part), stop - start, *arguments, address(result))
         if not whole:
             out[:, start:stop] = result
 

@@ -145,33 +145,35 @@ def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) ->
         The scan.
     """
     u = np.linspace(low, high, effort.first)
-    found = evaluate(u)
+    landscape = evaluate(u)
     doubtful = np.ones(len(u) - 1, dtype=bool)
     resolution = np.inf
     while doubtful.any() and len(u) + int(doubtful.sum()) <= effort.largest:
         middle = 0.5 * (u[:-1] + u[1:])[doubtful]
         new = evaluate(middle)
-        error = _missed(predict(u, found.objective, np.flatnonzero(doubtful)), new.objective, found, effort.share)
+        error = _relative_error(
+            predict(u, landscape.objective, np.flatnonzero(doubtful)), new.objective, landscape, effort.share
+        )
         resolution = float(error.max(initial=0.0))
-        lower_ends = np.minimum(found.objective[..., :-1], found.objective[..., 1:])[..., doubtful]
-        near = lower_ends <= effort.counts(float(found.merit.min()))
+        lower_ends = np.minimum(landscape.objective[..., :-1], landscape.objective[..., 1:])[..., doubtful]
+        near = lower_ends <= effort.counts(float(landscape.merit.min()))
         rough = ((error > effort.resolved) & near).reshape(-1, len(middle)).any(axis=0)
         order = np.argsort(np.concatenate([u, middle]), kind="stable")
-        u, found = np.concatenate([u, middle])[order], found.joined(new, order)
+        u, landscape = np.concatenate([u, middle])[order], landscape.joined(new, order)
         marks = np.concatenate([np.zeros(len(u) - len(middle), dtype=bool), rough])[order]
         apart = np.diff(u)
-        kinds = np.atleast_2d(found.feasible) + 2 * np.atleast_2d(found.reached)
+        kinds = np.atleast_2d(landscape.feasible) + 2 * np.atleast_2d(landscape.reached)
         changes = (np.diff(kinds) != 0).any(axis=0)
         doubtful = (marks[:-1] | marks[1:]) & (apart > _JUMP * (high - low)) | changes & (apart > _EDGE * (high - low))
-    return Scan(coordinate=u, landscape=found, resolution=resolution)
+    return Scan(coordinate=u, landscape=landscape, resolution=resolution)
 
 
-def _missed(predicted: FloatArray, new: FloatArray, found: Landscape, share: float) -> FloatArray:
+def _relative_error(predicted: FloatArray, new: FloatArray, found: Landscape, share: float) -> FloatArray:
     """Return the relative error of a prediction; 0 if it is not finite."""
     size = np.abs(new)
     if share:
-        known = found.objective[..., found.reached.reshape(-1, found.objective.shape[-1]).all(axis=0)]
-        size = size + share * (np.ptp(known, axis=-1, keepdims=True) if known.size else 1.0)
+        values = found.objective[..., found.reached.reshape(-1, found.objective.shape[-1]).all(axis=0)]
+        size = size + share * (np.ptp(values, axis=-1, keepdims=True) if values.size else 1.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         error = np.abs(predicted - new) / size
     return np.where(np.isfinite(error), error, 0.0)

@@ -151,8 +151,8 @@ def _force(task: Task) -> Iterator[str]:
     if task.impact is None:
         model = "the same contact stiffness without loss, and the mass of the robot"
     yield (
-        f"The impact force is predicted with {model}. Loss in the contact lowers the simulated force; the robot's drive "
-        "and a driven obstacle raise it."
+        f"The impact force is predicted with {model}. Loss in the contact lowers the simulated force; the robot's "
+        "drive and a driven obstacle raise it."
     )
 
 

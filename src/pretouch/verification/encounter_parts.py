@@ -132,7 +132,7 @@ class Detection(Value):
         text = f"The object was first detected after {format_quantity(self.time, 's', 3)}, at "
         text += f"{format_quantity(self.distance, 'm')} (start: {format_quantity(self.start_distance, 'm')})"
         if self.missed_share is not None:
-            text += f". {100 * self.missed_share:.2g} % of the change of ln xi until contact happened before that"
+            text += f". {100 * self.missed_share:.2g} % of the change of ln xi until contact happened before detection"
         return f"{text}."
 
 

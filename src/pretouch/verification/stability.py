@@ -280,8 +280,8 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
     if chain.misfit > 0:
         text = (
             f"Calibrate again, with a misfit of the curve of {50 * chain.misfit:.3g} % of xi instead of "
-            f"{100 * chain.misfit:.3g} %: record more distances, set more exactly, or recess the sensor to where its "
-            "curve fits better."
+            f"{100 * chain.misfit:.3g} %: record more distances, set the distances more exactly, or recess the sensor "
+            "to where its curve fits better."
         )
         yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
 

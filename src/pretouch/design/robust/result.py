@@ -308,7 +308,7 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
     for o in v.limits:
         if not v.may_hold(o):
             yield (
-                f"the fresh samples meet {o.required.constraint.name} in {share_in_words(o.held)} only, less often "
+                f"the fresh samples meet {o.required.constraint.name} in only {share_in_words(o.held)}, less often "
                 f"than the required {100 * o.required.probability:g} %: use more samples, or require a slightly larger "
                 "probability"
             )

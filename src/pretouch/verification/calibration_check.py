@@ -39,7 +39,7 @@ class CalibrationCheck(Value):
     Args:
         draws: number of sensors.
         promised: |l'| at contact on the fitted curve, on the same loop [m/s].
-        low: 5 % quantile of |l'| over the sensors [m/s]. The three quantiles are None if it is without contact.
+        low: 5 % quantile of |l'| over the sensors [m/s]; all three quantiles are None if some sensors have no contact.
         median: median of |l'| [m/s].
         high: 95 % quantile of |l'| [m/s].
         missing: number of sensors without contact.

@@ -324,8 +324,8 @@ def test_a_gain_says_what_a_drag_would_do() -> None:
     assert said == (
         f"A virtual drag \u03c6 = {phi:.4g} N s\u00b2 would make contact at {speeds[1]:.4g} m/s instead of "
         f"{speeds[0]:.4g} m/s, after the same excursion. Its largest acceleration is {peak(phi) * V**2:.4g} "
-        f"m/s\u00b2 instead of {own.largest_acceleration:.4g} m/s\u00b2. At every other approach speed, "
-        f"{100 * share(phi):.3g} % of the speed remains, too."
+        f"m/s\u00b2 instead of {own.largest_acceleration:.4g} m/s\u00b2. At every approach speed, "
+        f"{100 * share(phi):.3g} % of the speed remains."
     )
 
 

@@ -67,7 +67,7 @@ MISTAKES = [
     (LOOP + 'own_advance = "2 N*s"\n', "own_advance", "law.own_advance", "expected 0 or less, so that it brakes"),
     (LOOP + 'smoothing_time = "7 m"\n', "smoothing", "law.smoothing_time", "expected a quantity in s"),
     (replaced(CHAIN, '[chain]\npart = "VL53L5CX-4x4"\n', LOOP), "[law]", "law.noise",
-     "because [chain] has the noise of distances and not that of readings"),
+     "because [chain] has a noise of distances, not of readings"),
     (replaced('rate = "1 kHz"', 'rate = 1e3\ngain = "0.01 N*s^2"', LOOPED), "gain =", "controller.gain",
      "expected a quantity in N*s, the unit of law kind virtual-damper"),
 ]  # fmt: skip

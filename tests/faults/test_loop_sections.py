@@ -49,7 +49,7 @@ MISTAKES = [
     (IN_CHAIN, 'rate = "0 Hz"', "rate", "chain.rate", "expected a positive quantity in Hz"),
     (IN_CHAIN, "nois = 20", "nois", "chain.nois", 'found an unknown key, expected "noise"'),
     (IN_CHAIN, 'rate = "2 kHz"', 'rate = "1', "controller.rate", 'expected at least the rate of the sensor, 2000'),
-    (IN_CHAIN, "noise = 0", "[controller]", "controller.floor", "default, 3 standard deviations of the noise, is 0"),
+    (IN_CHAIN, "noise = 0", "[controller]", "controller.floor", "of the noise, but [chain] has no noise"),
     (IN_CONTROLLER, "", "[controller]", "controller", 'missing rate, expected one of rate = "1 kHz" and period'),
     (IN_CONTROLLER, 'rate = 1000\nperiod = "1 ms"', "period", "controller.period", "found both rate and period"),
     (IN_CONTROLLER, 'period = "5 ms"', "period", "controller.period", '[chain] with rate = "200 Hz"'),

@@ -239,7 +239,7 @@ THROWN = Scenario(
         ({"bounds": (-10.0, -1.0)}, ["the optimum lies on the bound -1 N s"]),
         (
             {"method": "uniform-motion", "sensor": CURVES["exponential-2"]},
-            ["the uniform motion L(16)-(19) is one particular motion"],
+            ["the uniform motion L(16)-(19) does not start from the given state"],
         ),
         (
             {"scenario": THROWN, "bounds": (-2.0, -0.01)},

@@ -318,7 +318,7 @@ def test_an_obstacle_with_a_course_is_run_without_a_prediction(tmp_path: Path) -
     assert compared(encounter)["time"][::2] == (encounter.run.time, encounter.unmitigated.time)
     assert "closest_distance" not in compared(encounter)
     told = str(encounter)
-    assert "; no prediction, since the obstacle has a course; without mitigation 0.3 m/s." in encounter.headline
+    assert "; no prediction, because the obstacle has a course; without mitigation 0.3 m/s." in encounter.headline
     assert "Predicted: nothing, since the continuous solution does not support an obstacle with a course." in told
     assert json.loads(as_json(encounter.to_dict()))["predicted"] is None
     pt.report.write_report(encounter, tmp_path / "run.html")

@@ -173,8 +173,8 @@ def test_no_noise_is_halved_that_is_not_there_and_a_misfit_is_calibrated_away() 
     said = {c.name: c for c in candidates_of(loop_of(misfit=0.03, misfit_length=0.005), **APPROACH)}
     assert {"noise", "add-median", "add-low-pass"}.isdisjoint(said)
     assert said["calibration"].sentence == (
-        "Calibrate again, with a misfit of the curve of 1.5 % of xi instead of 3 %: record more distances, set more "
-        "exactly, or recess the sensor to where its curve fits better."
+        "Calibrate again, with a misfit of the curve of 1.5 % of xi instead of 3 %: record more distances, set the "
+        "distances more exactly, or recess the sensor to where its curve fits better."
     )
     chain = said["calibration"].loop.chain
     assert (chain.misfit, chain.misfit_length) == (0.015, 0.005)

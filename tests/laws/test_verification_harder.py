@@ -190,7 +190,10 @@ def test_a_loop_without_effect_does_not_hold() -> None:
     assert "The sensor is too slow" in " ".join(str(found).split())
     assert verdict(QUICK, gain=0.0, runs=1, changes=False).status is pt.VerdictStatus.DOES_NOT_HOLD
     one = pt.simulate_encounter(task)
-    assert one.warnings[-1] == "The gain has no effect in this run: contact is at 0.5 m/s, and at 0.5 m/s without it."
+    assert (
+        one.warnings[-1]
+        == "The gain has no effect in this run: contact is at 0.5 m/s, and at 0.5 m/s without mitigation."
+    )
 
 
 def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sensor() -> None:
@@ -225,7 +228,7 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
 def test_simulate_warns_first_of_a_gain_that_makes_contact_harder() -> None:
     found = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=0.3))
     assert found.warnings[0] == "D_p = 0.3 N s makes the robot chase the object: mitigating gains are negative."
-    assert found.warnings[1].startswith("With the gain contact is harder than without mitigation: 0.81")
+    assert found.warnings[1].startswith("With the gain, contact is harder than without mitigation: 0.81")
     shown = str(found).split("\n\n")
     assert "makes the robot chase the object" in shown[1]
     assert found.headline.startswith("Harder than without mitigation: contact on the loop at 0.81")

@@ -200,7 +200,7 @@ def test_the_designs_by_limits_are_the_strongest_that_keep_them(
         found = drag_by(sensor, distance, 1.3, acceleration=limit, largest_speed=speed)
         assert found.drag >= drag.drag * (1 - 1e-9)
     except InvalidInputError as refused:
-        assert "which the peak of a drag touches; change it slightly" in str(refused)  # noqa: PT017
+        assert "which equals the peak of a drag; change it slightly" in str(refused)  # noqa: PT017
         limit *= 0.99
         found = drag_by(sensor, distance, 1.3, acceleration=limit, largest_speed=speed)
     assert found.acceleration(speed) <= limit * (1 + 1e-9)

@@ -1,4 +1,4 @@
-"""Load a scenario file: TOML with units, checked against a schema, becomes a Task."""
+"""Load a scenario file (TOML with units), check it against a schema, and build a Task from it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _SHORT: Final[Mapping[str, str]] = {
     "force": "impact_force",
 }
 _FASTEST: Final = 10_000.0  # rad/s, largest natural frequency of an admittance
-_STEEPEST: Final = 1e-6  # m, least distance over which the output falls by a factor of e
+_STEEPEST: Final = 1e-6  # m, smallest plausible distance over which the output falls by a factor of e
 _ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtracting the recess
 _PHYSICAL: Final = ("impact_force", "drive_force")
 
@@ -56,8 +56,8 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
         path: the file.
 
     Returns:
-        The task that all verbs take, as in `design_gain(load_scenario(path))`. With [uncertainty] it also has the
-        distributions for `design_robust_gain`; with [chain] and [controller] the sampled loop for `verify_gain`.
+        The task, for example for `design_gain(load_scenario(path))`. With [uncertainty], it also has the
+        distributions for `design_robust_gain`; with [chain] and [controller], the sampled loop for `verify_gain`.
 
     Raises:
         ScenarioFileError: the file has mistakes. The message has a sentence for each: line, key, value, and what is
@@ -104,7 +104,7 @@ def _task(builder: _Builder) -> Task | None:
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
     options = {"impact": builder.make("impact"), **builder.pareto(), **builder.freedom(), **builder.settings("motion")}
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
-        return None  # a fit would be wasted
+        return None  # with mistakes, a fit would be wasted time
     sensor, calibration = builder.sensor()
     builder.check_frequencies(scenario)
     if sensor is not None and scenario is not None:
@@ -187,7 +187,7 @@ class _Builder(Reading):
             self.refuse(key if is_key else ("sensor", CALIBRATION), sentence)
             return None, None
         limits = {key: values[key] for key in FROM_SURFACE if key in values}
-        return self.attempt("sensor", lambda: _extended(sensor, values.get("recess"), limits)), report
+        return self.attempt("sensor", lambda: _extend(sensor, values.get("recess"), limits)), report
 
     def scenario(self) -> Scenario | None:
         """Build the encounter."""
@@ -240,7 +240,7 @@ class _Builder(Reading):
             self._needs_impact("impact_force", ("law", "impact_force"))
 
     def check_range(self, sensor: SensorModel, scenario: Scenario, calibration: CalibrationReport | None) -> None:
-        """Refuse an encounter that is not inside the valid range of the sensor from start to contact."""
+        """Refuse an encounter whose distances, from start to contact, leave the valid range of the sensor."""
         low, high = sensor.valid_range
         recess = getattr(sensor, "recess", 0.0)
         window = None if calibration is None else calibration.window
@@ -271,7 +271,7 @@ class _Builder(Reading):
             )
 
     def check_frequencies(self, scenario: Scenario | None) -> None:
-        """Refuse an admittance that is too fast for any control loop: it would oscillate thousands of times."""
+        """Refuse an admittance that is too fast for any control loop."""
         values = self.values("admittance") or {}
         frequencies = {key: values[key][1] for key in FREE if key == "natural_frequency_bounds" and key in values}
         if scenario is not None:
@@ -302,9 +302,9 @@ class _Builder(Reading):
 
 
 def _without_content(error: PretouchError, path: Path) -> str:
-    """Return the message of an error without any content of the calibration file: a scenario may name any file.
+    """Return the message of an error without content of the calibration file, because a scenario may name any file.
 
-    The message names the key of [sensor] in which the mistake was made, if it was not the file.
+    If the mistake is not in the file, the message names the key of [sensor] with the mistake.
     """
     if not isinstance(error, CalibrationDataError):
         return str(error)
@@ -316,12 +316,12 @@ def _without_content(error: PretouchError, path: Path) -> str:
     return problem if problem == str(error) else f"{problem}; to see more, run: pretouch fit {shlex.quote(str(path))}"
 
 
-def _extended(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
+def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
     """Apply the recess to a fitted curve, and extend or cut it to the requested distances from the contact surface."""
     if recess is None:
         return dataclasses.replace(sensor, **limits)
     low, high = sensor.valid_range
-    low = min(low, limits.get("minimum_distance", low))  # independent of the recess, which may be uncertain
+    low = min(low, limits.get("minimum_distance", low))  # does not depend on the recess, which may be uncertain
     high = max(high, recess + limits.get("maximum_distance", -math.inf))
     curve = dataclasses.replace(sensor, minimum_distance=low, maximum_distance=high)
     return Recessed(sensor=curve, recess=recess, **limits)

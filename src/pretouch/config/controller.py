@@ -29,7 +29,7 @@ _LAW: Final = ("approach_only", "release", "ramp_time")
 def make_controller(
     file: Reading, values: Mapping[str, Any], chain: SensorChain, scenario: Scenario, positioned: bool
 ) -> Controller | None:
-    """Build the controller, with gain 0 if the file has none; check it with the start of the encounter."""
+    """Build the controller, with gain 0 if the file has none; check that it accepts the start of the encounter."""
     period = 1 / values["rate"] if "rate" in values else values["period"]
     sensing = _conditioning(file, values, chain, period)
     law = _law(file, values, chain)
@@ -77,8 +77,8 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
     if "floor" not in values and not floor > 0:
         file.refuse(
             ("controller", "floor"),
-            "missing, expected a sensor output above drift and background reflections; without noise in [chain] the "
-            f"default, {_FLOOR:g} standard deviations of the noise, is 0; add, for example: floor = 30.0",
+            "missing, expected a sensor output above drift and background reflections. The default is "
+            f"{_FLOOR:g} standard deviations of the noise, but [chain] has no noise; add, for example: floor = 30.0",
         )
     if chain.period < period * (1 - _SAME) or not floor > 0:
         return None
@@ -107,7 +107,7 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
 def refuse_curve_below_floor(
     file: Reading, sensor: SensorModel, conditioning: Conditioning, part: SensorPart | None
 ) -> None:
-    """Refuse a curve whose output at contact is below the floor: in a loop, unlike in a design, its scale matters."""
+    """Refuse a curve whose output at contact is below the floor; the scale of the curve matters only in a loop."""
     if not sensor.contains(0.0):
         return  # another check refuses this curve
     log_output = float(sensor.log_output(0.0))  # its exponential may overflow

@@ -1,4 +1,4 @@
-"""Read a scenario file and parse its TOML; explain syntax errors with line and probable intention."""
+"""Read a scenario file and parse its TOML; explain a syntax error by its line and a probable correction."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
 
 
 def _hint(path: Path, message: str, line: str) -> str:
-    """Return what the author of a line probably meant, or else the message of the parser."""
+    """Return the probable correction of a line, or else the message of the parser."""
     key, _, value = (part.strip() for part in re.sub(r"\s#.*", "", line).partition("="))
     if path.suffix.lower() in {".csv", ".tsv", ".txt"}:
         return "expected a scenario file (TOML); for a calibration run: pretouch fit"

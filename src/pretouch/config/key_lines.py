@@ -1,7 +1,7 @@
 """Find the line of every key in a TOML text.
 
-Neither tomllib nor tomlkit reports lines of keys. The scan requires that `tomllib` has accepted the text, so that it
-only has to find keys and need not check anything.
+Neither tomllib nor tomlkit reports the lines of keys. The scan requires a text that `tomllib` has accepted. So it only
+finds keys and checks nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def key_lines(text: str) -> Mapping[KeyPath, int]:
     r"""Map every key of a valid TOML text to its line.
 
     Returns:
-        For the path of each key, its line number from 1.
+        The line number of each key, counted from 1, by the path of the key.
 
     Examples:
         >>> lines = key_lines('[gain]\nbounds = [\n  "-10 N*s",\n  "-0.01 N*s",\n]\n')
@@ -96,7 +96,7 @@ class _Scan:
             if match is None:
                 raise ValueError(f"no key at {self.position}")
             self.position = match.end()
-            keys.append(_unquoted(match.group(1)))
+            keys.append(_unquote(match.group(1)))
             self.skip(_BLANK)
             if not self.text.startswith(".", self.position):
                 return keys
@@ -140,5 +140,5 @@ class _Scan:
         self.lines.setdefault(path, bisect.bisect_right(self.starts, position))
 
 
-def _unquoted(key: str) -> str:
+def _unquote(key: str) -> str:
     return next(iter(tomllib.loads(f"{key} = 0"))) if key[0] in "\"'" else key

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def law_fields(
     file: Reading, scenario: Scenario | None, uncertain: Mapping[str, Any], has_loop: bool
 ) -> dict[str, Any]:
-    """Return the fields of a task that describe a drag; none for a damper, or if there are mistakes."""
+    """Return the fields of a task that describe a drag; no fields for a damper, or if there are mistakes."""
     values = file.values("law")
     if file.kind != DRAG.kind or values is None:
         return {}
@@ -54,7 +54,7 @@ def sampled_drag(file: Reading, chain: SensorChain) -> VirtualDrag | None:
     if chain.reports_distance and chain.distance_noise > 0 and "noise" not in values:
         file.refuse(
             ("law", "noise"),
-            "missing, expected a sensor output, because [chain] has the noise of distances and not that of readings",
+            "missing, expected a sensor output, because [chain] has a noise of distances, not of readings",
         )
         return None
     parameters = {name: getattr(chain, name) for name in FROM_CHAIN}

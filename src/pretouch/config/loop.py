@@ -53,7 +53,7 @@ def loop_fields(
             "limit holds for one admittance only",
         )
     if calibration is None and CALIBRATION in (file.values("sensor") or {}):
-        return {}  # without a fit, noise and offset are unknown
+        return {}  # the fit failed, so that noise and offset are unknown
     part = _part(file)
     refuse_mixed_units(file, part, calibration)
     chain = _chain(file, part, calibration)
@@ -109,7 +109,7 @@ def _part(file: Reading) -> SensorPart | None:
 
 
 def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> SensorChain | None:
-    """Build the chain: values of the file come before those of the calibration, and those before the part's."""
+    """Build the chain; values of the file take precedence over the calibration's, and these over the part's."""
     values = file.values("chain")
     if values is None or ("part" in values and part is None):
         return None

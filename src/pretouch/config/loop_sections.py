@@ -46,7 +46,7 @@ def _check_margin(values: Mapping[str, Any]) -> None:
 
 
 def _stiffness_reader(exponent: float | None) -> Callable[[Any], Any]:
-    """Make the reader of a stiffness such as "1e6 N/m^1.5", whose power must equal the exponent; or a bare number."""
+    """Make the reader of a stiffness: a bare number, or text such as "1e6 N/m^1.5", with the power of the exponent."""
     power = 1.5 if exponent is None else exponent
 
     def read(value: Any) -> Any:
@@ -99,7 +99,7 @@ def _controller(law: ContinuousLaw) -> Section:
 
 
 def _check_drag(values: Mapping[str, Any]) -> None:
-    """Check that the drag is given, or chosen by one effect, or by the objective."""
+    """Check that the drag is a number, or is chosen by exactly one effect, or by the objective."""
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
-    """Refuse a sensor part or outputs of the loop in another unit than the sensor curve; bare numbers fit any unit."""
+    """Refuse a sensor part or loop outputs whose unit is not that of the sensor curve; bare numbers have any unit."""
     path, unit = _unit_of_sensor(file, calibration)
     if part is not None and unit and part.unit not in {"", unit}:
         file.refuse(

@@ -32,7 +32,7 @@ class UnfitValueError(ValueError):
     """A value that is not allowed for its key.
 
     Args:
-        sentence: the message; if it starts with "expected", the value is put before it.
+        sentence: the message; if it starts with "expected", the message begins with the wrong value.
         path: path of the wrong part inside the value.
     """
 
@@ -96,7 +96,7 @@ class Quantity:
             or bare; "output/s" for its rate of change.
         example: an example value, as TOML, for messages about a missing key.
         sign: required sign.
-        infinite: whether it may be infinite.
+        infinite: whether the quantity may be infinite.
         words: words that are allowed instead of a quantity, such as "auto".
         of: kind of the law that determines the unit, for messages; empty if the unit does not depend on the law.
         largest_bare: largest magnitude of a bare number; a larger number is probably in another unit.

@@ -19,7 +19,7 @@ from .section import Section, nearest, one_of
 from .sensor import CALIBRATION, sensor_variants
 
 Mistake: TypeAlias = tuple[KeyPath, str]
-"""The key of a mistake, and a sentence with the value and what is expected."""
+"""The key of a mistake, and a sentence with the wrong and the expected value."""
 
 _KEY_OF_NAME: Final[dict[str, KeyPath]] = {
     "bounds": ("gain", "bounds"),
@@ -76,7 +76,7 @@ class ScenarioSource:
         return _lines_of(self.text)
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Convert an error of a verb to a mistake of the file, with line and key as far as they are known."""
+        """Convert an error of a verb to a mistake of the file, with its line and key if they are known."""
         if isinstance(error, ScenarioFileError):  # converted already by a nested verb
             return error
         message = self.explained(error)
@@ -89,7 +89,7 @@ class ScenarioSource:
         return f"{error}; {self.supported}" if self.supported and isinstance(error, OutOfRangeError) else str(error)
 
     def listed(self, mistakes: Iterable[Mistake]) -> str:
-        """List mistakes by line, one per row; a missing key gets the line of its section, or else the last line."""
+        """List mistakes by line, one per row; a missing key has the line of its section, or else the last line."""
         last = self.text.rstrip().count("\n") + 1
         rows = []
         for path, sentence in dict.fromkeys(mistakes):
@@ -116,10 +116,10 @@ def _dotted(path: KeyPath) -> str:
 def split_message(message: str, section: str) -> Mistake:
     """Split a message `name: found ..., expected ...` into the key that the name means, and the sentence.
 
-    The name may be a key of `section`, if that is not empty, or the words of a section and a key.
+    The name is a key of `section`, or consists of the words for a section and a key.
 
     Returns:
-        The path of the key, as far as it is known, and the sentence.
+        The known part of the key's path, and the sentence.
 
     Examples:
         >>> split_message("obstacle position: found a distance of 0 m", "")
@@ -160,7 +160,7 @@ class Reading:
         data: its content, parsed by `tomllib`.
 
     Attributes:
-        kind: kind of the law; None if [law] is wrong, and sections that depend on the law are then not read.
+        kind: kind of the law; None if [law] has a mistake. Sections that depend on the law are then not read.
     """
 
     def __init__(self, source: ScenarioSource, data: Mapping[str, Any]) -> None:
@@ -203,7 +203,7 @@ class Reading:
         self.mistakes.append((path, sentence))
 
     def attempt(self, section: str, make: Callable[[], T], path: KeyPath = ()) -> T | None:
-        """Make an object; note a mistake if that raises an error, at `path` or at the key that the message names."""
+        """Call `make`; if it raises an error, note a mistake at `path` or at the key that the message names."""
         try:
             return make()
         except InvalidInputError as error:

@@ -43,7 +43,7 @@ def robust_fields(
 ) -> dict[str, Any]:
     """Return the fields of a task for a robust gain, and the constraints with their probabilities.
 
-    Contradictions are noted as mistakes of the file. Arguments with mistakes are None.
+    Contradictions are noted as mistakes of the file. Arguments that could not be built are None.
     """
     settings = file.settings("robust")
     if "robust" in file.data and "uncertainty" not in file.data:

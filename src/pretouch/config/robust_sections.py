@@ -19,7 +19,7 @@ from .quantities import Quantity, UnfitValueError, shown
 from .section import Key, Section, list_of, name_of, whole
 
 FROM_CALIBRATION: Final = "parameters"
-"""The key of [uncertainty] `sensor` that takes the covariance of the calibration."""
+"""The key of [uncertainty] `sensor` that selects the covariance of the calibration."""
 
 _KINDS: Final = ("normal", "uniform", "interval", "samples")
 _EXAMPLES: Final[Mapping[str, str]] = {
@@ -41,7 +41,7 @@ _FIRST: Final = {
     "reference": 'position = { uniform = ["-1 mm", "1 mm"] }',
     "sensor": "exponent = { normal = [3.3, 0.1] }",
 }
-"""For each part of an encounter an example of an uncertain input, for messages."""
+"""An example of an uncertain input for each part of an encounter, for messages."""
 
 
 def _check_distribution(values: Mapping[str, Any]) -> None:
@@ -94,7 +94,7 @@ def _from_calibration(value: Any) -> Any:
 
 
 def _inputs(part: str) -> dict[str, str]:
-    """Return the inputs of a part with their units; for sensors, of all curves, without the scale, which cancels."""
+    """Return the inputs of a part with their units; sensors have those of all curves, but no scale, which cancels."""
     if part != "sensor":
         units = {tuple(name.split(".")): unit for name, unit in SCENARIO_INPUTS.items()}
         return {name: unit for (of, name), unit in units.items() if of == part}
@@ -103,7 +103,7 @@ def _inputs(part: str) -> dict[str, str]:
 
 
 def _part(part: str) -> Callable[[Any], Any]:
-    """Make the reader of a part's inputs; text instead of a table is refused with an example."""
+    """Make the reader of a part's inputs; it refuses text instead of a table, with an example."""
     keys = {name: Key(_distribution_section(unit)) for name, unit in _inputs(part).items()}
     section = Section(keys | ({FROM_CALIBRATION: Key(_from_calibration)} if part == "sensor" else {}))
 
@@ -169,4 +169,4 @@ ROBUST: Final = Section(
     },
     _check_measure,
 )
-"""The measure of an objective over uncertain encounters, and the sampling of these."""
+"""The measure of an objective over uncertain encounters, and the sampling of these encounters."""

@@ -1,6 +1,6 @@
-"""The sections of a scenario file, their keys, and the unit of each key.
+"""Schema of a scenario file: its sections, their keys, and the unit of each key.
 
-Messages and the test of docs/scenario-file.md use this list.
+Messages and the test of docs/scenario-file.md use this schema.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ FREE: Final = {
     "natural_frequency_bounds": Key(list_of(_FREQUENCY, 2, 2, _PAIR.format("quantities in rad/s"))),
     "damping_ratio_bounds": Key(list_of(_RATIO, 2, 2, _PAIR.format("numbers"))),
 }
-"""The keys of [admittance] that make it free: bounds within which it is designed together with the gain."""
+"""The keys of [admittance] with bounds; the admittance is then designed within them, together with the gain."""
 
 
 def _check_order(*keys: str, unit: str = "", what: str = "the lower first") -> Callable[[Mapping[str, Any]], None]:
@@ -155,7 +155,7 @@ _MOTION: Final = {
 _TRADED: Final = 'a list of two or three quantities such as "displacement", "relative_velocity"'
 _QUANTITIES: Final = Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED))
 
-_BARE: Final = 5.0  # m, beyond the range of proximity sensors: a larger bare number is probably in mm
+_BARE: Final = 5.0  # m, more than the range of proximity sensors: a larger bare number is probably in mm
 _STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s²"'
 _OBSTACLE_KEYS: Final = {
     "position": Key(Quantity("m", '"42.2 mm"', largest_bare=_BARE), REQUIRED),

@@ -26,7 +26,7 @@ class Key:
         read: the reader of its value; a `Quantity` for a quantity.
         default: the value if the key is missing; None for no value.
         example: an example value, as TOML, for messages about a missing key; a `Quantity` has its own example.
-        after: another key that is read first, and a function that makes the reader from its value; None for none.
+        after: another key that is read first, and a function that makes the reader from its value; or None.
     """
 
     read: Reader
@@ -44,7 +44,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A section, or a table inside a section; unknown keys are refused.
+    """A section, or a table inside a section; it refuses unknown keys.
 
     Args:
         keys: its keys, in the order of messages.
@@ -52,8 +52,8 @@ class Section:
         make: makes the object that the section describes, from its values by name.
         example: an example of such a table, for messages.
 
-    A section is called with a table. The optional `unknown` then makes the messages for unknown keys; a missing key
-    that an unknown key probably means is not reported as missing.
+    Calling a section reads a table. The optional argument `unknown` makes the messages for unknown keys. A missing key
+    is not reported if an unknown key is probably its misspelling.
     """
 
     keys: Mapping[str, Key]
@@ -102,7 +102,7 @@ def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPa
 
 LENGTH: Final = Quantity("m", '"0 m"')
 EFFECTS: Final = ("ratio", "excursion", "acceleration", "contact_speed", "impact_force")
-"""The keys of [law] that choose a drag by its effect, without objective and bounds."""
+"""The keys of [law] that choose a drag by its effect, so that objective and bounds are not needed."""
 WEIGHT: Final = Key(Quantity("", "1.0", "nonnegative"), 1.0)
 TAG: Final = Key(lambda _: None, REQUIRED)
 """The key that selects the variant of its section; it has no further value."""
@@ -142,7 +142,7 @@ def name_of(*names: str) -> Reader:
 
 
 def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
-    """Make a reader of a list with a least and a most number of elements."""
+    """Make a reader of a list whose number of elements is between `least` and `most`."""
 
     def read_all(value: Any) -> list[Any]:
         if not isinstance(value, list) or len(value) < least or (most is not None and len(value) > most):
@@ -205,7 +205,7 @@ def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] 
 
     Args:
         classes: the classes; only fields that are quantities, flags or counts become keys.
-        optional: whether all keys are optional, for defaults that are determined elsewhere.
+        optional: whether all keys are optional, because the defaults are determined elsewhere.
         without: names of fields that do not become keys.
 
     Returns:

@@ -137,7 +137,7 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
 
 
 def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
-    """Read a no-object level; text that is not an output is the path of a file with such readings, in `folder`."""
+    """Read a no-object level: an output, or the path, relative to `folder`, of a file of readings without an object."""
     try:
         return read_output(value, name=name)
     except UnitError:
@@ -191,13 +191,13 @@ class FitRequest:
             if error.problem or not self._is_calibration():
                 raise
             raise CalibrationDataError(str(error), problem=str(error)) from None
-        wanted = {f"{key}={value}" for key, value in self.select.items()}
-        matches = tuple(curve for curve in curves if wanted <= set(curve.label.split(", ")))
+        selected = {f"{key}={value}" for key, value in self.select.items()}
+        matches = tuple(curve for curve in curves if selected <= set(curve.label.split(", ")))
         if not matches:
             labels = "; ".join(curve.label for curve in curves[:8] if curve.label) or "none: the file holds one curve"
             more = f" and {len(curves) - 8} more" if len(curves) > 8 else ""
             message = (
-                f"select: found {', '.join(sorted(wanted))}, expected labels of a curve in {self.path.name} "
+                f"select: found {', '.join(sorted(selected))}, expected labels of a curve in {self.path.name} "
                 f"({labels}{more})"
             )
             raise CalibrationDataError.without_content(message)  # labels of a valid calibration may be quoted
@@ -206,7 +206,7 @@ class FitRequest:
         return matches
 
     def _is_calibration(self) -> bool:
-        """Return whether the file is a calibration by its own header, so that messages may quote its content."""
+        """Return whether the file's own header makes it a calibration, so that messages may quote its content."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         try:
@@ -246,7 +246,7 @@ def _as_toml(label: str) -> str:
 
 
 def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> float:
-    """Return the number of an output; refuse another unit than that of the calibration."""
+    """Return the number of an output; raise an error if its unit is not that of the calibration."""
     number, unit = value
     if unit and unit != calibration.unit:
         raise UnitError(

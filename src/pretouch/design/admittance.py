@@ -24,7 +24,7 @@ from .task import Task, with_file_location
 _GAINS: Final = 65
 _STARTS: Final = 8
 _HOPELESS: Final = 10.0  # a grid point that exceeds a limit by this factor is no starting point
-_TESTS: Final = 2048  # number of test encounters
+_TESTS: Final = 2048  # number of encounters that test the optimum
 _SAME: Final = 1e-3  # minima closer than this share of the range in each coordinate are the same
 _BETTER: Final = 1e-9  # smallest relative improvement of the objective that counts
 _ROUNDS: Final = 4
@@ -40,7 +40,7 @@ def design_admittance(task: Task) -> AdmittanceDesign:
     """Find the gain D_p together with the natural frequency, the damping ratio or both that minimize an objective.
 
     A grid over all free parameters locates the minima. SciPy's SLSQP refines each one, with exact gradients if the
-    objective depends only on quantities at contact. The result is tested on independent encounters, and by a complete
+    objective depends only on quantities at contact. Two tests follow: encounters at other points, and a complete
     design of the gain at the optimal admittance.
 
     Args:
@@ -107,7 +107,7 @@ def design_admittance(task: Task) -> AdmittanceDesign:
 
 
 class _AdmittanceSearch:
-    """Search from a grid, with the test encounters and the local minima."""
+    """Search for the minima, from a grid and from test encounters."""
 
     def __init__(self, trials: Trials) -> None:
         self.trials = trials
@@ -157,7 +157,7 @@ class _AdmittanceSearch:
         return self.local_minima
 
     def _starts(self) -> IntArray:
-        """Return the grid's local minima, best first; without feasible points, those that exceed the limits least."""
+        """Return the grid's local minima, best first; if no point is feasible, those that exceed the limits least."""
         from scipy.ndimage import minimum_filter  # noqa: PLC0415
 
         shape = self._shape()

@@ -25,8 +25,8 @@ class AdmittanceMinimum(Value):
         gain: the law's number, such as D_p [N s].
         natural_frequency: sqrt(K_a / M_a) [rad/s].
         damping_ratio: D_a / (2 sqrt(M_a K_a)).
-        objective: the objective there.
-        at: its coordinates within the bounds, each in [0, 1].
+        objective: the objective at the minimum.
+        at: the coordinates of the minimum within the bounds, each in [0, 1].
     """
 
     gain: float
@@ -42,7 +42,7 @@ class AdmittanceCertificate(Value):
 
     Args:
         grid: number of encounters of the grid over all free parameters.
-        tests: number of further encounters, independent of the search, none of which is better.
+        tests: number of further encounters, independent of the search; none is better than the optimum.
         local_minima: the local minima, best first.
         residual: residual of the first-order conditions of Karush, Kuhn and Tucker: the largest component of the
             gradient of the Lagrangian, relative to the objective, in coordinates from 0 to 1 between the bounds.
@@ -68,7 +68,7 @@ class AdmittanceMap(Value):
     """The best objective over all gains, for each admittance of the grid.
 
     Args:
-        natural_frequency: natural frequency [rad/s], of the shape of the grid over the free parameters.
+        natural_frequency: natural frequency [rad/s], with the shape of the grid over the free parameters.
         damping_ratio: damping ratio, of the same shape.
         objective: best objective, of the same shape; infinite if no gain of the grid is feasible.
     """
@@ -89,8 +89,8 @@ class AdmittanceDesign(Answer):
         problem: the task and the bounds of the gain.
         status: optimal, infeasible or no-contact.
         free: the free parameters: `gain` and `natural_frequency`, `damping_ratio` or both.
-        natural_frequency_bounds: its bounds [rad/s]; None if it is not free.
-        damping_ratio_bounds: its bounds; None if it is not free.
+        natural_frequency_bounds: bounds of the natural frequency [rad/s]; None if it is not free.
+        damping_ratio_bounds: bounds of the damping ratio; None if it is not free.
         gain_design: the design of the gain at the optimal admittance, with its evidence; None unless optimal.
         as_it_is: the design of the gain with the admittance of the scenario.
         certificate: evidence that the design is the global optimum; None unless optimal.

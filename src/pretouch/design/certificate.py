@@ -13,7 +13,7 @@ from pretouch._core.values import Value
 from pretouch.motion import ContactState
 
 ACTIVE: Final = 1e-6
-"""Relative distance from its limit within which a constraint is active."""
+"""A constraint is active if its value is within this relative distance of the limit."""
 
 
 class DesignStatus(StrEnum):
@@ -38,7 +38,7 @@ class ConstraintOutcome(Value):
         margin: limit - value; negative if the limit is exceeded.
         active: whether the optimum lies on this limit.
         best_value: the smallest magnitude that any gain within the bounds reaches, without regard to other constraints.
-        best_gain: the gain that reaches it: the law's number, such as D_p [N s].
+        best_gain: the gain that reaches `best_value`: the law's number, such as D_p [N s].
     """
 
     name: str
@@ -100,7 +100,7 @@ class Certificate(Value):
             how well the scan resolves the curve.
         local_minima: all local minima, refined, as (gain, objective), best first.
         bracket: two gains that enclose the optimum.
-        stationarity: |df/d ln|D_p|| / f at an optimum inside the bounds, where it should be 0; None on a limit.
+        stationarity: |df/d ln|D_p|| / f at an optimum inside the bounds, which should be 0; None on a limit.
         at: location of the optimum: "interior", "bound", "edge of contact", "corner" (inside, at a corner or a jump of
             the objective, as a sampled loop may have) or the name of the active constraint.
     """
@@ -137,14 +137,14 @@ class Sensitivity(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdealDesign(Value):
-    """The gain that is optimal in continuous time, compared with the gain that was designed on a sampled loop.
+    """The gain that is optimal in continuous time, compared with the gain designed on a sampled loop.
 
     Args:
         gain: the optimal gain in continuous time, L(1), with a perfect sensor: the law's number, such as D_p [N s].
-        objective: its objective on the loop; infinite without contact.
-        loss: relative increase of that objective over the one of the gain designed on the loop; negative only if the
+        objective: the objective of the ideal gain on the loop; infinite without contact.
+        loss: relative increase of this objective over that of the gain designed on the loop; negative only if the
             ideal gain violates a constraint.
-        feasible: whether it meets the constraints on the loop.
+        feasible: whether the ideal gain meets the constraints on the loop.
     """
 
     gain: float

@@ -28,7 +28,7 @@ CONSTRAINT_NAMES: Final[dict[str, str]] = {
     "impact_force": "impact_force",
     "gain": "gain",
 }
-"""Short name of each constraint, as in a scenario file, with the quantity that it limits."""
+"""The quantity that each constraint limits, by the constraint's short name in a scenario file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +69,7 @@ class Constraint:
         return QUANTITY_UNITS[self.quantity]
 
     def magnitude(self, state: ContactState, impact: ImpactModel | None = None) -> Any:
-        """Return |quantity| at a contact in SI, of the shape of the state; forces need an impact model."""
+        """Return |quantity| at a contact in SI, with the shape of the state; forces need an impact model."""
         return np.abs(quantity_of(self.quantity, state, impact))
 
 

@@ -16,25 +16,25 @@ from pretouch.motion.contact import ContactState
 from .impact import ImpactModel
 from .objectives import Objective, Term
 
-_SUM: Final = 1e-9  # relative error up to which parts add up to the value: far above rounding, invisible in reports
+_SUM: Final = 1e-9  # largest relative error of the sum of the parts: far above rounding, invisible in reports
 
 
 class Valued(Protocol):
     """A user-defined object that evaluates a contact; it may have a method `parts` with the same arguments."""
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None) -> Any:
-        """Return the number >= 0 to minimize, of the shape of the state."""
+        """Return the number >= 0 to minimize, with the shape of the state."""
 
 
 AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
-"""An objective, or a user-defined object or function instead of it."""
+"""An Objective, or a user-defined object or function that replaces one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnObjective(Objective):
     """Wrapper of a user-defined objective: an object with `value`, or a function of the state at contact.
 
-    Its parts are those that the object declares by `parts`, if they add up to the value; otherwise it has none.
+    Its parts are those that the object's method `parts` returns, if they add up to the value; otherwise it has none.
 
     Args:
         terms: empty; the wrapped object may compute anything.
@@ -49,7 +49,7 @@ class OwnObjective(Objective):
         pass
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> FloatArray:
-        """Evaluate the wrapped objective, of the shape of the state."""
+        """Evaluate the wrapped objective; return values with the shape of the state."""
         try:
             if callable(getattr(self.given, "value", None)):
                 value = self.given.value(state, obstacle_speed, impact)
@@ -59,7 +59,7 @@ class OwnObjective(Objective):
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
                 f"objective: {self.name} failed on contacts of the shape {np.shape(state.time)} ({error}); it is "
-                "called with many contacts at once, so use functions of arrays, such as those of NumPy"
+                "called with many contacts at once, so use functions that accept arrays, such as those of NumPy"
             ) from error
         if numbers.ndim and numbers.shape != np.shape(state.time):
             raise InvalidInputError(
@@ -131,7 +131,7 @@ def appraise(
 
 
 def _declares_parts(given: Any) -> bool:
-    """Return whether an object declares parts of its value; `Objective.parts` does not fit an overridden value."""
+    """Return whether an object declares parts; `Objective.parts` does not count if a subclass overrides `value`."""
     if not callable(getattr(given, "parts", None)):
         return False
     if not isinstance(given, Objective):

@@ -24,8 +24,8 @@ from .sensitivity import gain_sensitivities
 
 R = TypeVar("R")
 
-# Largest |df/du| / f at the optimum of a smooth objective on a loop, by differences over 0.2 of u: relative ripples r
-# of the objective make it sqrt(2 r f_uu / f).
+# On a loop, an objective counts as smooth if |df/du| / f at its optimum is at most this, by differences over 0.2 of u.
+# Ripples of the relative size r make |df/du| / f about sqrt(2 r f_uu / f).
 _SMOOTH = 1e-2
 
 
@@ -48,8 +48,8 @@ class GainEvidence(Answer):
     """The scan of a design, its minima, and all results that are computed from them.
 
     Args:
-        settled: status, optimal gain and objective, if a fast search has found them without the whole scan; arrays for
-            an array of encounters.
+        settled: status, optimal gain and objective, if a fast search has already found them, without the whole scan;
+            arrays for an array of encounters.
     """
 
     settled: tuple[Any, Any, Any] | None
@@ -70,7 +70,7 @@ class GainEvidence(Answer):
     def status(self) -> Any:
         """The status: optimal, infeasible (no gain meets all constraints) or no-contact (no gain ends in contact).
 
-        For an array of encounters it is an array of these words.
+        For an array of encounters, it is an array of statuses.
         """
         return self.answer[0]
 
@@ -100,7 +100,7 @@ class GainEvidence(Answer):
         return self.problem.landscape(coordinate).merit
 
     def _between_gains(self) -> list[Minimum]:
-        """Return minima in a feasible range so narrow that it lies between two gains of the scan."""
+        """Return minima in a feasible range that is so narrow that no gain of the scan lies in it."""
         near = self._least_excess
         if near is None or near.value > HELD:
             return []
@@ -159,7 +159,7 @@ class GainEvidence(Answer):
 
     @_part
     def constraints(self) -> tuple[ConstraintOutcome, ...]:
-        """Each constraint at the optimal or nearest gain, and the smallest magnitude that any gain reaches."""
+        """Each constraint: its value at the optimal or nearest gain, and the smallest value that any gain reaches."""
         shown = self.result or self.nearest
         return tuple(self._outcome(i, constraint, shown) for i, constraint in enumerate(self.problem.task.limits))
 
@@ -212,7 +212,7 @@ class GainEvidence(Answer):
         )
 
     def _at_answer(self, best: Minimum) -> Minimum:
-        """Return the best minimum of the scan, moved to the gain of the answer if a fast search has found it."""
+        """Return the best minimum of the scan; if a fast search found the gain, move the minimum to that gain."""
         if self.settled is None:
             return best
         return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))
@@ -228,13 +228,13 @@ class GainEvidence(Answer):
         return gain_sensitivities(p, self.gain, self.place)
 
     def _is_smooth(self) -> bool:
-        """Return whether the objective of a user-defined evaluator is smooth over the steps of the differences."""
+        """Return whether a user-defined evaluator gives an objective that is smooth over the difference steps."""
         slope = _stationarity(self.problem, self.minima[0]) if self.minima else None
         return slope is not None and slope < _SMOOTH
 
     @_part
     def ideal(self) -> IdealDesign | None:
-        """The continuous-time design, with its loss here; None without `evaluate`, with a course or without a gain."""
+        """The continuous-time optimum and its loss on the loop; None without `evaluate` or gain, or with a course."""
         p = self.problem
         if p.task.evaluate is None or p.task.scenario.obstacle.course or self.gain is None:
             return None
@@ -249,7 +249,7 @@ class GainEvidence(Answer):
 
 
 def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
-    """Design one encounter, or each of an array, by the fast searches; None if they give no certain answer for one."""
+    """Design one encounter, or each of an array, by the fast searches; None for one without a certain result."""
     if problem.task.scenario.shape:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()

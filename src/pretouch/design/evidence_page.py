@@ -97,9 +97,7 @@ def sensitivity_section(design: GainDesign) -> Chapter:
             rows.append((f"`{s.name}`", Measured(s.value, s.unit), change, derivative))
     if not rows:
         return Chapter(title=_SENSITIVITY, titled=True, blocks=(Paragraph(text=_INSENSITIVE, brief=True),))
-    note = (
-        "Inputs without influence are omitted, such as the scale of the sensor, which cancels in \u03be\u2032/\u03be."
-    )
+    note = "Inputs without influence are omitted. One is the scale of the sensor, which cancels in \u03be\u2032/\u03be."
     caption = f"Change of the optimal {n.name} if the magnitude of an input grows by 1 %; striped: "
     caption += "less negative." if n.sign < 0 else "more positive."
     picture = Picture(figure="sensitivity", of=design, name=f"Sensitivity of the optimal {n.name}", caption=caption)

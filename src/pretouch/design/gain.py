@@ -25,12 +25,12 @@ from .search import GainAxis
 from .sensitivity import gain_gradient
 from .task import Task, with_file_location
 
-_RESIDUAL: Final = 1e-9  # a larger residual of the impulse balance gives a warning
+_RESIDUAL: Final = 1e-9  # a larger residual of the impulse balance causes a warning
 _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 
 def designed_number(task: Task) -> float | None:
-    """Design the number of a task's law: by the effect of a drag if the task has one, else by the objective.
+    """Design the number of a task's law: by the task's `effect` if it has one (a drag), else by the objective.
 
     Returns:
         The number, such as D_p [N s] or phi [N s^2]; None if no gain meets the constraints or ends in contact.
@@ -70,9 +70,9 @@ class GainDesign(GainEvidence):
 
     @property
     def objective_parts(self) -> dict[str, float]:
-        """The terms of the objective by quantity, which add up to the objective; empty unless optimal.
+        """The terms of the objective by quantity; their sum is the objective. Empty unless optimal.
 
-        For a user-defined objective, the parts that it declares by `parts`; empty if they do not add up to its value.
+        A user-defined objective declares its parts by a method `parts`; empty if they do not add up to its value.
         """
         if self.result is None:
             return {}
@@ -180,11 +180,11 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
             "contain a better one"
         )
     if design.certificate is not None and design.certificate.at == "edge of contact":
-        yield "the optimum lies at the edge of contact: a slightly stronger gain misses the object"
+        yield "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed"
     if design.method == "uniform-motion":
         yield (
-            "the uniform motion L(16)-(19) is one particular motion that does not start from the given state; it "
-            "shifts the optimal gain by about 10 %: compare with method 'integration'"
+            "the uniform motion L(16)-(19) does not start from the given state, which shifts the optimal gain by about "
+            "10 %: compare with method 'integration'"
         )
     if _depends_on_noise(design):
         yield (
@@ -205,7 +205,7 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 
 
 def _depends_on_noise(design: GainDesign) -> bool:
-    """Return whether the encounter at the optimum changes with the noise of another run."""
+    """Return whether the noise of another run changes the encounter at the optimum."""
     evaluator = design.problem.task.evaluate
     if design.result is None or not isinstance(evaluator, NoisyEvaluator):
         return False

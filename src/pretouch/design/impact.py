@@ -60,9 +60,9 @@ class ImpactModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElasticImpact(ImpactModel):
-    """Impact on a contact force F = k d^n of the depth d, with the peak k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)).
+    """Impact with a contact force F = k d^n at depth d; its peak is k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)).
 
-    It follows from 1/2 mu v^2 = k d^(n+1) / (n+1): all energy is in the contact at the largest depth.
+    The peak follows from 1/2 mu v^2 = k d^(n+1) / (n+1): at the largest depth, the contact has stored all energy.
 
     Args:
         robot_mass: the physical reflected mass of the robot [kg].
@@ -86,7 +86,7 @@ class ElasticImpact(ImpactModel):
 
     @property
     def speed_exponent(self) -> float:
-        """The power 2 n / (n+1) of the speed with which the peak force grows."""
+        """The exponent 2 n / (n+1): the peak force is proportional to this power of the speed."""
         return 2 * self.exponent / (self.exponent + 1)
 
     def peak_force(self, relative_velocity: ArrayLike) -> Any:

@@ -18,13 +18,13 @@ _PROBES: Final = 257
 
 
 def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
-    """Return for which encounters contact is proved to be later with a stronger gain (docs/fast-designs.md)."""
+    """Return for which encounters a stronger gain is proved to make contact later (docs/fast-designs.md)."""
     falling = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
     return np.asarray(premises_hold(scenario) & falling)
 
 
 def premises_hold(scenario: Scenario) -> BoolArray:
-    """Return for which encounters the premises of that proof hold, except that ln xi falls with the distance."""
+    """Return for which encounters the premises of the proof hold; that ln xi falls with the distance is not tested."""
     m, d, k, x0, u0, _, v, a, _, _ = scenario.relative_columns()
     room = np.asarray(d) * d - 4.0 * np.asarray(m) * k
     sigma = 0.5 * (d - np.sqrt(np.maximum(room, 0.0)))
@@ -33,7 +33,7 @@ def premises_hold(scenario: Scenario) -> BoolArray:
 
 
 def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
-    """Return a lower bound of the objective of all stronger gains, whose contact is later than the given state."""
+    """Return a lower bound of the objective of all stronger gains, which make contact later than the given state."""
     # The bound is the part of the objective that can only grow with time; obstacle_speed is |x_o'| at the start [m/s].
     total = np.zeros(np.shape(state.time))
     if type(objective) is not Objective:
@@ -49,5 +49,5 @@ def least_objective(objective: Objective, state: ContactState, obstacle_speed: A
 
 @cache_by_curve(256)
 def falls(sensor: SensorModel, reach: float) -> bool:
-    """Return whether ln xi falls with the distance, from contact to a distance [m]."""
+    """Return whether ln xi falls with the distance, everywhere from contact to `reach` [m]."""
     return bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, _PROBES))) < 0).all())

@@ -50,7 +50,7 @@ class Term:
             raise InvalidInputError("scale: found 0, expected a typical value other than 0")
 
     def scale_for(self, obstacle_speed: Any) -> Any:
-        """Return the typical value in SI; for `"obstacle speed"` the magnitude of the argument [m/s]."""
+        """Return the typical value in SI; for the scale `"obstacle speed"`, the magnitude of the argument [m/s]."""
         if not isinstance(self.scale, str):
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
@@ -68,7 +68,7 @@ class Term:
 class Objective:
     """An objective to minimize: the sum of weighted squares of scaled contact quantities.
 
-    A subclass with another `value` needs no terms; reports call it by the name of its class.
+    A subclass that overrides `value` needs no terms; reports then show the name of the class.
 
     Args:
         terms: the terms, at least one with a positive weight.
@@ -119,8 +119,8 @@ def excursion_objective(
     Args:
         position_scale: x_typ [m]; x is the deviation from the reference at contact, x - x_d.
         velocity_scale: l'_typ [m/s], or `"obstacle speed"`. The choice matters if speeds are compared. In the letter's
-            Fig. 6, the optimal |D_p| grows with the obstacle speed from 0.05 to 1 m/s if the scale is fixed at
-            0.3 m/s; it falls up to 0.5 m/s if the scale equals the obstacle speed.
+            Fig. 6, with the scale fixed at 0.3 m/s, the optimal |D_p| grows with the obstacle speed from 0.05 to 1 m/s.
+            If the scale equals the obstacle speed, the optimal |D_p| falls up to 0.5 m/s.
         position_weight: w_1 >= 0.
         velocity_weight: w_2 >= 0.
 

@@ -1,4 +1,4 @@
-"""Report page of a gain design: the gain, the contact that it leads to, and the evidence."""
+"""Report page of a gain design: the gain, the resulting contact, and the evidence."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def task_page(task: Task) -> Page:
 
 
 def gain_page(design: GainDesign) -> Page:
-    """Return the page of a design of one encounter, whatever its status."""
+    """Return the page of a design of one encounter, with any status."""
     if design.scenario.shape:
         raise ResultUnavailableError("page: found an array of designs, expected one; select it with .at(index)")
     advice = _ADVICE.get(design.status)
@@ -98,12 +98,12 @@ def gain_page(design: GainDesign) -> Page:
     )
 
 
-def _shown(design: GainDesign) -> ContactResult | None:
+def _displayed_result(design: GainDesign) -> ContactResult | None:
     return design.result or design.nearest
 
 
 def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
-    run, before = _shown(design), design.no_mitigation
+    run, before = _displayed_result(design), design.no_mitigation
     if run is None:
         yield "nearest approach without mitigation", Measured(float(before.closest_distance), "m")
         return
@@ -135,7 +135,7 @@ def _next_step(design: GainDesign) -> str:
 
 
 def _contact(design: GainDesign) -> Chapter:
-    run = _shown(design)
+    run = _displayed_result(design)
     runs = [r for r in (design.no_mitigation, run) if r is not None]
     head: Row = ("", "without mitigation")
     if run is not None:
@@ -198,7 +198,7 @@ def _trade_off(design: GainDesign) -> Chapter:
     itemized = bool(design.objective_parts or not isinstance(design.definition, OwnObjective))
     caption = (
         f"Left: {'the objective and its terms' if itemized else 'the objective'} over the searched range of gains; "
-        "hatched gains exceed the named limit or end without contact. Right: the contact that each gain leads to."
+        "hatched gains exceed the named limit or end without contact. Right: the resulting contact of each gain."
     )
     if shows_equals(design):
         caption += (
@@ -249,7 +249,7 @@ def objective_rows(objective: Objective) -> Iterator[Row]:
 
 
 def traded_quantity(design: GainDesign) -> str:
-    """Return the quantity that the objective trades for a lower contact speed: its first term that is not a speed."""
+    """Return the quantity that is traded for a lower contact speed: the objective's first term that is not a speed."""
     for term in design.definition.terms:
         if term.quantity not in {"relative_velocity", "impact_force"} and term.weight > 0:
             return term.quantity
@@ -257,7 +257,7 @@ def traded_quantity(design: GainDesign) -> str:
 
 
 def shows_equals(design: GainDesign) -> bool:
-    """Return whether the objective depends only on the two plotted quantities, so that it has contour lines there."""
+    """Return whether the objective depends only on the two plotted quantities, so that contour lines can be plotted."""
     quantities = sorted(t.quantity for t in design.definition.terms if t.weight > 0)
     return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
 
@@ -282,12 +282,12 @@ _FORCE_LAWS: Final = {
         "four times",
     ),
 }
-"""Force law, name of its coefficient, and factor on the number for half the slope; keys: the power of s' = g l'."""
+"""By the law's power of s' = g l': the force law, the name of its coefficient, the factor on the gain at half slope."""
 
 
 def _gain_and_sensor(design: GainDesign) -> Chapter | None:
-    """Return the coefficient of the force law at contact and at the start: the product of gain and sensor slope."""
-    run, n, power = _shown(design), design.number, design.problem.task.law.degree
+    """Return the section with the coefficient of the force law, the product of gain and sensor slope."""
+    run, n, power = _displayed_result(design), design.number, design.problem.task.law.degree
     if run is None or power not in _FORCE_LAWS:
         return None
     (force, coefficient, times), unit = _FORCE_LAWS[power], f"{n.unit}/m" if power == 1 else f"{n.unit}/m^{power}"

@@ -1,4 +1,4 @@
-"""Gain problem: a task with the search coordinate of its gain, its criteria with gradients, and the base of results."""
+"""Gain problem: a task with the search coordinate and the criteria of its gain; also the base class of results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .search import HELD, GainAxis, Landscape
 from .task import Task
 
 Slope: TypeAlias = Callable[[str], Any]
-"""From a quantity at contact to its derivative by one input."""
+"""Function that maps the name of a quantity at contact to the derivative of the quantity by one input."""
 
 Rates: TypeAlias = list[tuple[str, Any]]
 
@@ -47,7 +47,7 @@ class Criterion:
     has_gradients: bool  # False if a quantity needs the whole motion, or if a user-defined class computes the number
 
     def slope(self, state: ContactState, of: Slope) -> FloatArray:
-        """Return the derivative of the number by the input of `of` (from `along`): in SI, of the shape of the state."""
+        """Return the derivative of the number by one input, in SI, with the shape of the state; `along` makes `of`."""
         total = np.zeros(np.shape(state.time))
         for quantity, rate in self.rates(state):
             total = total + rate * np.asarray(of(quantity))
@@ -55,9 +55,9 @@ class Criterion:
 
 
 def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
-    """Return a function from a quantity, also the gain or the obstacle's speed, to its derivative by one input."""
-    # `of` returns the derivative of a quantity by an input, as `ContactGradients` does; `velocity` is that of the
-    # obstacle at the start [m/s], for scales that equal its speed.
+    """Return a function that maps a quantity, the gain or the obstacle's speed to its derivative by the input `by`."""
+    # `of` returns the derivative of a quantity by an input, as `ContactGradients` does. `velocity` is the obstacle's
+    # velocity at the start [m/s]; it is needed for scales that equal the obstacle's speed.
 
     def slope(quantity: str) -> Any:
         if quantity == "gain":
@@ -109,7 +109,7 @@ def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None)
 
 
 def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactModel | None) -> tuple[str, Any]:
-    """Return a quantity with gradients and the rate by it: an impact force is replaced by the relative velocity."""
+    """Return a quantity that has gradients, and the rate by it; the relative velocity replaces an impact force."""
     if quantity != "impact_force":
         return quantity, rate
     if impact is None:
@@ -133,7 +133,7 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """Whether encounters have gradients by all inputs: with the virtual damper, except for the uniform motion."""
+        """Whether encounters have gradients by all inputs: only the virtual damper, and not with the uniform motion."""
         return self.is_continuous and self.task.law == DAMPER
 
     @property
@@ -171,8 +171,8 @@ class GainProblem(Value):
         shape, evaluate = self.task.scenario.shape, self.task.evaluate
         if evaluate is not None:
             evaluate = with_noise_after(evaluate, int(np.ravel_multi_index(index, shape, mode="wrap")))
-        one = map_fields(self.task.scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
-        return self.changed(scenario=one, evaluate=evaluate)
+        scenario = map_fields(self.task.scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
+        return self.changed(scenario=scenario, evaluate=evaluate)
 
     def within_gain_limit(self) -> GainProblem:
         """Return the problem with its constraints on the gain replaced by narrower bounds.
@@ -191,7 +191,7 @@ class GainProblem(Value):
         return GainProblem(task=self.task.replace(constraints=others), axis=GainAxis(low=low, high=high))
 
     def column(self, which: IntArray) -> GainProblem:
-        """Return the problem of the encounters at flat indices as a column, which broadcasts with a row of gains."""
+        """Return the encounters at flat indices as a problem of column shape, which broadcasts with a row of gains."""
         shape = self.task.scenario.shape
 
         def select(value: Any) -> Any:
@@ -200,7 +200,7 @@ class GainProblem(Value):
         return self.changed(scenario=map_fields(self.task.scenario, select))
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Evaluate objective and constraints of gains, which are passed as coordinates of the axis."""
+        """Evaluate objective and constraints at gains, which are passed as coordinates of the axis."""
         task, result = self.task, self.run(self.axis.gain(coordinate))
         reached, speed = result.reached, abs(task.scenario.obstacle.velocity)
         ratios = [c.magnitude(result.end, task.impact) / c.limit for c in task.limits]
@@ -212,7 +212,7 @@ class GainProblem(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Answer(Described, Value):
-    """Base class of the results of design verbs, which keep the problem that they answer.
+    """Base class of the results of the design functions; each result keeps its problem.
 
     Args:
         problem: the task and the bounds of the gain.
@@ -235,12 +235,12 @@ class Answer(Described, Value):
 
     @property
     def law(self) -> ContinuousLaw:
-        """The law whose number the gain is."""
+        """The law whose number is the gain."""
         return self.problem.task.law
 
     @property
     def number(self) -> LawNumber:
-        """Name, symbol and unit of the law's number, which the gain is."""
+        """Name, symbol and unit of the law's number, here called the gain."""
         return self.law.number
 
     @property

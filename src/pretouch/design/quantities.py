@@ -27,8 +27,8 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
 
     Args:
         name: a key of QUANTITY_UNITS. `drive_force` is the physical mass times the largest acceleration;
-            `impact_force` is the peak force of the impact at the relative velocity of contact, `gain` the law's
-            number, such as D_p [N s], that led to the state.
+            `impact_force` is the peak force of the impact at the relative velocity of contact; `gain` is the law's
+            number of the run, such as D_p [N s].
         state: the state at contact.
         impact: the physical properties, needed for `drive_force` and `impact_force`.
 

@@ -1,13 +1,13 @@
 """Optimal schedule phi(s) of the virtual drag over the reading s, for a sensor of uncertain output scale.
 
-The output scale is uncertain if the reflectance of the object is. Let it be theta times that of the calibration: the
-loop reads s = ln xi(l) + ln theta. If phi is constant, p_j, on each step j of s, then
+If the reflectance of the object is uncertain, so is the output scale. Let the output scale be theta times that of the
+calibration. Then the loop reads s = ln xi(l) + ln theta. If phi has the constant value p_j on each step j of s, then
 
     Q(l) = (1/M) sum_j p_j int_l^{l_d} [s in step j] g^2 dl
 
-is linear in p, the excursion int (e^Q - 1) dl is convex, and the limit of the contact speed, Q(0) >= ln(1/rho), is
-linear. So minimizing the largest excursion over theta is a convex problem. It is solved by Kelley's cutting planes:
-each iteration is a linear program, whose dual proves a lower bound.
+is linear in p. The excursion int (e^Q - 1) dl is convex, and the limit of the contact speed, Q(0) >= ln(1/rho), is
+linear. So minimizing the largest excursion over theta is a convex problem. Kelley's cutting planes solve it: each
+iteration is a linear program, whose dual proves a lower bound.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from pretouch.sensors import SensorModel
 from .drag import DragDesign, DragRails, drag_by, predict_drag
 
 _PIECES: Final = 48  # smallest number of quadrature intervals over the range of s
-_BETWEEN: Final = 4  # intervals of reflectance between two at which a step's border is at detection or at contact
+_BETWEEN: Final = 4  # reflectance intervals between two kinks; at a kink, a step's border is at detection or contact
 _CLOSE: Final = 1e-4  # the search ends at this gap, relative to the excursion of the constant drag
 _WORTH: Final = 0.1  # smallest relative saving of excursion for which a schedule is worthwhile
 _ROUNDS: Final = 300
 _CUTS: Final = 8  # cutting planes per round
-_TOO_MUCH: Final = 1e3  # no cut is made at more than this multiple of the constant drag's excursion
+_TOO_MUCH: Final = 1e3  # no cut is made at an excursion above this multiple of the constant drag's
 _HALVINGS: Final = 55
 _ROUNDING: Final = 1e-9
 _SHARES: Final = np.array([0.0, *(1 + legendre.leggauss(NODES)[0]) / 2, 1.0])  # start, Gauss nodes, end of a piece
@@ -51,14 +51,14 @@ class DragSchedule(Value):
     Args:
         log_output: the borders of the steps of s, ascending, shape (n + 1,).
         drag: phi on each step [N s^2], shape (n,).
-        monotone: whether only schedules were admitted that do not fall with s.
+        monotone: whether the search was restricted to schedules that do not fall with s.
         reflectance: the reflectances that were evaluated, relative to that of the calibration, shape (m,).
         ratio: rho for each reflectance: contact speed over approach speed.
         excursion: excursion at contact for each reflectance [m].
-        peak: largest acceleration over the square of the approach speed for each reflectance [1/m], to 1e-4.
+        peak: largest acceleration divided by the square of the approach speed, for each reflectance [1/m], to 1e-4.
         constant: the constant drag of the required ratio, which has the same effect at every reflectance.
         rails: the weakest and the strongest constant drag that the schedule may use, and their guarantees.
-        lower_bound: lower bound of the largest excursion of all schedules of these steps [m], proved by duality.
+        lower_bound: lower bound [m], proved by duality, of the largest excursion of any schedule with these steps.
     """
 
     log_output: FloatArray
@@ -128,10 +128,10 @@ def schedule_drag(
         mass: M of the virtual object [kg].
         ratio: largest rho in (0, 1), contact speed over approach speed, for every reflectance.
         reflectance: smallest and largest factor of the output scale relative to the curve; may be equal.
-        monotone: whether phi must not fall with s: then the darkest object is the fastest at contact, and the plant
+        monotone: whether phi must not fall with s. If so, the darkest object is the fastest at contact, and the plant
             retreats farthest from the brightest.
-        rails: the weakest and the strongest constant drag between which phi stays, or their factors relative to the
-            constant drag of that ratio; with 0.5 and 2, no object in uniform motion keeps more than sqrt(rho) of its
+        rails: two constant drags, the weakest and the strongest; phi stays between them. Or two factors relative to
+            the constant drag of `ratio`: with 0.5 and 2, no object in uniform motion keeps more than sqrt(rho) of its
             speed.
         steps: number of steps of equal width in s, from the darkest object at l_d to the brightest at contact.
 
@@ -300,7 +300,7 @@ def _search(paths: _Paths, rails: DragRails, constant: DragDesign, *, monotone: 
             break
         shares = (
             np.clip(solution.x[:-1], low, high) + best
-        ) / 2  # damped: corners of the polytope are far from optimal
-        reached = rows @ shares  # then moved toward the strong rail until every reflectance keeps the ratio
+        ) / 2  # damping, because corners of the polytope are far from optimal
+        reached = rows @ shares  # then the schedule moves toward the strong rail until every reflectance has the ratio
         shares = shares + (np.maximum(1 - reached, 0.0) / np.maximum(high - reached, 1e-300)).max() * (high - shares)
     return best, lower * scale

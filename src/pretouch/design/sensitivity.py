@@ -19,12 +19,12 @@ from .problem import Criterion, GainProblem, along, ratio
 
 _BASIS: Final = chebyshev_basis(9)
 _HALF: Final = 0.08  # half width in u of the sampled interval around the optimum: its eighth power is below rounding
-_FARTHEST: Final = 0.5  # of that half width: no search misses its optimum by more
+_FARTHEST: Final = 0.5  # largest error of a searched optimum, as a share of that half width
 
 
-# The gradients of contacts are combined by the chain rule, term by term of the objective. They are sampled at Chebyshev
-# nodes in the coordinate u of the gain around the optimum. Differentiating these polynomials by u gives f_up and f_uu,
-# so that no finite difference by an input is needed.
+# The chain rule gives the derivatives of each term of the objective from the gradients of contacts. They are sampled at
+# Chebyshev nodes in the coordinate u of the gain around the optimum. Differentiating the polynomials through these
+# samples by u gives f_up and f_uu, so that no finite difference by an input is needed.
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
     """Return whether the encounters, the objective and the active constraint (if any) have exact gradients."""
     limited = constraint is None or ratio(constraint, problem.task.impact).has_gradients
@@ -83,7 +83,7 @@ def _rise(samples: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _root(slope: FloatArray) -> FloatArray:
-    """Return the root of f_u in [-1, 1] around the searched gain, which is more precise than that gain."""
+    """Return the root of f_u in [-1, 1] near the gain of the search; the root is more precise than that gain."""
     place = np.zeros(len(slope))
     for _ in range(4):
         step = _value(slope, place) / _rise(slope, place) / _HALF
@@ -100,11 +100,11 @@ _INSIDE, _BOUND, _UNKNOWN = -1, -2, -3
 
 # Steps of the five-point differences: in u, and in an input relative to its magnitude.
 _SMOOTH: Final = (0.02, 1e-4)
-# A sampled loop has ripples of (dF_p / dt) T^2 / 8 M in l' at contact over gain and inputs; these steps are wider.
+# On a sampled loop, l' at contact has ripples of (dF_p / dt) T^2 / 8 M over gain and inputs; these steps are wider.
 _RIPPLED: Final = (0.1, 1e-2)
 
 _Inputs: TypeAlias = dict[str, tuple[float, str, float]]
-"""Value, unit and typical magnitude of inputs by name."""
+"""Value, unit and typical magnitude of each input, by name."""
 
 
 def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sensitivity, ...]:
@@ -131,7 +131,7 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
         shifts = follow_optimum(problem, constraint, gain=np.array([gain]), names=tuple(inputs), held=held)
         exact = [(float(shift[0]), float(total[0])) for shift, total in shifts.values()]
         if np.isfinite(exact).all():  # next to an edge of contact, only one-sided differences exist
-            return _ranked(inputs, exact)
+            return _rank(inputs, exact)
     (step, relative), axis = _SMOOTH if problem.task.evaluate is None else _RIPPLED, problem.axis
     first, second = _FIRST / step, _SECOND / step**2
     gains = axis.scale * np.sinh(float(axis.coordinate(gain)) + step * _NODES)
@@ -156,10 +156,10 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
             shift = 0.0
         total = f_p[2] + (0.0 if at == "interior" else (f @ first) * shift)
         derivatives.append((float(shift * axis.stretch(gain)), float(total)))
-    return _ranked(inputs, derivatives)
+    return _rank(inputs, derivatives)
 
 
-def _ranked(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
+def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
     """Return the finite sensitivities, largest effect first."""
     entries = [
         Sensitivity(
@@ -195,7 +195,7 @@ def _derivative(sample: Callable[[float], FloatArray], value: float, step: float
 
 
 def _inputs(problem: GainProblem) -> _Inputs:
-    """Return every scalar input of scenario and sensor; an input that is 0 needs a typical magnitude of the motion."""
+    """Return every scalar input of scenario and sensor; an input of 0 gets a typical magnitude from the motion."""
     scenario, sensor = problem.task.scenario, problem.task.sensor
     length = float(scenario.distance)
     speed = max(abs(float(scenario.relative_velocity)), abs(float(scenario.obstacle.velocity)), 1e-3)
@@ -223,7 +223,7 @@ def _with(problem: GainProblem, name: str, value: float) -> GainProblem:
 
 
 def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
-    """Differentiate optimal gains by one input, named as in `ContactGradients`: in the gain's unit per unit of it."""
+    """Differentiate optimal gains by an input of `ContactGradients`, in the unit of the gain per unit of the input."""
     # `one` returns the design of the encounter at an index, for encounters without exact derivatives. The derivative is
     # NaN without a gain, and next to an edge of contact.
     flat = np.asarray(gain, dtype=np.float64).reshape(-1)

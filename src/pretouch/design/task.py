@@ -1,4 +1,4 @@
-"""Task: the problem that every verb takes, with the encounter, the sensor and all options."""
+"""Task: the problem that every design, simulation or verification solves: encounter, sensor and all options."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ class Source(Protocol):
         """Return the message of an error, with its cause in the file."""
 
 
-def _sparing(cls: type[R]) -> type[R]:
-    """Replace `__init__` by one that stores only the passed fields: a design takes a few microseconds."""
+def _with_fast_init(cls: type[R]) -> type[R]:
+    """Replace `__init__` by a fast one, which stores only the passed fields: a design takes only microseconds."""
     complete: Any = cls.__init__
     names = {name for name in cls.__annotations__ if name != "_"}
     rules: dict[str, Rule] = {}
@@ -92,10 +92,10 @@ def _sparing(cls: type[R]) -> type[R]:
     return cls
 
 
-@_sparing
+@_with_fast_init
 @dataclass(frozen=True)
 class Task(InNotebooks, Value):
-    """The problem that every verb takes: the encounter, the sensor, and the options of the verbs.
+    """The problem for the verbs (functions such as `design_gain`): the encounter, the sensor and all options.
 
     Each verb uses the fields that it needs and raises an error if one is missing. `load_scenario` returns a Task from
     a scenario file. Numbers without a stated unit are SI.
@@ -107,10 +107,10 @@ class Task(InNotebooks, Value):
         objective: the objective to minimize: an Objective, or a user-defined object or function (docs/design.md).
         bounds: smallest and largest gain of a design, in the unit of the law's number, such as N s; mitigating gains
             D_p are negative.
-        constraints: limits that the encounter must keep, at most one per quantity, in any order. If inputs are
-            uncertain or runs have noise, a Constraint must always hold and a `Required` one with its probability;
-            otherwise both must always hold. On a Pareto front, the limits of acceleration and speed also define the
-            robot of the physical bound.
+        constraints: limits that the encounter must keep, at most one per quantity, in any order. A `Constraint` must
+            always hold. A `Required` constraint must hold with its probability if inputs are uncertain or runs have
+            noise, otherwise always. On a Pareto front, the limits of acceleration and speed also define the robot of
+            the physical bound.
         impact: physical properties, for objectives, constraints and quantities that are forces.
         method: how encounters are solved in continuous time, as in `find_contact`.
         horizon: the longest simulated time until contact in continuous time [s].
@@ -118,8 +118,8 @@ class Task(InNotebooks, Value):
             force law L(2), the default) or "virtual-drag"; with a loop, by default the law of its controller. A gain
             always means the number of this law in its unit, such as D_p [N s] or phi [N s^2].
         effect: the effect by which `design_drag` chooses a drag, such as `DragEffect(ratio=0.15)`.
-        evaluate: solves encounters instead of `find_contact`, from scenario, sensor and an array of gains: a
-            `ClosedLoop`, for the gain that is optimal on the sampled loop, or a function.
+        evaluate: a function of scenario, sensor and an array of gains that solves encounters instead of
+            `find_contact`, or a `ClosedLoop`, for the gain that is optimal on the sampled loop.
         natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] if it is free; None keeps that of the scenario.
         damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)) if it is free; None keeps that of the scenario.
         quantities: the quantities of a Pareto front: two or three names of QUANTITY_UNITS; magnitudes are minimized.
@@ -128,8 +128,8 @@ class Task(InNotebooks, Value):
         gain: the law's number, such as D_p [N s], that is verified, simulated or swept; None for the designed one.
         uncertainty: distributions of uncertain inputs by name, such as
             `{"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}`.
-        measure: the measure of the objective over all encounters that a robust gain minimizes: Quantile,
-            ConditionalValueAtRisk, WorstCase or Expected() (None).
+        measure: the measure that a robust gain minimizes, of the objective over all encounters: Quantile,
+            ConditionalValueAtRisk, WorstCase or Expected() (the default, None).
         samples: number of encounters of the measure; None for 4096, or 256 with `evaluate`.
         validation: number of fresh encounters on which a robust gain is validated; None for 4096, or four times the
             samples with `evaluate`.
@@ -138,14 +138,14 @@ class Task(InNotebooks, Value):
         confidence: confidence level of intervals and of lower bounds of probabilities.
         loop: the `ClosedLoop` on which the gain runs: sensor chain, controller, robot and contact.
         runs: number of simulated runs of a verdict.
-        stability_margin: smallest gain margin of a designed gain on the loop, a factor; gains with a smaller one are
-            cut off the bounds. None: no margin is required.
-        speed_tolerance: a verdict reports contact that is harder by more than this share than predicted, or than with
-            an infinitely fast sensor.
-        calibration: the report of the fit that the sensor comes from; a verdict then also tries the gain on other
-            sensor curves that agree with the readings.
+        stability_margin: smallest gain margin of a designed gain on the loop, a factor; the bounds then exclude gains
+            with a smaller margin. None: no margin is required.
+        speed_tolerance: a verdict reports contact that is faster than predicted, or than with an infinitely fast
+            sensor, by more than this share.
+        calibration: the report of the fit of the sensor curve; a verdict then also tests the gain on other sensor
+            curves that agree with the readings.
         source: the file that the task was read from; errors then name its line.
-        part: the sensor part, named in a file, from which the chain of the loop starts.
+        part: the sensor part, named in a file, that gives the default sensor chain of the loop.
 
     Examples:
         >>> from pretouch.design import design_gain, excursion_objective
@@ -252,7 +252,7 @@ class Task(InNotebooks, Value):
 
 
 def with_file_location(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
-    """Decorate a verb so that its errors name line and key of the file that the task was read from."""
+    """Decorate a verb so that its errors name the line and the key in the file of the task."""
 
     # The task may also be passed by name; the type `Concatenate` cannot express that.
     @wraps(verb)

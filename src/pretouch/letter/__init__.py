@@ -1,4 +1,4 @@
-"""Reproduction of the letter: its tables and figures compared with computed ones, and errors in its text.
+"""Reproduction of the letter: compare its tables and figures with computed ones, and list the errors in its text.
 
 `reproduce` computes a `LetterReport`; `pretouch.report.write_report` writes its page.
 """

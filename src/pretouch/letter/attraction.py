@@ -44,35 +44,35 @@ def reproduce(ran: Ran) -> Reproduction:
     a, b, around, same = float(ran["a"]), float(ran["b"]), ran["around"], np.isclose(ran["speeds"], ran["a"])
     root = float(np.sqrt(1 + 8 * INPUTS["b_2"] * INPUTS["D_p"] * INPUTS["v_o"] / INPUTS["K_a"]))
     apart = around.distance - a * around.time - b
-    left = apart[:, -1] / apart[:, 0]  # share of the initial deviation that remains at contact
+    remaining = apart[:, -1] / apart[:, 0]  # share of the initial deviation that remains at contact
     starts, ends = ran["starts"][same], around.time[same, -1]
     columns = {"l(0) [mm]": (1e3 * starts, ".1f"), "l(0) - B [mm]": (1e3 * (starts - b), "+.1f")}
-    columns |= {"share of it at contact": (left[same], ".3f"), "time of contact [s]": (ends, ".3f")}
+    columns |= {"share of it at contact": (remaining[same], ".3f"), "time of contact [s]": (ends, ".3f")}
     course, names = ("time", "distance", "relative_velocity"), ("around", "letter", "uniform")
     motions = {name: {of: getattr(ran[name], of) for of in course} for name in names}
     return Reproduction(
         summary="With δ = l - (A t + B), L(14) becomes M δ'' + (D + D_p g(l)) δ' + (K + 2 b_2 D_p A) δ = 0, without an "
         "approximation. For the approaching root of L(17) the stiffness in it is K (1 + s)/2 > 0, with s² = 1 + 8 b_2 "
         "D_p v_o / K, and the damping is positive wherever the output falls with the distance: the energy ½ M δ'² + ½ "
-        "K (1 + s)/2 δ² can only fall. That is the attraction the letter reports, proved for every start.",
+        "K (1 + s)/2 δ² can only fall. This proves, for every start, the attraction that the letter reports.",
         parameters=(*APPROACH, *SENSORS["exponential-2"], EXPERIMENT_GAIN),
-        findings=(_attracted(ran, apart, left[same]), _roots(root, a)),
+        findings=(_attraction_finding(ran, apart, remaining[same]), _roots(root, a)),
         tables=(readings("Motions that start with the velocity A", columns),),
-        caption="Grey: 21 motions from other distances and velocities, until contact. The letter's motion starts 4 mm "
-        "from the uniform one and ends 4 mm from it, because it must first be slowed down from -0.3 m/s.",
+        caption="Grey: 21 motions from other distances and velocities, until contact. The letter's motion starts and "
+        "ends 4 mm from the uniform motion, because its relative velocity must first fall from -0.3 m/s.",
         numbers={
             **{"A": a, "B": b, "s": root},
             "effective_stiffness": INPUTS["K_a"] * (1 + root) / 2,
             "effective_stiffness_other_root": INPUTS["K_a"] * (1 - root) / 2,
             "initial_distance": ran["starts"],
             "initial_relative_velocity": ran["speeds"],
-            "deviation_left_at_contact": left,
+            "deviation_left_at_contact": remaining,
             "motion": motions,
         },
     )
 
 
-def _attracted(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
+def _attraction_finding(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
     stiffness = INPUTS["K_a"] + 2 * INPUTS["b_2"] * INPUTS["D_p"] * ran["a"]
     energy = INPUTS["M_a"] * (ran["around"].relative_velocity - ran["a"]) ** 2 / 2 + stiffness * apart**2 / 2
     falls = bool(np.diff(energy / energy[:, :1], axis=1).max() < 0)
@@ -84,8 +84,8 @@ def _attracted(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
         "Section VI-A",
         "The energy of the deviation falls along every motion, so the letter's statement is right. Convergence is "
         f"slow: {100 * left.min():.0f} to {100 * left.max():.0f} % of a deviation in distance remain at contact. For "
-        "strong gains this share tends to g(l)/g(0), the ratio of the sensor's slopes, at every gain and speed. "
-        "Therefore the optimum by L(19) differs from the integrated one by 10 %.",
+        "strong gains, this share tends to g(l)/g(0), the ratio of the sensor's slopes, at every gain and speed. "
+        "Therefore the optimum by L(19) differs from the integrated optimum by 10 %.",
         ("the energy falls along every motion, from each of 80 samples to the next", falls),
         ("smallest share of the deviation at contact", left.min()),
         ("largest share of the deviation at contact", left.max()),

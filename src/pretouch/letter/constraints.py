@@ -49,7 +49,7 @@ def reproduce(ran: Ran) -> Reproduction:
         "lies on its limit until the limit is no longer active. If two limits conflict, the result names them and the "
         "amount of the conflict.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
-        findings=(_held(designs),),
+        findings=(_limits_finding(designs),),
         tables=(readings("The optimum under limits", _columns(designs)),),
         caption="Left: the optimal gain over the largest allowed excursion. Right: the speed at contact. If the speed "
         "is limited, too, no gain is feasible below the excursion at which the second curve begins.",
@@ -70,7 +70,7 @@ def _design(limits: dict[str, float]) -> GainDesign:
     return design_gain(Task(approach(), sensor("inverse-power"), f_1(), bounds=BOUNDS, constraints=constraints))
 
 
-def _held(designs: Sequence[GainDesign]) -> Finding:
+def _limits_finding(designs: Sequence[GainDesign]) -> Finding:
     free, near, slow, both, neither = designs
     on_limit = [abs((o.margin or 0.0) / o.limit) for d in (near, slow) for o in d.constraints]
     worse = all((d.objective or 0.0) > (free.objective or 0.0) for d in (near, slow, both))

@@ -27,7 +27,7 @@ EXPERIMENTS: Final = {
     "table-3": ("Table III, Sections V-B and V-C", "Gains for tracking motion that is disrupted"),
     "attraction": ("Section VI-A", "Attraction of the uniform motion"),
     "constraints": ("Section VI-B", "Limits on motion and velocity"),
-    "impact-force": ("Section VI-B", "The force of the impact in place of its speed"),
+    "impact-force": ("Section VI-B", "The force of the impact instead of its speed"),
 }
 """Place and title of each reproduction, in the order of the letter; each one is a module of this package."""
 
@@ -44,7 +44,7 @@ class Step(Value):
     Args:
         name: what is computed or tested.
         value: a number, a text, or whether a condition holds.
-        unit: the unit of a number; empty for a pure one.
+        unit: the unit of a number; empty for a pure number.
 
     Examples:
         >>> str(Step("x at contact", -0.0915344, "m"))
@@ -71,12 +71,12 @@ class Step(Value):
 
 @dataclass(frozen=True, slots=True)
 class Finding(Value):
-    """A finding about the letter's text that goes beyond single numbers, with its derivation.
+    """A finding about the letter that is more than a single number, with its derivation.
 
     Args:
-        id: the number of the finding: 1 to 7 were known before, from 8 on they were found by this program.
+        id: the number of the finding: 1 to 7 were known before; this program found those from 8 on.
         title: the finding in one sentence.
-        place: where in the letter.
+        place: place in the letter.
         statement: the finding with its reason.
         evidence: the computed steps of the derivation, and the conditions that must hold.
     """
@@ -110,12 +110,12 @@ class Reproduction(Value):
         summary: method and result in a few sentences.
         parameters: the inputs.
         comparisons: printed numbers compared with computed ones.
-        findings: findings that go beyond single numbers.
+        findings: findings that are more than single numbers.
         tables: tables of numbers that the letter does not print.
         caption: caption of the figure.
-        numbers: all numbers for other programs: names to numbers, texts, lists and mappings of these, in SI.
+        numbers: all numbers in SI, for other programs: a mapping of names to numbers, texts, lists or mappings.
         id: name on the command line, such as "table-2".
-        place: where in the letter.
+        place: place in the letter.
         title: title of the reproduction.
         code: the program that makes the figure.
         figure: the Matplotlib figure of this program.
@@ -169,7 +169,7 @@ class LetterReport(Described, Value):
 
     @property
     def holds(self) -> bool:
-        """Whether this installation reproduces the letter's equations: all differences are explained."""
+        """Whether this installation reproduces the letter: every difference is explained and every finding holds."""
         return all(r.holds for r in self.reproductions)
 
     @property
@@ -201,7 +201,7 @@ def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None
     """Reproduce tables, figures and sections of the letter, and compare each printed number with a computed one.
 
     Args:
-        ids: names of reproductions, of IDS; all by default.
+        ids: names of reproductions, from IDS; all by default.
         progress: called with each id before its computation.
 
     Returns:

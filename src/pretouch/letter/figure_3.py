@@ -29,16 +29,16 @@ figure = pt.report.panel_figure(
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Tabulate the curves and their slopes, of which the letter prints no numbers."""
+    """Tabulate the curves and their slopes; the letter prints no numbers of them."""
     second = {p.symbol: p.value for p in SENSORS["exponential-2"]}
     turn, shown = -second["c_2"] / (2 * second["b_2"]), np.array([0.0, 0.01, 0.02, 0.03, 0.0422])
     columns = {"l [mm]": (1e3 * shown, ".1f")} | {f"ξ, {n} [V]": (c.output(shown), ".4f") for n, c in CURVES.items()}
     columns |= {f"g, {n} [1/m]": (c.log_slope(shown), ".2f") for n, c in CURVES.items()}
     return Reproduction(
         summary="The outputs of the three curves are similar; the letter judges them by R² of the output. The virtual "
-        "force depends on the slope g = d ln ξ / dl instead, which differs by a quarter at contact and nearly by a "
-        f"factor of two at 42.2 mm. The second order has its minimum at {1e3 * turn:.0f} mm: beyond it the force has "
-        "the wrong sign.",
+        "force depends on the slope g = d ln ξ / dl instead. Between the curves, this slope differs by a quarter at "
+        "contact and by nearly a factor of two at 42.2 mm. The second-order output has its minimum at "
+        f"{1e3 * turn:.0f} mm: at larger distances, the force has the wrong sign.",
         parameters=tuple(p for name in CURVES for p in SENSORS[name]),
         tables=(readings("Output ξ and slope g", columns),),
         caption="Left: the output, as in the letter. Right: the slope of its logarithm, not shown in the letter.",

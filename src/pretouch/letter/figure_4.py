@@ -54,7 +54,7 @@ def reproduce(ran: Ran) -> Reproduction:
     power, first, second = (float(m.position[-1]) for m in motions.values())
     rounded = over_rounding("exponential-1", _position)
     span = over_rounding("exponential-2", partial(_position, method="uniform-motion"))
-    lag = "friction, servo lag and readings that the curve does not hold are on the hardware only"
+    lag = "only the hardware has friction, servo lag and readings that deviate from the curve"
     misprint = "with the parameters of Table I, L(19) gives another value for every rounding of them (finding 4)"
     reference = "the letter's reference is a measured motion, here the integrated inverse power curve"
     fits = {"exponential-1": "0.992", "exponential-2": "0.984"}
@@ -72,8 +72,8 @@ def reproduce(ran: Ran) -> Reproduction:
             *(Printed(*fit, "", PLACE, reference, hardware=True) for fit in r_squared),
         ),
         findings=(_second_order(second, *span),),
-        caption="The uniform motion is one particular solution, which does not start at the plant's position: at t = 0 "
-        "it is 4 mm off.",
+        caption="The uniform motion is one particular solution. It does not start at the plant's position: at t = 0, "
+        "the difference is 4 mm.",
         numbers={
             "position_at_contact": dict(zip(NAMES, (power, first, second), strict=True)),
             "time_of_contact": {name: float(m.time[-1]) for name, m in motions.items()},

@@ -40,7 +40,7 @@ def reproduce(ran: Ran) -> Reproduction:
     first = "reduction 1 - l'/v_o, experiment; computed: inverse power"
     numbers = [Printed(first, true, taken["inverse-power"], "%", PLACE, hardware, hardware=True)]
     for name, (method, _) in MODELS.items():
-        span = over_rounding(name, partial(_taken, method=method))
+        span = over_rounding(name, partial(_reduction, method=method))
         label = f"reduction 1 - l'/v_o, {NAMES[name]}"
         numbers.append(Printed(label, PRINTED[name], taken[name], "%", PLACE, over_inputs=span))
     for name, (_, error) in MODELS.items():
@@ -48,12 +48,12 @@ def reproduce(ran: Ran) -> Reproduction:
         numbers.append(Printed(f"relative error of {PRINTED[name]} % to 78.0 %", error, ours, "%", PLACE))
     return Reproduction(
         summary="Without mitigation the obstacle arrives at 0.3 m/s. The letter's \"ratio l'/v_o\" is the reduction of "
-        "that speed by mitigation, not the remaining speed (finding 3). Read as reductions, its model values agree.",
+        "that speed by mitigation, not the remaining speed (finding 3). As reductions, the model values agree.",
         parameters=PARAMETERS,
         comparisons=tuple(numbers),
         findings=(_reductions(taken),),
-        caption="Mitigation reduces the relative velocity most in the first 0.1 s. Until contact it then grows again "
-        "with the first order, and hardly with the inverse power. The uniform motion has one velocity.",
+        caption="Mitigation reduces the relative velocity most in the first 0.1 s. From then until contact, it grows "
+        "again for the first order, and hardly for the inverse power. The uniform motion has a constant velocity.",
         numbers={
             "relative_velocity_at_contact": {name: float(m.relative_velocity[-1]) for name, m in motions.items()},
             "reduction": {name: part / 100 for name, part in taken.items()},
@@ -62,7 +62,7 @@ def reproduce(ran: Ran) -> Reproduction:
     )
 
 
-def _taken(curve: SensorModel, method: str) -> float:
+def _reduction(curve: SensorModel, method: str) -> float:
     """Return the reduction of the obstacle's speed at contact [%]."""
     contact = find_contact(approach(), curve, EXPERIMENT_GAIN.value, method=method).contact
     return float(100 - 100 * contact.relative_velocity / approach().obstacle.velocity)
@@ -86,9 +86,9 @@ def _reductions(taken: dict[str, float]) -> Finding:
         "The ratio l'/v_o of Section IV-D is the reduction 1 - l'/v_o",
         "Section IV-D",
         f"The section prints {', '.join(PRINTED.values())} % as l'/v_o. In the models, {remain} % of the obstacle's "
-        f"speed remain, and the reductions are {less} %: the printed numbers are reductions. The printed relative "
-        "errors, 9.74 and 4.62 %, are errors of these reductions. The errors of the remaining speeds, which determine "
-        "the impact, are 35 and 16 %.",
+        f"speed remain, and the reductions are {less} %. So the printed numbers are reductions. The printed relative "
+        "errors, 9.74 and 4.62 %, are errors of these reductions. The remaining speeds, which determine the impact, "
+        "have errors of 35 and 16 %.",
         *steps,
         ("the printed numbers are within 1 % of the reductions, and of no ratio", near),
     )

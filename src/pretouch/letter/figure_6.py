@@ -1,4 +1,4 @@
-"""Figure 6: optimal gain over the obstacle's speed for the letter's objective, L(20) and L(21), and its trend."""
+"""Figure 6: optimal gain and its trend over the obstacle's speed, for the letter's objective, L(20) and L(21)."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def reproduce(ran: Ran) -> Reproduction:
     return Reproduction(
         summary="100 velocities from -0.01 to -1.00 m/s. The letter's trend, a larger |D_p| for slow obstacles and "
         "hardly a change above 0.2 m/s, is reproduced if l'_typ is the obstacle's speed. With l'_typ = -0.3 m/s from "
-        "Section V-A, the trend reverses (finding 5). The figure prints no numbers. With the first order and a fixed "
-        "l'_typ, mitigation does not pay below 0.03 m/s: the optimum is the end of the range.",
+        "Section V-A, the trend reverses (finding 5). The figure has no printed numbers. With the first order and a "
+        "fixed l'_typ, mitigation is not worthwhile below 0.03 m/s: the optimum is the end of the range.",
         parameters=(*ADMITTANCE, *(p for name in [*SENSORS][:3] for p in SENSORS[name]), *F_1),
         findings=(_trend(speeds, gains),),
         tables=tuple(
@@ -62,7 +62,7 @@ def reproduce(ran: Ran) -> Reproduction:
             for scale, found in gains.items()
         ),
         caption="Left: l'_typ follows the obstacle, with the letter's trend. Right: l'_typ is fixed, with the opposite "
-        "trend; the first order jumps to the end of the range where mitigation does not pay. The inverse power is "
+        "trend; the first order jumps to the end of the range if mitigation is not worthwhile. The inverse power is "
         "integrated, the first order solved in closed form, the second order by its uniform motion.",
         numbers={"speed": speeds, "optimal_gain": gains},
     )
@@ -90,8 +90,8 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
         5,
         "Fig. 6 holds only if l'_typ follows the obstacle's speed",
         "Fig. 6, Section V-A",
-        "The text describes a larger |D_p| for slow obstacles and hardly a change above 0.2 m/s. That is so if l'_typ "
-        f"is the obstacle's speed (inverse power: {pairs['following']}). With l'_typ fixed at -0.3 m/s, as Section "
-        f"V-A sets it, |D_p| grows with the speed ({pairs['fixed']}): the typical value decides the trend.",
+        "The text describes a larger |D_p| for slow obstacles and hardly a change above 0.2 m/s. This is true if "
+        f"l'_typ is the obstacle's speed (inverse power: {pairs['following']}). If l'_typ is fixed at -0.3 m/s, as in "
+        f"Section V-A, |D_p| grows with the speed ({pairs['fixed']}): the typical value decides the trend.",
         *steps,
     )

@@ -11,7 +11,7 @@ from .inputs import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1,
 from .program import Program
 
 PROGRAM: Final = Program(
-    "Section VI-B: the peak force of the impact in place of the speed, where mass and stiffness are known.",
+    "Section VI-B: the peak force of the impact instead of the speed, if mass and stiffness are known.",
     ONE_APPROACH,
     """\
 impacts = {
@@ -52,10 +52,10 @@ def reproduce(ran: Ran) -> Reproduction:
     columns["speed at contact [mm/s]"] = ([-1e3 * c.relative_velocity for c in at], ".2f")
     return Reproduction(
         summary="If mass and stiffness are known, the peak force can be a term of the objective or a limit. The spring "
-        "has the 62.7 N s/m of Table III as √(μ k); the sphere is soft, with a radius of 10 mm. Both models are "
+        "has √(μ k) = 62.7 N s/m, as found from Table III; the sphere is soft, with a radius of 10 mm. Both models are "
         "lossless, so they bound the peak force from above. The mass is the robot's physical mass, not M_a.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
-        findings=(_shifted(*[*gains.values()][:3]),),
+        findings=(_shift_finding(*[*gains.values()][:3]),),
         tables=(readings("Optimum by speed and by force", columns),),
         caption="The peak force over the gain for two kinds of contact, with the optimum of each objective.",
         numbers={
@@ -66,10 +66,10 @@ def reproduce(ran: Ran) -> Reproduction:
     )
 
 
-def _shifted(by_speed: float, spring: float, hertz: float) -> Finding:
+def _shift_finding(by_speed: float, spring: float, hertz: float) -> Finding:
     return finding(
         13,
-        "On a linear contact the force objective changes nothing; on a curved one it shifts the gain",
+        "For a linear contact, the force objective changes nothing; for a curved one, it shifts the gain",
         "Section VI-B",
         "F_typ is the peak force without mitigation. On a spring the peak is √(μ k) |l'|, so the objective equals f₁, "
         "with the same optimum. By Hertz's law the force grows as |l'|^1.2, and the optimum moves.",

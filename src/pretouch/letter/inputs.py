@@ -134,8 +134,8 @@ def over_rounding(name: str, evaluate: Callable[[SensorModel], Any]) -> Any:
     The scale of the sensor is fixed, because it cancels in the virtual force.
 
     Returns:
-        The smallest and the largest value over the ends and the middle of every parameter's rounding interval: an
-        array of the shape (..., 2), or a pair of floats for one number.
+        The smallest and the largest value over the ends and the middle of every parameter's rounding interval: a pair
+        of floats for one number, else an array of the shape (..., 2).
 
     Examples:
         >>> over_rounding("exponential-1", lambda s: s.constant_log_slope)

@@ -48,12 +48,12 @@ def reproduce(ran: Ran) -> Reproduction:
         summary="The letter advises to design for a fast obstacle and to keep that gain. Here the loss of one gain in "
         "f₁ is computed, compared with the best gain for each speed, for the inverse power curve and l'_typ equal to "
         f"the obstacle's speed. {gain[FAST]:.3f} N s minimizes the largest loss from 0.2 to 1 m/s. Over all speeds "
-        f"from 0.01 m/s on, the minimizer is {gain[ALL]:.3f} N s, which suits no range well.",
+        f"from 0.01 m/s on, the gain with the smallest largest loss is {gain[ALL]:.3f} N s; it suits no range well.",
         parameters=(*ADMITTANCE, *SENSORS["inverse-power"], *F_1[:3]),
         findings=(_price(gain[FAST], loss[FAST], left[FAST], speeds < 0.2),),
         tables=(readings("The loss at each speed", columns, note),),
-        caption="Left: the loss compared with the best gain for each speed. Right: the speed at contact; if the "
-        "relative loss is large, the contact is slow.",
+        caption="Left: the loss compared with the best gain for each speed. Right: the speed at contact. The relative "
+        "loss is large only for slow contacts.",
         numbers={"speed": speeds, "gain": gain, "best_gain": best, "loss": loss, "speed_at_contact": left},
     )
 
@@ -62,7 +62,7 @@ def _price(gain: float, loss: Any, left: Any, slow: Any) -> Finding:
     price, worst, hardest, least = loss[~slow].max(), loss[slow].max(), left[slow].max(), left[~slow].min()
     return finding(
         12,
-        "One gain serves all speeds from 0.2 m/s on, and leaves slow contacts slow",
+        "One gain suits all speeds from 0.2 m/s on, and slow contacts stay slow",
         "Section VI-C",
         f"With D_p = {gain:.3f} N s, f₁ is at most {100 * price:.1f} % above its optimum at any speed from 0.2 to 1 "
         "m/s: the letter's argument holds at this cost. Below 0.2 m/s the loss grows to "

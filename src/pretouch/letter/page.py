@@ -21,7 +21,7 @@ _FOUND: Final = (
 )
 _INPUTS: Final = "The inputs are the printed numbers of the letter, with their printed digits. The verdicts:"
 _METHOD: Final = "Motions and gains are computed from the equations of the letter, cited as L(n)."
-_SCOPE: Final = "This page compares a publication with its equations. It is no statement about a machine."
+_SCOPE: Final = "This page compares a publication with its own equations. It does not describe any machine."
 _DATA: Final = (
     "Inputs, comparisons and findings of this page and all numbers of the figures in SI, as one JSON object in the "
     "element `numbers`. Numbers that are not finite are null. `pretouch reproduce --json` prints the same object."
@@ -67,7 +67,7 @@ def letter_page(report: LetterReport) -> Page:
 
 
 def _overview(report: LetterReport) -> Rows:
-    """Return a table with the number of verdicts of each part, with links; zeros are omitted."""
+    """Return a table that counts the verdicts of each part, with links; zeros are omitted."""
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
         for r in report.reproductions
@@ -131,7 +131,9 @@ def _part(part: Reproduction) -> Chapter:
         Paragraph(text=part.summary),
         Paragraph(text=f"Findings: {links}", quiet=True) if links else None,
         Chapter(title="Inputs, as printed in the letter", blocks=(inputs,)) if part.parameters else None,
-        Chapter(title="Printed and computed numbers", blocks=tuple(_compared(part))) if part.comparisons else None,
+        Chapter(title="Printed and computed numbers", blocks=tuple(_comparison_blocks(part)))
+        if part.comparisons
+        else None,
         *part.tables,
         picture,
         Code(text=part.code, title="Complete program of this figure"),
@@ -139,7 +141,7 @@ def _part(part: Reproduction) -> Chapter:
     return Chapter(title=f"{part.place}: {part.title}", anchor=f"part-{part.id}", blocks=blocks)
 
 
-def _compared(part: Reproduction) -> Iterator[Rows | Listing | Paragraph]:
+def _comparison_blocks(part: Reproduction) -> Iterator[Rows | Listing | Paragraph]:
     """Yield the table of printed and computed numbers, then each reason with the numbers that it explains."""
     head = ("number", "place", "printed", "computed", "difference", "range over input rounding", "verdict")
     rows = [

@@ -82,8 +82,8 @@ class Printed(Value):
         value: the computed number.
         unit: the unit of both; empty for a pure number.
         place: where in the letter.
-        why: why they differ, if that is known.
-        hardware: whether it was measured on hardware, so that the two need not agree.
+        why: reason of the difference, if it is known.
+        hardware: whether the printed number was measured on hardware, so that the two need not agree.
         over_inputs: smallest and largest computed number over the rounding of the printed inputs; None if not computed.
 
     Examples:
@@ -107,7 +107,7 @@ class Printed(Value):
 
     @property
     def agreement(self) -> Agreement:
-        """Agreement of the two: they agree if the computed number rounds to the printed digits."""
+        """Agreement of the two numbers: they agree if the computed number rounds to the printed digits."""
         if self.hardware:
             return Agreement.MEASURED
         half = resolution(self.printed) / 2 * (1 + 1e-9)
@@ -154,7 +154,7 @@ class Printed(Value):
 
 
 def numeral(value: float, printed: str, sign: str = "") -> str:
-    """Format a number with two decimals more than a printed one, in its notation; six digits if that is far longer.
+    """Format a number like a printed one, with two more decimals; with six digits if the text would be far longer.
 
     Returns:
         The number as text.

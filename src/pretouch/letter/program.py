@@ -15,8 +15,8 @@ class Program(Value):
 
     Args:
         about: the docstring of the script.
-        inputs: inputs of the letter by their variable names; the script contains the calls that create them, and uses
-            the variable of an earlier input inside of a later one.
+        inputs: inputs of the letter by their variable names. The script contains the calls that create them; the call
+            of a later input may use the variable of an earlier one.
         body: the rest of the script; it assigns `figure` and the values that the figure shows.
         imports: import lines in addition to pretouch and, if it is used, NumPy.
     """

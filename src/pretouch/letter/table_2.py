@@ -18,7 +18,7 @@ from .printed import Printed, resolution
 from .program import Program
 
 PROGRAM: Final = Program(
-    "Table II: the objective f_1 of L(20) over the whole range of gains, with the gains of the table on it.",
+    "Table II: the objective f_1 of L(20) over the whole range of gains, with the gains of the table marked.",
     ONE_APPROACH,
     """\
 objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
@@ -62,7 +62,7 @@ def reproduce(ran: Ran) -> Reproduction:
     ranges = over_rounding("inverse-power", lambda curve: _contacts(curve, gains))
     optima = {way: best_gain(sensor(way.split(", ")[0]), method=way.split(", ")[1].replace(" ", "-")) for way in WAYS}
     terms = np.array([(values[0] / F_1[2].value) ** 2, (values[1] / F_1[3].value) ** 2])
-    sought = ((f"optimal gain, {way}", p, optima[way]) for way, p in WAYS.items() if p is not None)
+    optimal_gains = ((f"optimal gain, {way}", p, optima[way]) for way, p in WAYS.items() if p is not None)
     columns = {"D_p [N s]": (gains, "g"), "x [m]": (values[0], ".4f"), "l' [m/s]": (values[1], ".4f")}
     columns |= {"(x / x_typ)²": (terms[0], ".4f"), "(l' / l'_typ)²": (terms[1], ".4f"), "f₁": (values[2], ".4f")}
     return Reproduction(
@@ -70,8 +70,8 @@ def reproduce(ran: Ran) -> Reproduction:
         "entries of the table cannot be right (findings 1 and 2); the others agree. If a computed number misses the "
         "last digit by less than one unit, parameters that round to the printed ones reproduce it.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
-        comparisons=(*_columns(values, ranges), *(Printed(*way, "N s", "Section V-A") for way in sought)),
-        findings=(_repeated(values[:, 2], ranges[:, 2]), _misheaded(values, ranges[:, -1])),
+        comparisons=(*_columns(values, ranges), *(Printed(*way, "N s", "Section V-A") for way in optimal_gains)),
+        findings=(_repetition_finding(values[:, 2], ranges[:, 2]), _column_finding(values, ranges[:, -1])),
         tables=(readings("Both terms of the objective", columns),),
         caption="The objective and its two terms, which cross near the optimum. Circles are the gains of the table; "
         "the letter prints the values of the last one, -10 N s, under -1.0.",
@@ -93,8 +93,8 @@ def _contacts(curve: SensorModel, gains: Sequence[float]) -> FloatArray:
 
 
 def _columns(values: FloatArray, ranges: FloatArray) -> list[Printed]:
-    repeated = "repeats l' of its column; with it f_1 would be 0.102, not the printed 0.107 (finding 1)"
-    reasons = {"-1.0": "these are the values of D_p = -10 N s, printed under another head (finding 2)"}
+    repeated = "the column prints l' again; with this x, f_1 would be 0.102, not the printed 0.107 (finding 1)"
+    reasons = {"-1.0": "these are the values of D_p = -10 N s, printed under another column head (finding 2)"}
     heads = {f" at D_p = {head} N s": (column, reasons.get(head, repeated)) for head, column in PRINTED.items()}
     heads[", last column as -10 N s"] = PRINTED["-1.0"], "1.4975 was truncated after two decimals, not rounded"
     numbers = []
@@ -110,7 +110,7 @@ def _rounded(printed: str) -> tuple[float, float]:
     return abs(float(printed)) - resolution(printed) / 2, abs(float(printed)) + resolution(printed) / 2
 
 
-def _repeated(values: FloatArray, ranges: FloatArray) -> Finding:
+def _repetition_finding(values: FloatArray, ranges: FloatArray) -> Finding:
     x, v, f = PRINTED["-0.7"]
     (_, x_high), (v_low, v_high), (f_low, f_high) = (_rounded(number) for number in (x, v, f))
     x_typ, v_typ = abs(F_1[2].value), abs(F_1[3].value)
@@ -119,7 +119,7 @@ def _repeated(values: FloatArray, ranges: FloatArray) -> Finding:
     reached = bool(ranges[0, 0] <= float(x) <= ranges[0, 1])
     return finding(
         1,
-        "Table II prints l' in place of x at D_p = -0.7",
+        "Table II prints l' instead of x at D_p = -0.7",
         "Table II, column -0.7",
         f"x is printed as {x} m, the same number as l' below it. The equations give {values[0]:.4f} m, and only such a "
         f"value is consistent with f₁ = {f} in the same column.",
@@ -134,7 +134,7 @@ def _repeated(values: FloatArray, ranges: FloatArray) -> Finding:
     )
 
 
-def _misheaded(values: FloatArray, ranges: FloatArray) -> Finding:
+def _column_finding(values: FloatArray, ranges: FloatArray) -> Finding:
     curve, printed, at = sensor("inverse-power"), PRINTED["-1.0"], values[:, -2]
 
     def gain(x: float) -> float:
@@ -144,7 +144,7 @@ def _misheaded(values: FloatArray, ranges: FloatArray) -> Finding:
     near = (r[0] - resolution(p) <= float(p) <= r[1] + resolution(p) for r, p in zip(ranges, printed, strict=True))
     return finding(
         2,
-        "The last column of Table II is that of D_p = -10, not -1.0",
+        "The last column of Table II belongs to D_p = -10, not -1.0",
         "Table II, column -1.0",
         "Only the gain -10 N s reaches x = -0.611 m, and the other two values of the column are also those of -10 N s. "
         f"Table III ends with -10, too. At -1.0 N s the equations give {at[0]:.4f} m, {at[1]:.4f} m/s and {at[2]:.4f}.",

@@ -143,7 +143,7 @@ def _hardware(time: FloatArray, speed: FloatArray, printed: FloatArray, ran: Ran
     late = 100 * (printed / time - 1)
     return finding(
         6,
-        "The hardware of Table III is later than the model, ranks the gains equally, and its force follows the speed",
+        "In Table III, contact is later than in the model, gains rank equally, and force is proportional to speed",
         "Table III",
         f"Table III was measured, so it need not agree with the model. Contact is detected {late.min():.0f} to "
         f"{late.max():.0f} % later than in the model, with the same ranking of gains. The measured force is "

@@ -1,4 +1,4 @@
-"""Whether a designed gain holds on the loop as it will really run: predicted beside simulated, and what to change."""
+"""Verify a gain on the sampled loop: compare simulated runs with the prediction, and find changes that help."""
 
 from .calibration_check import CalibrationCheck
 from .effect import Effect, SensorSpeed, VerdictStatus

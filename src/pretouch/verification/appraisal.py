@@ -25,16 +25,16 @@ from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
 from .effect import EFFECT, Effect, VerdictStatus, effect_of
 
 USUAL_MARGIN: Final = 2.0  # gain margin: 6 dB
-ROOM: Final = 0.03  # of a limit: a smaller margin counts as narrow
-_ALMOST: Final = 1 - EFFECT  # score of a gain without effect: better than one that does harm
-_ROUNDING: Final = 1e-12  # of a limit, as in the validation of robust designs
+ROOM: Final = 0.03  # share of a limit; a smaller margin counts as narrow
+_ALMOST: Final = 1 - EFFECT  # score of a gain without effect: better than a gain that does harm
+_ROUNDING: Final = 1e-12  # share of a limit, as in the validation of robust designs
 _COMPARED: Final = 200  # runs on which changes are compared
 _COMPARED_SENSORS: Final = 100  # the same if each run has its own sensor curve, which is tabulated first
-_IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities of the time after the first touch
+_IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities that arise after the first touch
 
 
 def foreseen_impact(task: Task) -> ImpactModel | None:
-    """Return the impact model of the prediction: that of the task, else the contact of the loop without loss."""
+    """Return the impact model of the prediction: the task's, else the lossless contact stiffness of the loop."""
     contact, mass = task.loop.contact, task.loop.plant.coefficients()[0]
     if task.impact is not None or contact is None or mass == 0:  # an ideal robot has no mass and no contact force
         return task.impact
@@ -53,7 +53,7 @@ class Draws:
     """Random encounters; encounter i always has the i-th noise sequence."""
 
     task: Task  # with the nominal encounter and sensor curve
-    scenarios: Scenario  # of the shape () or (runs,)
+    scenarios: Scenario  # shape () or (runs,)
     ensemble: Ensemble | None = None  # None if every run has the nominal encounter
     sensors: tuple[SensorModel, ...] = ()  # one for each run if sensor parameters are uncertain
 
@@ -82,36 +82,36 @@ class Draws:
 
     def predicted(self, gain: float) -> FloatArray:
         """Predict |l'| at contact of each encounter in continuous time [m/s]; NaN without contact."""
-        found = predicted_contact(self.task, gain) if self.ensemble is None else self.ensemble.contacts(gain)
-        return self._each(np.where(found.reached, np.abs(found.end.relative_velocity), np.nan))
+        result = predicted_contact(self.task, gain) if self.ensemble is None else self.ensemble.contacts(gain)
+        return self._each(np.where(result.reached, np.abs(result.end.relative_velocity), np.nan))
 
     def _each(self, value: Any) -> FloatArray:
         return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.task.runs,))
 
 
 def draw_encounters(task: Task) -> Draws:
-    """Draw independent encounters with the seed of the loop; exact bounds of probabilities need independence."""
+    """Draw independent encounters with the seed of the loop; exact confidence bounds need independent encounters."""
     if not task.uncertainty:
         obstacle = task.scenario.obstacle
         alike = replace(obstacle, position=np.full(task.runs, obstacle.position))
         return Draws(task=task, scenarios=replace(task.scenario, obstacle=alike))
     values = sample_inputs(task.uncertainty, task.runs, seed=task.loop.seed, sampling="random")
-    known = [name for name in values if name.startswith("admittance.")]
-    if known:
+    certain = [name for name in values if name.startswith("admittance.")]
+    if certain:
         raise InvalidInputError(
-            f"uncertainty: found {known[0]}, which is a number in the controller and known exactly; remove it"
+            f"uncertainty: found {certain[0]}, which is a number in the controller and known exactly; remove it"
         )
     several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
-    own = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
-    return Draws(task=task, scenarios=several.scenario, ensemble=several, sensors=own)
+    sensors = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
+    return Draws(task=task, scenarios=several.scenario, ensemble=several, sensors=sensors)
 
 
 class Requirement(NamedTuple):
     """A condition that must hold in a share of the runs."""
 
-    name: str  # of a limit, or `contact`
-    held: BoolArray  # in which runs it holds
-    probability: float  # the share that is required
+    name: str  # name of a limit, or `contact`
+    held: BoolArray  # the runs in which the condition holds
+    probability: float  # the required share of the runs
 
     @property
     def standing(self) -> float:
@@ -129,10 +129,10 @@ class LoopOutcomes:
     """Outcome of one gain on one loop over many runs."""
 
     result: SimulationResult
-    objective: FloatArray  # of each run; infinite without contact
+    objective: FloatArray  # objective of each run; infinite without contact
     ratios: tuple[FloatArray, ...]  # |quantity| / limit of each limit and run; infinite without contact
-    requirements: tuple[Requirement, ...]  # contact where it is predicted, and every limit
-    effect: Effect | None  # on the speed at contact, compared with no mitigation; None if no run ends in contact
+    requirements: tuple[Requirement, ...]  # contact in the encounters for which it is predicted, and every limit
+    effect: Effect | None  # change of the speed at contact by the gain; None if no run ends in contact
     margin: float | None = None  # gain margin, at least 1 if stable; None if it is not known
 
     @property
@@ -176,7 +176,7 @@ class LoopOutcomes:
 
 
 def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
-    """Return the status by limits, effect and gain margin alone, without prediction, sensor speed and calibration."""
+    """Return the status by limits, effect and gain margin alone, ignoring prediction, sensor speed and calibration."""
     effect, margin = outcomes.effect, outcomes.margin
     if not outcomes.is_kept or outcomes.stable < 1:
         return VerdictStatus.DOES_NOT_HOLD
@@ -194,16 +194,16 @@ class LoopProblem:
 
     draws: Draws
     predicted: BoolArray  # which of the encounters end in contact in continuous time
-    unmitigated: SimulationResult  # with gain 0 on the unchanged loop; changed loops are compared with it too
+    unmitigated: SimulationResult  # runs with gain 0 on the unchanged loop; changed loops are compared with them, too
 
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
         """Return a loop that ends at contact, unless objective or limits need the forces after it."""
         task = self.draws.task
-        own = isinstance(task.goal, OwnObjective)
+        custom = isinstance(task.goal, OwnObjective)
         needed = {constraint.quantity for constraint in task.limits}
-        needed |= set() if own else {term.quantity for term in task.goal.terms}
-        # results up to contact are bit-identical
-        return loop if own or needed & _IN_CONTACT else replace(loop, follow=0.0)
+        needed |= set() if custom else {term.quantity for term in task.goal.terms}
+        # up to contact, the results are bit-identical with those of the whole loop
+        return loop if custom or needed & _IN_CONTACT else replace(loop, follow=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
         """Run the first `count` encounters (all if None) with a gain, and evaluate each."""
@@ -219,7 +219,7 @@ class LoopProblem:
         """Evaluate runs of the first encounters with the loop and the gain that produced them."""
         limits, touched = limits_of(self.draws.task.constraints), result.touched
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
-        met = (
+        requirements = (
             Requirement(limit.constraint.name, ratio <= 1 + _ROUNDING, limit.probability)
             for limit, ratio in zip(limits, ratios, strict=True)
         )
@@ -227,13 +227,13 @@ class LoopProblem:
             result=result,
             objective=self._objective(result, loop, gain),
             ratios=ratios,
-            requirements=(Requirement("contact", touched[self.predicted[: len(touched)]], 1.0), *met),
+            requirements=(Requirement("contact", touched[self.predicted[: len(touched)]], 1.0), *requirements),
             effect=effect_of(result, self.unmitigated),
         )
 
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
-        found = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.task.impact)
-        return np.where(result.touched & np.isfinite(found), np.abs(found) / limit.constraint.limit, np.inf)
+        magnitude = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.task.impact)
+        return np.where(result.touched & np.isfinite(magnitude), np.abs(magnitude) / limit.constraint.limit, np.inf)
 
     def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
         objective, impact = self.draws.task.goal, self.draws.task.impact
@@ -256,23 +256,23 @@ def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
 def simulated_quantity(
     name: str, result: SimulationResult, gain: float, loop: ClosedLoop, impact: ImpactModel | None
 ) -> FloatArray:
-    """Return a quantity of objectives and limits, or `peak_force`, of every run; NaN if it needs a missing contact."""
+    """Return a quantity of objectives and limits, or `peak_force`, of every run; NaN if a needed contact is missing."""
     if name == "gain":
         return np.full(result.shape, gain)
-    known: Any = impact  # not None if needed: the ideal design refuses objectives that lack physical properties
+    model: Any = impact  # not None if needed: the ideal design refuses objectives that lack physical properties
     if name == "impact_force" and loop.contact is None:
-        return np.asarray(known.peak_force(result.relative_velocity))
+        return np.asarray(model.peak_force(result.relative_velocity))
     if name == "impact_force":
         return np.where(result.touched, result.impact_force, np.nan)
     if name == "drive_force":
-        mass = loop.plant.coefficients()[0] or known.robot_mass  # an ideal robot has no mass
+        mass = loop.plant.coefficients()[0] or model.robot_mass  # an ideal robot has no mass
         return mass * np.asarray(result.largest_acceleration)
     return np.asarray(getattr(result, name), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
 class _Runs(Value):
-    """Quantities of simulated runs, in the form that a ContactState reads."""
+    """Quantities of simulated runs, in the form that a ContactState needs."""
 
     result: SimulationResult
     gain: float

@@ -1,4 +1,4 @@
-"""Compute how far sensor noise moves a robot at rest near an object, and a floor that keeps it still."""
+"""Compute how far sensor noise moves a robot at rest near an object, and a controller floor that keeps it still."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from pretouch.motion import Obstacle, Scenario
 from pretouch.simulation import IdealPlant
 
 _REST: Final = 30.0  # s: longest time at rest
-_STEPS: Final = 30_000  # of the controller: a fast one is simulated for a shorter time
-_RESTS: Final = 59  # runs: the largest of so many exceeds 95 % of all with a confidence of 95 %
-_SCANS: Final = 5  # runs at each distance, to find the worst one
-# distances to try: where the mean reading is so many standard deviations of noise above the floor
+_STEPS: Final = 30_000  # largest number of controller steps: a fast controller is simulated for a shorter time
+_RESTS: Final = 59  # runs: the largest of 59 values exceeds the 95 % quantile with a confidence of 95 %
+_SCANS: Final = 5  # runs at each distance, to find the worst distance
+# Distances to try: those at which the mean reading exceeds the floor by these numbers of standard deviations of noise.
 _DEVIATIONS: Final = np.array([-0.5, 0.0, 0.5, 1.0, 1.5, 2.5, 4.0, 8.0])
 _STILL: Final = 1e-3  # m: a robot that moves less counts as still
-_KEPT: Final = 0.9  # of _STILL: the drift that a lower floor aims at
-_WORTH: Final = 0.95  # of a floor that suffices: a lower floor closer to it is not tried
-_QUIET: Final = 0.3  # of _STILL: with a smaller mean, fewer than 1 run of 20 exceeds _STILL
-_TRIES: Final = 4  # higher floors
+_KEPT: Final = 0.9  # target for the drift with a lower floor, as a share of _STILL
+_WORTH: Final = 0.95  # a lower floor is tried only if it is below this share of a floor that suffices
+_QUIET: Final = 0.3  # share of _STILL: with a smaller mean, fewer than 1 run of 20 exceeds _STILL
+_TRIES: Final = 4  # number of higher floors that are tried
 _FARTHEST: Final = 2.0  # m
-_PLACES: Final = 2001  # distances from contact to _FARTHEST
+_PLACES: Final = 2001  # number of distances from contact to _FARTHEST
 
 
 def creep_in_words(task: Task, gain: float) -> Iterator[str]:
@@ -63,7 +63,7 @@ def _rest(law: Controller) -> float:
 
 
 def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> float | None:
-    """Return a floor that keeps a robot at rest still if it moves by `moved` [m] with the present one; None if none."""
+    """Return a floor that keeps a robot at rest still, or None; with the present floor, it moves by `moved` [m]."""
     below = floor = law.conditioning.floor
     far = moved
     for _ in range(_TRIES):
@@ -74,7 +74,7 @@ def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> floa
         below, far = floor, moved
     else:
         return None
-    # a floor that is too high costs detection distance: try one between both, by a power law through them
+    # A floor that is too high reduces the detection distance. So a floor between the last two is tried, by a power law.
     part = math.log(far / (_KEPT * _STILL)) / math.log(far / moved)
     between = float(f"{below * (floor / below) ** min(part, 1.0):.2g}")
     return between if below < between < _WORTH * floor and _drift(task, gain, law, between)[1] <= _STILL else floor
@@ -83,8 +83,8 @@ def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> floa
 def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[float, float]:
     """Return the distance at which noise moves a robot at rest most [m], and the 95 % bound of that drift [m].
 
-    The largest of 59 runs exceeds the 95 % quantile with a confidence of 95 %, since 0.95^59 = 0.048. The worst
-    distances are chosen by other runs. The robot follows the virtual object exactly.
+    The largest of 59 runs exceeds the 95 % quantile with a confidence of 95 %, since 0.95^59 = 0.048. Separate runs
+    find the worst distances. The robot follows the virtual object exactly.
     """
     places = np.unique(_places(task, law, floor, _DEVIATIONS))
     places = places[places > 0]
@@ -96,8 +96,8 @@ def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[floa
     def largest(places: FloatArray, count: int, first: int) -> FloatArray:
         note_work("simulating a robot at rest")
         here = Scenario(admittance=task.scenario.admittance, obstacle=Obstacle(position=np.repeat(places, count)))
-        found = at_rest.after(first).run(here, task.sensor, gain).largest_excursion
-        return np.asarray(found).reshape(len(places), count)
+        excursions = at_rest.after(first).run(here, task.sensor, gain).largest_excursion
+        return np.asarray(excursions).reshape(len(places), count)
 
     scanned = largest(places, _SCANS, 0).mean(axis=1)
     worst = places[np.argsort(scanned)[-2:]]
@@ -118,5 +118,5 @@ def _places(task: Task, law: Controller, floor: float, deviations: FloatArray) -
     noise = np.hypot(
         np.hypot(chain.noise, chain.resolution * 12**-0.5), xi * np.hypot(chain.relative_noise, by_distance)
     )
-    seen = level >= floor + deviations[:, None] * noise
-    return np.asarray(np.where(seen, places, 0.0).max(axis=1))
+    detected = level >= floor + deviations[:, None] * noise
+    return np.asarray(np.where(detected, places, 0.0).max(axis=1))

@@ -21,32 +21,33 @@ from pretouch.uncertainty.witness_check import WitnessCheck, check_on_readings, 
 from .appraisal import simulated_quantity
 
 _DRAWS: Final = 100
-_ALIKE: Final = 20  # times as many draws, of which those with the nearest offsets are kept: as if it were known
-_FAILING: Final = 0.05  # of the draws
-_HARDER: Final = 0.15  # of the speed at contact
-_ROOM: Final = 0.03  # of a limit: a design that lies exactly on its limit may exceed it by so much
+_ALIKE: Final = 20  # factor on the draws; those with the nearest offsets are kept, as if the offset were known
+_FAILING: Final = 0.05  # largest share of the draws that may fail
+_HARDER: Final = 0.15  # allowed relative increase of the speed at contact
+_ROOM: Final = 0.03  # share of a limit by which a design that lies exactly on the limit may exceed it
 _SEED: Final = 1
 _CLOSE: Final = 1e-9  # m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationCheck(Value):
-    """A gain, tried on sensors that the readings of its calibration allow.
+    """Results of a gain on other sensors that are compatible with the readings of the calibration.
 
-    Each draw is another sensor: a curve, its offset, and the misfit of the chain. The controller keeps subtracting its
-    configured offset. The loop runs without noise, so that all differences are due to the calibration.
+    Each draw is another sensor: a curve, its offset, and the misfit of the chain. The controller subtracts its
+    configured offset on all of them. The loop runs without noise, so that the calibration causes all differences.
 
     Args:
         draws: number of sensors.
         promised: |l'| at contact on the fitted curve, on the same loop [m/s].
-        low: 5 % quantile of |l'| over the sensors [m/s]; None if some lead to no contact, like the next two.
-        median: median.
-        high: 95 % quantile.
+        low: 5 % quantile of |l'| over the sensors [m/s]; all three quantiles are None if some sensors have no contact.
+        median: median of |l'| [m/s].
+        high: 95 % quantile of |l'| [m/s].
         missing: number of sensors without contact.
         harder: number of sensors with a contact more than 15 % harder than promised.
-        broken: number of sensors on which a limit is missed that the fitted curve meets.
+        broken: number of sensors on which the gain misses a limit that it meets on the fitted curve.
         failing: number of sensors with any of these faults.
-        witness: the nominal encounter in continuous time on curves through the readings; None without contact.
+        witness: results of the nominal encounter, in continuous time, on curves through the readings; None without
+            contact.
         decisive: the largest source of error: `offset`, `curve` or `misfit`; empty if the calibration is good enough.
         remedy: what to measure, in words; empty if the calibration is good enough.
     """
@@ -114,7 +115,7 @@ class CalibrationCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
-    """Speed at contact and quantity / limit on each of several sensors; NaN and infinity without contact."""
+    """Speed at contact and quantity / limit on each of several sensors; NaN and infinite without contact."""
 
     speed: FloatArray
     ratios: FloatArray
@@ -136,19 +137,19 @@ class _Outcome:
 
 
 def check_calibration(task: Task, report: CalibrationReport, gain: float) -> CalibrationCheck | None:
-    """Run the nominal encounter with a gain on sensors that the readings of the calibration allow."""
+    """Run the nominal encounter with a gain on sensors that are compatible with the readings of the calibration."""
     if report.curves is None or report.offset is None:  # too few readings to draw other curves
         return None
-    chain = _quiet(task.loop.chain)
+    chain = _without_noise(task.loop.chain)
     nominal = DrawnCurve(sensor=task.sensor, offset=report.offset.value)
     promised = _run(task, gain, replace(chain, misfit=0.0), (nominal,))
     if np.isnan(promised.speed[0]):
         return None
-    drawn = tuple(_mounted(curve, task) for curve in report.curves.draw(_DRAWS, _SEED))
+    sensors = tuple(_mount(curve, task) for curve in report.curves.draw(_DRAWS, _SEED))
     witness = check_on_readings(report.curves, report.offset.value, task.scenario, task.sensor, gain=gain, law=task.law)
-    found = _run(task, gain, chain, drawn)
-    missing, harder, broken = found.failures(promised)
-    ends = [finite_or_none(v) for v in np.quantile(found.speed, (0.05, 0.5, 0.95))]
+    outcome = _run(task, gain, chain, sensors)
+    missing, harder, broken = outcome.failures(promised)
+    ends = [finite_or_none(v) for v in np.quantile(outcome.speed, (0.05, 0.5, 0.95))]
     check = CalibrationCheck(
         draws=_DRAWS,
         promised=float(promised.speed[0]),
@@ -163,19 +164,19 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
     )
     if check.is_good_enough:
         return check
-    decisive = _decisive(task, gain, drawn, found, promised)
+    decisive = _decisive(task, gain, sensors, outcome, promised)
     return replace(check, decisive=decisive, remedy=_remedy(task, report, decisive))
 
 
-def _quiet(chain: SensorChain) -> SensorChain:
+def _without_noise(chain: SensorChain) -> SensorChain:
     """Return a chain that is the same in every run, except for its misfit."""
     return replace(
         chain, noise=0.0, relative_noise=0.0, distance_noise=0.0, jitter=0.0, dropout=0.0, random_phase=False
     )
 
 
-def _mounted(drawn: DrawnCurve, task: Task) -> DrawnCurve:
-    """Extend and recess a drawn curve like the fitted one; the chain holds the controller's offset."""
+def _mount(drawn: DrawnCurve, task: Task) -> DrawnCurve:
+    """Extend and recess a drawn curve like the fitted one; the chain has the controller's offset."""
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
 
@@ -200,22 +201,22 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
 
 
 def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, promised: _Outcome) -> str:
-    """Return the largest source of error, by removing the misfit, the uncertainty of the offset, or both curves."""
-    # offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
+    """Return the largest source of error, from runs without the misfit, without the offset error, and without both."""
+    # Offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
     # offset is nearest to the fitted one show the uncertainty that remains if the offset is known.
     report: Any = task.calibration
-    chain = _quiet(task.loop.chain)
+    chain = _without_noise(task.loop.chain)
     value = report.offset.value
     many = report.curves.draw(_ALIKE * _DRAWS, _SEED)
     nearest = sorted(many, key=lambda curve: abs(curve.offset - value))[:_DRAWS]
     fitted = DrawnCurve(sensor=task.sensor, offset=value)
     smooth = _run(task, gain, replace(chain, misfit=0.0), drawn).badness(promised)
-    known = _run(task, gain, chain, tuple(_mounted(curve, task) for curve in nearest)).badness(promised)
+    known_offset = _run(task, gain, chain, tuple(_mount(curve, task) for curve in nearest)).badness(promised)
     rest = _run(task, gain, chain, (fitted,) * _DRAWS).badness(promised)
     if chain.misfit and smooth < rest:
         return "misfit"
     failing = found.badness(promised)
-    return "offset" if known[0] <= failing[0] / 2 and known < failing else "curve"
+    return "offset" if known_offset[0] <= failing[0] / 2 and known_offset < failing else "curve"
 
 
 def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:

@@ -26,11 +26,11 @@ from .effect import mean_and_error
 from .result import Comparison, LimitCheck, Reached, RunSpread
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
-_SHARE: Final = 0.1  # of the time to detection: a cause with a smaller share is not named
-_LATE: Final = 0.95  # of the distance at the start: a first detection below that is late
-_FORCE_APART: Final = 1.25  # ratio of simulated to predicted impact force from which a warning is given
+_SHARE: Final = 0.1  # a cause is named if it explains at least this share of the time to detection
+_LATE: Final = 0.95  # a first detection below this share of the start distance is late
+_FORCE_APART: Final = 1.25  # smallest ratio of simulated to predicted impact force that causes a warning
 _ERRORS: Final = 2.0  # standard errors: a smaller difference is not significant
-_ROUNDING: Final = 1e-9  # of a force
+_ROUNDING: Final = 1e-9  # relative rounding error of a force
 _TRACED: Final = 8  # runs that are examined step by step
 _FLAGS: Final = {
     Status.SATURATED: "the sensor was saturated",
@@ -48,19 +48,19 @@ def compare_quantities(
     runs: tuple[SimulationResult, SimulationResult],
     foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
-    """Compare magnitudes of the runs with the predicted ones of the nominal encounter, with the gain and without."""
+    """Compare the runs with the prediction for the nominal encounter: magnitudes with the gain and without."""
     contact, impact = task.loop.contact, foreseen_impact(task)
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
     if contact is not None and any(np.any(r.peak_force > (1 + _ROUNDING) * r.impact_force) for r in runs):
         names.append("peak_force")
-    found = []
+    comparisons = []
     for name in names:
         predicted = [None if name == "peak_force" else _magnitude(name, r, impact) for r in foreseen]
         simulated = [_spread_of(np.abs(np.asarray(getattr(r, name))), r.touched) for r in runs]
         ideal: dict[str, Any] = {"predicted": predicted[0], "predicted_unmitigated": predicted[1]}
         real: dict[str, Any] = {"simulated": simulated[0], "unmitigated": simulated[1]}
-        found.append(Comparison(name=name, label=words_for(name), unit=unit_of(name), **ideal, **real))
-    return tuple(found)
+        comparisons.append(Comparison(name=name, label=words_for(name), unit=unit_of(name), **ideal, **real))
+    return tuple(comparisons)
 
 
 def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
@@ -70,20 +70,20 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
         return None
     mean, error = mean_and_error(some)
     low, median, high = (float(q) for q in np.quantile(some, [0.05, 0.5, 0.95]))
-    told = {"low": low, "median": median, "high": high, "worst": float(some.max())}
-    return RunSpread(mean=mean, standard_error=error, **told, runs=len(some))
+    statistics = {"low": low, "median": median, "high": high, "worst": float(some.max())}
+    return RunSpread(mean=mean, standard_error=error, **statistics, runs=len(some))
 
 
 def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, gain: float) -> tuple[LimitCheck, ...]:
     """Return how often each limit is met in the runs with a gain, and the prediction for the nominal encounter."""
-    found, impact = [], foreseen_impact(task)
+    checks, impact = [], foreseen_impact(task)
     for required, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
         constraint = required.constraint
         count = int((ratio <= 1 + 1e-12).sum())
         reached = float(required.share(ratio)) * constraint.limit
         value = reached if math.isfinite(reached) else None
         own = constraint.quantity == "gain"
-        found.append(
+        checks.append(
             LimitCheck(
                 required=required,
                 predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, impact),
@@ -94,7 +94,7 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
                 source=_source_of(constraint.quantity, task.loop),
             )
         )
-    return tuple(found)
+    return tuple(checks)
 
 
 def _source_of(name: str, loop: ClosedLoop) -> str:
@@ -123,7 +123,7 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
 
 
 def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
-    """Return the assumptions of a verdict in sentences; `compared` is the number of runs of changes."""
+    """Return the assumptions of a verdict in sentences; `compared` is the number of runs that compare changes."""
     loop, runs = task.loop, task.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
     first = f" in the first {compared} of them" if compared < runs else ""
@@ -147,10 +147,12 @@ def _force(task: Task) -> Iterator[str]:
         if task.impact is not None:
             yield "The impact force is computed by the impact model from the simulated speed at contact."
         return
-    own = "the same contact stiffness without loss, and the mass of the robot"
+    model = "the given impact model"
+    if task.impact is None:
+        model = "the same contact stiffness without loss, and the mass of the robot"
     yield (
-        f"The impact force is predicted with {own if task.impact is None else 'the given impact model'}. Loss in the "
-        "contact lowers the simulated force; the robot's drive and a driven obstacle raise it."
+        f"The impact force is predicted with {model}. Loss in the contact lowers the simulated force; the robot's "
+        "drive and a driven obstacle raise it."
     )
 
 
@@ -171,19 +173,19 @@ def cautions_of(
         *creep_in_words(draws.task, gain),
         *_push(loop, *runs),
         *_impact(comparisons),
-        *_reported(loop, runs[0]),
+        *_flag_warnings(loop, runs[0]),
         *_unknown_calibration(draws.task.calibration),
     )
 
 
 def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
-    own: Any = getattr(loop.law, "admittance", None)
+    virtual: Any = getattr(loop.law, "admittance", None)
     a, names = scenario.admittance, ("mass", "damping", "stiffness")
-    if own is None or all(np.allclose(getattr(own, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
+    if virtual is None or all(np.allclose(getattr(virtual, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
         return
     yield (
-        f"The controller's virtual mass, damping and stiffness ({own.mass:g} kg, {own.damping:g} N s/m, "
-        f"{own.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
+        f"The controller's virtual mass, damping and stiffness ({virtual.mass:g} kg, {virtual.damping:g} N s/m, "
+        f"{virtual.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
         f"{a.stiffness:g} N/m)."
     )
 
@@ -192,7 +194,7 @@ def _recession(loop: ClosedLoop) -> Iterator[str]:
     law, chain = loop.law, loop.chain
     if not isinstance(law, Controller) or law.conditioning.largest_rate is not None:
         return
-    if loop.continuous is not None and loop.continuous.damping(1.0, -1.0, 1.0) == 0:  # it follows nothing that recedes
+    if loop.continuous is not None and loop.continuous.damping(1.0, -1.0, 1.0) == 0:  # no force if the object recedes
         return
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
         yield (
@@ -208,7 +210,7 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
     free = np.all(s.plant.position == s.reference.position) and np.all(s.plant.velocity == s.reference.velocity)
     if not (seen.any() and free):
         return
-    # until detection there is no virtual force: the robot follows its reference
+    # Until detection there is no virtual force, so the robot follows its reference.
     t = np.asarray(result.detection_time)
     velocity = np.asarray(s.obstacle.velocity) - s.reference.velocity
     acceleration = np.asarray(s.obstacle.one_acceleration()) - s.reference.acceleration
@@ -234,7 +236,7 @@ def _why_late(loop: ClosedLoop, late: float) -> str:
 
 
 def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:
-    """Yield that the largest force of the whole contact is larger with mitigation, if a push causes it."""
+    """Yield a warning if a push makes the largest force of the whole contact larger with mitigation than without."""
     contact, both = loop.contact, result.touched & unmitigated.touched
     if contact is None or not both.any():
         return
@@ -268,7 +270,7 @@ def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
     yield f"The simulated impact force is {times:.3g} times the predicted elastic one: {why}."
 
 
-def _reported(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
+def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
     if not isinstance(loop.law, Controller):  # the flags of custom laws are unknown
         return
     for flag, text in _FLAGS.items():
@@ -295,7 +297,7 @@ def _percent(share: float) -> str:
 
 
 def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
-    """Yield that a calibration has too few readings to be checked."""
+    """Yield a warning if the calibration has too few readings to be checked."""
     if report is None or report.best is None or report.curves is not None:
         return
     yield (

@@ -1,4 +1,4 @@
-"""Compare the speed at contact with that without mitigation, and with that of an infinitely fast sensor."""
+"""Compare the speed at contact with the speed without mitigation and the speed with an infinitely fast sensor."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from pretouch.simulation import ClosedLoop, SimulationResult
 from .encounter_parts import percent
 from .stability import NOISES, controller_at
 
-OFTEN: Final = 0.05  # of the runs
-EFFECT: Final = 0.01  # of the speed without mitigation: a gain that changes it by less has no effect
-_ERRORS: Final = 2.0  # standard errors: one in twenty differences is larger by chance, and half of these harder
-_ALIKE: Final = 1e-9  # of a speed: without noise, runs that do the same differ by less
-_SHOWN: Final = 5e-5  # of a speed: a smaller difference does not show in four digits
-_SHOWN_SHARE: Final = 5e-4  # of a speed: a smaller share is not reported
+OFTEN: Final = 0.05  # share of the runs above which harder contact counts as frequent
+EFFECT: Final = 0.01  # a gain that changes the speed by less than this share has no effect
+_ERRORS: Final = 2.0  # standard errors: by chance, one in twenty differences exceeds them, half of these upward
+_ALIKE: Final = 1e-9  # relative: the speeds of equal runs without noise differ by less
+_SHOWN: Final = 5e-5  # relative: a smaller difference of speeds does not show in four digits
+_SHOWN_SHARE: Final = 5e-4  # relative: a smaller change of a speed is not reported
 _FAULTS: Final = ("jitter", "dropout", "misfit", "drift", "resolution", "distance_resolution")
-_MOST: Final = 0.95  # of the runs
+_MOST: Final = 0.95  # share of the runs
 _LEAST_SPEED: Final = 1e-9  # m/s: smaller speeds are not divided by
 
 
@@ -41,7 +41,7 @@ class VerdictStatus(StrEnum):
 
     @property
     def meaning(self) -> str:
-        """One sentence for a person."""
+        """Explanation of the status in one sentence."""
         return {
             VerdictStatus.HOLDS: "Every limit was met as often as required, every predicted contact happened, and the "
             "gain margin is at least 2.",
@@ -55,17 +55,17 @@ class VerdictStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect(Value):
-    """Effect of a gain on the speed at contact, over the runs that end in contact with it.
+    """Effect of a gain on the speed at contact, over the runs that end in contact with the gain.
 
-    A run that ends without contact if the gain is 0 counts as a speed of 0 there.
+    If the same run ends without contact at gain 0, its unmitigated speed counts as 0.
 
     Args:
         speed: mean |l'| with the gain [m/s].
         unmitigated: mean |l'| with D_p = 0 [m/s].
         difference: mean of speed - unmitigated speed, run by run [m/s].
-        standard_error: of that mean; NaN for a single run.
-        runs: how many.
-        harder: in how many of them contact is harder with the gain.
+        standard_error: standard error of `difference`; NaN for a single run.
+        runs: number of runs.
+        harder: number of runs in which contact is harder with the gain.
         predicted: mean |l'| in continuous time with a perfect sensor, over the runs for which a contact is
             predicted [m/s]; None if there are none.
         reached: mean |l'| with the gain over the same runs [m/s].
@@ -97,12 +97,12 @@ class Effect(Value):
 
     @property
     def is_absent(self) -> bool:
-        """Whether the gain has no effect: contact is neither harder, nor softer by 1 % or more."""
+        """Whether the gain has no effect: contact is not harder, and softer by less than 1 %."""
         return not self.is_harder and self.difference > -EFFECT * self.unmitigated
 
     @property
     def is_clear(self) -> bool:
-        """Whether contact is significantly softer, and harder in no more than one run in 20."""
+        """Whether contact is significantly softer on average, and harder in at most one run in 20."""
         return self.is_softer and self.harder <= OFTEN * self.runs
 
     @property
@@ -112,8 +112,8 @@ class Effect(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the effect as one JSON object, in SI."""
-        found = {name: getattr(self, name) for name in ("is_harder", "is_absent", "excess")}
-        return {**asdict(self), **found}
+        derived = {name: getattr(self, name) for name in ("is_harder", "is_absent", "excess")}
+        return {**asdict(self), **derived}
 
     @property
     def _chance(self) -> float:
@@ -124,7 +124,7 @@ class Effect(Value):
 def effect_of(
     result: SimulationResult, unmitigated: SimulationResult, foreseen: FloatArray | None = None
 ) -> Effect | None:
-    """Return the effect of a gain on the first encounters; None if no run ends in contact with it."""
+    """Return the effect of a gain on the first encounters; None if no run ends in contact with the gain."""
     n, some = result.shape[0], result.touched
     if not some.any():
         return None
@@ -133,7 +133,7 @@ def effect_of(
     difference, error = mean_and_error(speed - free)
     mean, without = float(speed.mean()), float(free.mean())
     promised = np.full(len(speed), np.nan) if foreseen is None else foreseen[:n][some]
-    known = np.isfinite(promised)
+    predictable = np.isfinite(promised)
     return Effect(
         speed=mean,
         unmitigated=without,
@@ -141,13 +141,13 @@ def effect_of(
         standard_error=error,
         runs=len(speed),
         harder=int((speed > free * (1 + _ALIKE)).sum()),
-        predicted=float(promised[known].mean()) if known.any() else None,
-        reached=float(speed[known].mean()) if known.any() else None,
+        predicted=float(promised[predictable].mean()) if predictable.any() else None,
+        reached=float(speed[predictable].mean()) if predictable.any() else None,
     )
 
 
 def chase_in_words(number: LawNumber, gain: float | None) -> Iterator[str]:
-    """Yield that the sign of a gain drives the robot toward the object, if it does."""
+    """Yield a warning if the sign of a gain drives the robot toward the object."""
     if gain is not None and number.sign * gain < 0:
         text = f"{number.equals(gain)} makes the robot chase the object"
         yield f"{text}: mitigating {number.name}s are {number.mitigating}"
@@ -162,22 +162,22 @@ def mean_and_error(values: FloatArray) -> tuple[float, float]:
 
 
 def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield that a gain drives the robot toward the object, and that contact is harder with it than without."""
+    """Yield warnings if a gain drives the robot toward the object, or makes contact harder than without mitigation."""
     yield from (f"{text}." for text in chase_in_words(number, gain))
     speed, before = _speeds(run, free)
     if speed > before * (1 + _SHOWN):
         yield (
-            f"With the gain contact is harder than without mitigation: {_text(speed)} instead of "
+            f"With the gain, contact is harder than without mitigation: {_text(speed)} instead of "
             f"{_text(before) if free.touched else 'no contact'}."
         )
 
 
 def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield that the gain has no effect on contact; nothing for the gain 0."""
+    """Yield a warning if the gain has no effect on contact; none for the gain 0."""
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
         text = f"The {number.name} has no effect in this run: contact is at {_text(speed)}"
-        yield f"{text}, and at {_text(before)} without it."
+        yield f"{text}, and at {_text(before)} without mitigation."
 
 
 def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:
@@ -194,8 +194,9 @@ class SensorSpeed(Value):
         rate: readings per second of the loop [Hz].
         speed: mean |l'| at contact on the loop [m/s].
         fast: mean |l'| with a reading for every step of the controller, without exposure and delay [m/s].
-        harder: 95 % quantile over the runs of the relative excess over the fast sensor; negative if contact is softer.
-        tolerance: the share that is allowed.
+        harder: relative excess of the speed over that with the fast sensor: 95 % quantile over the runs; negative if
+            contact is softer.
+        tolerance: the allowed relative excess.
 
     Examples:
         >>> SensorSpeed(rate=60.0, speed=0.081, fast=0.079, harder=0.04, tolerance=0.1).is_fast_enough
@@ -224,7 +225,7 @@ class SensorSpeed(Value):
 
     @property
     def harder_in_words(self) -> str:
-        """By how much contact is harder, such as `at most 4 % harder in 95 % of the runs`."""
+        """The increase of the contact speed in words, such as `at most 4 % harder in 95 % of the runs`."""
         size = f"at most {percent(self.harder)} harder" if self.harder > _SHOWN_SHARE else "no harder"
         return f"{size} in 95 % of the runs"
 
@@ -255,11 +256,11 @@ def compare_with_fast_sensor(
     fast = with_fast_sensor(without_noise(loop))
     if fast is None:
         return None
-    other = run(fast)
-    both = quiet.touched & other.touched
+    fast_speed = run(fast)
+    both = quiet.touched & fast_speed.touched
     if not both.any():
         return None
-    speed, ideal = (np.abs(np.asarray(r.relative_velocity)[both]) for r in (quiet, other))
+    speed, ideal = (np.abs(np.asarray(r.relative_velocity)[both]) for r in (quiet, fast_speed))
     ratio = speed / np.maximum(ideal, _LEAST_SPEED)
     harder = float(np.quantile(ratio, _MOST)) - 1
     means = {"speed": float(speed.mean()), "fast": float(ideal.mean())}

@@ -41,7 +41,7 @@ from .encounter_parts import (
 from .stability import limit_of, stability_margin
 
 _SAMPLES: Final = 400
-_PUSH: Final = 1.05  # times the impact force, from which a push that follows is another thing
+_PUSH: Final = 1.05  # a force above this multiple of the impact force is attributed to a push after the impact
 _COMPARED: Final = (
     "Predicted: the continuous solution, with a perfect sensor and a plant that follows exactly. On the loop: one run "
     "with the sensor chain, controller, robot and contact listed below. {symbol} = 0: no mitigation, with the same "
@@ -65,14 +65,14 @@ _SEEN: Final = (
     "detection is too late, contact is as hard as without mitigation. The prediction assumes detection at the start."
 )
 _OF_THE_LOOP: Final = (
-    "One run with one realization of the noise: another seed leads to another contact. `pretouch verify` reports how "
-    "often a limit is met.",
+    "This is one run with one realization of the noise; the contact differs with another seed. `pretouch verify` "
+    "reports how often a limit is met.",
     "Sensor noise is normal and independent from reading to reading, and the sensor curve is valid for this object.",
     "The robot consists of the listed mass, controller and friction. Its actuators have no other limits, its links are "
     "rigid, and its contact point moves in one dimension.",
-    "The contact force is a function of depth and its rate. Plant and contact are integrated by a Runge-Kutta method "
+    "The contact force depends on depth and rate of depth. Plant and contact are integrated by a Runge-Kutta method "
     "of order 4, with steps of 1/50 of the time scale of the contact.",
-    "The controller starts with the encounter, with nothing detected.",
+    "The controller starts at the start of the encounter, without a detected object.",
 )
 
 Row = tuple[Cell, ...]
@@ -88,13 +88,13 @@ class SimulatedEncounter(Described, Value):
         loop: the sampled loop.
         law: the law in continuous time.
         gain: the law's number, such as D_p [N s].
-        impact: the physical properties, if given.
+        impact: the physical properties, or None.
         method: method of the prediction, as in `find_contact`.
-        horizon: how long the prediction waits for contact [s].
-        run: on the loop with the gain.
-        unmitigated: on the loop with gain 0, and with the same noise.
-        prediction: by the continuous solution with the gain; None for an obstacle with a course.
-        unmitigated_prediction: by the continuous solution with gain 0; None for such an obstacle.
+        horizon: the longest predicted time until contact [s].
+        run: the run on the loop with the gain.
+        unmitigated: the run on the loop with gain 0 and the same noise.
+        prediction: the continuous solution with the gain; None for an obstacle with a course.
+        unmitigated_prediction: the continuous solution with gain 0; None for an obstacle with a course.
     """
 
     scenario: Scenario
@@ -140,7 +140,7 @@ class SimulatedEncounter(Described, Value):
 
     @property
     def has_contact_force(self) -> bool:
-        """Whether the loop has a contact model, and so goes on after the first touch."""
+        """Whether the loop has a contact model, so that the run continues after the first touch."""
         return self.loop.contact is not None
 
     @cached_property
@@ -150,16 +150,16 @@ class SimulatedEncounter(Described, Value):
         return compare_contacts(runs, predictions, self.impact, self.has_contact_force)
 
     def comparison(self, name: str) -> QuantityComparison:
-        """Return the comparison of one quantity, such as `relative_velocity`; one that is not compared is refused."""
+        """Return the comparison of one quantity, such as `relative_velocity`; raise an error if it is not compared."""
         for found in self.comparisons:
             if found.name == name:
                 return found
-        known = ", ".join(c.name for c in self.comparisons)
-        raise InvalidInputError(f"name: found {name!r}, expected one of {known}")
+        names = ", ".join(c.name for c in self.comparisons)
+        raise InvalidInputError(f"name: found {name!r}, expected one of {names}")
 
     @cached_property
     def contacts(self) -> tuple[LoopContact, ...]:
-        """The contacts of the run with the gain, a repeated contact one by one."""
+        """The contacts of the run with the gain, in order; repeated contacts are separate entries."""
         return contacts_of(self.run, self.has_contact_force)
 
     @cached_property
@@ -187,18 +187,18 @@ class SimulatedEncounter(Described, Value):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Sentences to read before relying on the numbers, most important first."""
-        found = self.detection, self.flags, self.contacts, self.grows_after_impact
+        parts = self.detection, self.flags, self.contacts, self.grows_after_impact
         both = self.law.number, self.gain, self.run, self.unmitigated
         return (
             *harm_in_words(*both),
             *self._instability(),
-            *cautions_in_words(self.run, *found),
+            *cautions_in_words(self.run, *parts),
             *force_in_words(self.comparison("largest_virtual_force")),
             *idleness_in_words(*both),
         )
 
     def _instability(self) -> Iterator[str]:
-        """Yield that the loop is unstable with the gain, or has a small gain margin."""
+        """Yield a warning if the loop is unstable with the gain, or has a small gain margin."""
         distances = passage(self.law, self.scenario, self.sensor, self.gain, float(self.scenario.distance))
         limit = limit_of(self.loop, self.sensor, distances)
         margin = stability_margin(limit, self.gain)
@@ -220,9 +220,9 @@ class SimulatedEncounter(Described, Value):
         return bool(self.has_contact_force and run.touched and run.peak_force > _PUSH * run.impact_force)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the encounter as one JSON object: numbers in SI, None where there is none; without the traces."""
+        """Return the encounter as one JSON object without the traces: numbers in SI, None for missing ones."""
         loop = self.loop
-        found: dict[str, Any] = plain(
+        fields: dict[str, Any] = plain(
             {
                 "status": ContactStatus(self.run.status).label,
                 "headline": self.headline,
@@ -248,7 +248,7 @@ class SimulatedEncounter(Described, Value):
                 "warnings": self.warnings,
             }
         )
-        return found
+        return fields
 
     def __repr__(self) -> str:
         return f"<SimulatedEncounter: {self.headline}>"
@@ -260,7 +260,7 @@ def _part_as_dict(part: object) -> dict[str, Any]:
 
 
 def encounter_page(encounter: SimulatedEncounter) -> Page:
-    """Describe what `simulate_encounter` returned, however it ended."""
+    """Return the report page of a simulated encounter, with any ending."""
     e = encounter
     impact = ((f"predicted impact: {name}", cell) for name, cell in impact_rows(e.impact))
     return Page(
@@ -308,13 +308,13 @@ def _comparison(e: SimulatedEncounter) -> Chapter:
     table = Rows(head=head, rows=tuple(_comparison_rows(e)), note=note, brief=True)
     loop, contact = e.loop, e.loop.contact
     model = "no contact model" if contact is None else type(contact).__name__
-    made = (
+    method = (
         f"On the loop: {type(loop.law).__name__} every {format_quantity(loop.law.period, 's', 3)}, readings at "
         f"{loop.chain.rate:g} Hz, {type(loop.plant).__name__}, {model}, seed {loop.seed}. Predicted: "
         f"{_NOTHING if e.prediction is None else e.prediction.method}."
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
-    return Chapter(title="Loop and prediction", blocks=(table, Paragraph(text=made, brief=True), elastic))
+    return Chapter(title="Loop and prediction", blocks=(table, Paragraph(text=method, brief=True), elastic))
 
 
 def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:
@@ -355,11 +355,11 @@ def _contact_row(contact: LoopContact) -> Row:
 
 
 def _detection(e: SimulatedEncounter) -> Chapter:
-    said = "The controller never detected the object." if e.detection is None else e.detection.sentence
+    sentence = "The controller never detected the object." if e.detection is None else e.detection.sentence
     head = ("controller flag", "meaning", "since", "total", "before contact")
     flags = Rows(head=head, rows=tuple(map(_flag_row, e.flags)), wraps=True, brief=True) if e.flags else None
-    seen = (Paragraph(text=said, brief=e.detection is not None), Paragraph(text=_SEEN, quiet=True))
-    return Chapter(title="Detection", blocks=(*seen, flags))
+    paragraphs = (Paragraph(text=sentence, brief=e.detection is not None), Paragraph(text=_SEEN, quiet=True))
+    return Chapter(title="Detection", blocks=(*paragraphs, flags))
 
 
 def _flag_row(flag: ReportedFlag) -> Row:
@@ -369,7 +369,7 @@ def _flag_row(flag: ReportedFlag) -> Row:
 
 def _method(e: SimulatedEncounter) -> Chapter:
     loop = Chapter(title="Of the loop", blocks=(Listing(items=_OF_THE_LOOP),))
-    other = replace(method_section("loop", solved_on="loop"), title="Of the runs")
+    runs = replace(method_section("loop", solved_on="loop"), title="Of the runs")
     if e.prediction is not None:
-        other = replace(method_section(e.prediction.method), title="Of the prediction")
-    return Chapter(title="Method and assumptions", blocks=(loop, other))
+        runs = replace(method_section(e.prediction.method), title="Of the prediction")
+    return Chapter(title="Method and assumptions", blocks=(loop, runs))

@@ -20,9 +20,9 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import LoopTrace, SimulationResult
 
 _SAME: Final = 5e-5  # relative: a smaller difference does not show in four digits
-_LATE: Final = 0.1  # of the change of ln xi until contact: a detection after that is late
-_PASSING: Final = 0.01  # of the approach: shorter gaps of the readings are not reported
-_STRONG: Final = 1.5  # ratio of simulated to predicted virtual force from which a warning is given
+_LATE: Final = 0.1  # a detection is late if more than this share of the change of ln xi until contact has happened
+_PASSING: Final = 0.01  # gaps of the readings are reported if they are longer than this share of the approach
+_STRONG: Final = 1.5  # smallest ratio of simulated to predicted virtual force that causes a warning
 _AT_CONTACT: Final = ("time", "relative_velocity", "position")
 _LARGEST: Final = ("largest_excursion", "largest_virtual_force")
 _RUN: Final = (
@@ -37,17 +37,17 @@ _OF_CONTACT: Final = ("impact_force", "peak_force", "impulse", "rebound_velocity
 class QuantityComparison(Value):
     """One quantity of an encounter, on the loop and as predicted, with the gain and without; None if not available."""
 
-    name: str  # as SimulationResult and ContactState call it
-    label: str  # in words
+    name: str  # its name in SimulationResult and ContactState
+    label: str  # its name in words
     unit: str  # its SI unit
-    loop: float | None  # on the loop with the gain
-    predicted: float | None  # by the continuous solution with the gain
-    loop_unmitigated: float | None  # on the loop with gain 0
-    predicted_unmitigated: float | None  # by the continuous solution with gain 0
+    loop: float | None  # value on the loop with the gain
+    predicted: float | None  # value of the continuous solution with the gain
+    loop_unmitigated: float | None  # value on the loop with gain 0
+    predicted_unmitigated: float | None  # value of the continuous solution with gain 0
 
     @property
     def values(self) -> tuple[float | None, ...]:
-        """The four numbers: loop and prediction with the gain, then both without."""
+        """The four values: loop and prediction with the gain, then loop and prediction without."""
         return self.loop, self.predicted, self.loop_unmitigated, self.predicted_unmitigated
 
     @property
@@ -88,12 +88,12 @@ class QuantityComparison(Value):
 class LoopContact(Value):
     """One contact of a run; None for quantities that need a contact model."""
 
-    time: float  # of the touch [s]
-    relative_velocity: float  # l' there [m/s]
+    time: float  # time of the touch [s]
+    relative_velocity: float  # l' at the touch [m/s]
     peak_force: float | None  # largest contact force [N]
-    impulse: float | None  # of the contact force [N s]
-    rebound_velocity: float | None  # l' at its end [m/s]; None if the bodies still touch at the end of the run
-    duration: float | None  # of the contact, or until the end of the run [s]
+    impulse: float | None  # impulse of the contact force [N s]
+    rebound_velocity: float | None  # l' at the end of the contact [m/s]; None if the run ends before
+    duration: float | None  # duration of the contact, or until the end of the run [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +101,10 @@ class ReportedFlag(Value):
     """A flag that the controller reported in a run."""
 
     name: str  # such as `force-limited`
-    meaning: str  # in words
+    meaning: str  # its meaning in words
     since: float  # time of the first report [s]
-    duration: float  # total [s], in whole controller periods
-    approach_duration: float  # the part before the first contact [s]
+    duration: float  # total duration [s], in whole controller periods
+    approach_duration: float  # duration before the first contact [s]
 
     @property
     def is_trouble(self) -> bool:
@@ -116,13 +116,13 @@ class ReportedFlag(Value):
 class Detection(Value):
     """First detection of the object. The prediction assumes detection at the start."""
 
-    time: float  # of the first detection [s]
-    distance: float  # at that time [m]
-    start_distance: float  # at the start [m]
-    # share of the change of ln xi from start to contact that happened before detection, 0 to 1, to which the controller
-    # could not respond; None if the curve is flat
+    time: float  # time of the first detection [s]
+    distance: float  # distance at the first detection [m]
+    start_distance: float  # distance at the start [m]
+    # Share, 0 to 1, of the change of ln xi from start to contact that happened before detection, so that the controller
+    # could not respond to it; None if the curve is flat.
     missed_share: float | None
-    time_left: float | None  # from then until contact [s]; None without contact
+    time_left: float | None  # time from detection to contact [s]; None without contact
 
     @property
     def sentence(self) -> str:
@@ -132,7 +132,7 @@ class Detection(Value):
         text = f"The object was first detected after {format_quantity(self.time, 's', 3)}, at "
         text += f"{format_quantity(self.distance, 'm')} (start: {format_quantity(self.start_distance, 'm')})"
         if self.missed_share is not None:
-            text += f". {100 * self.missed_share:.2g} % of the change of ln xi until contact happened before that"
+            text += f". {100 * self.missed_share:.2g} % of the change of ln xi until contact happened before detection"
         return f"{text}."
 
 
@@ -176,8 +176,8 @@ def compare_contacts(
         return row(name, (getattr(r, name) for r in runs), predicted)
 
     def of_contact(name: str) -> QuantityComparison:
-        known = impact if name == "impact_force" else None  # an elastic impact is predicted
-        elastic = (math.nan if known is None or e is None else known.peak_force(e.relative_velocity) for e in ends)
+        model = impact if name == "impact_force" else None  # an elastic impact is predicted
+        elastic = (math.nan if model is None or e is None else model.peak_force(e.relative_velocity) for e in ends)
         return row(name, (getattr(r, name) if r.touched else math.nan for r in runs), elastic)
 
     rows = [solved(name) for name in _AT_CONTACT]
@@ -192,11 +192,11 @@ def compare_contacts(
 
 def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ...]:
     """Return the contacts of a single run, at most 32."""
-    found = []
+    contacts = []
     for row in run.contact_list[~np.isnan(run.contact_list[:, 0])]:
         time, velocity, *rest = map(finite_or_none, row)
-        found.append(LoopContact(time or 0.0, velocity or 0.0, *(rest if has_force else (None,) * 4)))
-    return tuple(found)
+        contacts.append(LoopContact(time or 0.0, velocity or 0.0, *(rest if has_force else (None,) * 4)))
+    return tuple(contacts)
 
 
 def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
@@ -208,9 +208,11 @@ def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[Repo
         on = (flags & bit) != 0
         if not on.any():
             continue
-        known = Status(bit) if bit in _MEANINGS else None  # a flag that `Status` does not define is named by its number
-        name = f"flag-{bit}" if known is None else str(known.name).lower().replace("_", "-")
-        meaning = _OWN if known is None else _MEANINGS[known]
+        status = (
+            Status(bit) if bit in _MEANINGS else None
+        )  # a flag that `Status` does not define is named by its number
+        name = f"flag-{bit}" if status is None else str(status.name).lower().replace("_", "-")
+        meaning = _OWN if status is None else _MEANINGS[status]
         since, lasts = float(trace.time[on.argmax()]), (float(part.sum() * period) for part in (on, on & before))
         found.append(ReportedFlag(name, meaning, since, *lasts))
     return tuple(sorted(found, key=lambda flag: flag.since))
@@ -223,13 +225,13 @@ def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, s
     distance = float(trace.distance[int(np.abs(trace.time - run.detection_time).argmin())])
     low, high = sensor.valid_range
     inside = (min(max(d, low), high) for d in (float(scenario.distance), distance, 0.0))
-    start, seen, touch = (float(sensor.log_output(d)) for d in inside)
+    start, detected, touch = (float(sensor.log_output(d)) for d in inside)
     whole = touch - start
     return Detection(
         time=run.detection_time,
         distance=distance,
         start_distance=float(scenario.distance),
-        missed_share=min(max((seen - start) / whole, 0.0), 1.0) if whole else None,
+        missed_share=min(max((detected - start) / whole, 0.0), 1.0) if whole else None,
         time_left=run.time - run.detection_time if run.touched else None,
     )
 
@@ -249,7 +251,7 @@ def headline_of(
     """Return contact speed and time of a run, compared with prediction and no mitigation, in words."""
     text = _loop_clause(run, free)
     if predicted is None:
-        text += "; no prediction, since the obstacle has a course"
+        text += "; no prediction, because the obstacle has a course"
     elif predicted.reached.all():
         text += f"; predicted {_speed(predicted.end.relative_velocity)}"
         text += "" if run.touched else f" after {_time(predicted.end.time)}"
@@ -285,7 +287,7 @@ def _speed_or_none(run: SimulationResult) -> str:
 
 
 def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
-    """Return how much harder and earlier the contact is than predicted, in words."""
+    """Compare the speed and the time of the contact with the prediction, in words."""
     share, late = speed.relative_difference, time.difference
     parts = []
     if share is not None:
@@ -307,42 +309,42 @@ def _force_sentence(run: SimulationResult, free: SimulationResult, grows: bool) 
 
 def cautions_in_words(
     run: SimulationResult,
-    seen: Detection | None,
+    detection: Detection | None,
     flags: tuple[ReportedFlag, ...],
     contacts: tuple[LoopContact, ...],
     grows: bool,
 ) -> Iterator[str]:
     """Yield warnings about detection, controller flags and contacts of a run, most important first."""
-    if seen is None:
+    if detection is None:
         yield "The object was never detected, so there was no virtual force. Check floor, offset and sensor range."
-    elif seen.missed_share is not None and seen.missed_share > _LATE:
+    elif detection.missed_share is not None and detection.missed_share > _LATE:
         yield (
-            f"Late detection: {seen.sentence[0].lower()}{seen.sentence[1:]} The prediction assumes detection at "
-            f"{format_quantity(seen.start_distance, 'm')}."
+            f"Late detection: {detection.sentence[0].lower()}{detection.sentence[1:]} The prediction assumes "
+            f"detection at {format_quantity(detection.start_distance, 'm')}."
         )
     approach = run.time if run.touched else run.end_time
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
             yield (
-                f"During the approach the controller reported {flag.name} ({flag.meaning}): first after "
+                f"During the approach, the controller reported {flag.name} ({flag.meaning}): first after "
                 f"{_time(flag.since)}, for {_time(flag.approach_duration)} in total."
             )
     if run.contacts > 1:
         hardest = max(contacts, key=lambda contact: -contact.relative_velocity)
         which = f"the one after {_time(hardest.time)}, at {_speed(hardest.relative_velocity)},"
         which = "the first" if hardest is contacts[0] else which
-        told = len(contacts)
-        beyond = f"; only the first {told} are listed" if run.contacts > told else ""
+        listed = len(contacts)
+        beyond = f"; only the first {listed} are listed" if run.contacts > listed else ""
         yield f"There are {run.contacts} contacts; {which} is the fastest{beyond}."
     if grows:
         yield (
-            f"After the impact the contact force grows to {_force(run.peak_force)}: a push or another contact is "
+            f"After the impact, the contact force grows to {_force(run.peak_force)}: a push or another contact is "
             "stronger than the first impact."
         )
 
 
 def force_in_words(force: QuantityComparison) -> Iterator[str]:
-    """Yield that the virtual force on the loop is much larger than predicted, if it is."""
+    """Yield a warning if the virtual force on the loop is much larger than predicted."""
     if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
         loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
         yield (

@@ -23,12 +23,12 @@ from .appraisal import LoopOutcomes, LoopProblem, Requirement, foreseen_impact, 
 from .effect import VerdictStatus, effect_of, mean_and_error
 from .stability import Candidate, Passed, StabilityCheck, candidates_of, limit_of, stability_margin
 
-_ERRORS: Final = 2.0  # standard errors that a change must gain: one in twenty does by chance
-_WORTH: Final = 0.01  # of the objective: a smaller improvement is not worth a change
+_ERRORS: Final = 2.0  # smallest improvement in standard errors; by chance, one change in twenty reaches it
+_WORTH: Final = 0.01  # smallest relative improvement of the objective that justifies a change
 _MARGIN: Final = 2.0  # gain margin of a proposed gain, if any within the bounds has it; a change must keep it
-_FALL: Final = 0.8  # of the margin: a change that leaves less is reported with the new margin
+_FALL: Final = 0.8  # if a change reduces the margin below this share of it, the new margin is reported
 _BEYOND: Final = 1e3  # a larger margin is not reported
-_SAME: Final = 1e-6  # of a gain
+_SAME: Final = 1e-6  # relative difference below which two gains are the same
 _ORDER: Final = (VerdictStatus.DOES_NOT_HOLD, VerdictStatus.HOLDS_NARROWLY, VerdictStatus.HOLDS)
 _DIGITS: Final = 12  # decimals of u = ln|D_p| that distinguish two gains
 
@@ -39,7 +39,7 @@ class LoopCurve(Value):
 
     Args:
         gain: the law's number, such as D_p [N s], ascending, shape (n,).
-        objective: its mean over the runs; infinite if a run ends without contact.
+        objective: mean objective over the runs; infinite if a run ends without contact.
         standing: score, at most 1: the smallest ratio of the share of runs that meet a limit to the required share;
             lower if contact is no softer than without mitigation.
         share: share of the runs that meet all limits.
@@ -64,14 +64,14 @@ class Loss(Value):
 
     Args:
         predicted: the objective of the nominal encounter in continuous time; None without contact.
-        objective: its mean over the runs; None if a run ends without contact.
-        standard_error: of that mean.
+        objective: the mean objective over the runs; None if a run ends without contact.
+        standard_error: standard error of the mean objective.
         loop_gain: the best gain on the loop that meets the limits, such as D_p [N s]; None if no tried gain does.
-        sought_margin: gain margin required of the best gain: 2; 1 if no gain within the bounds has that; None if the
+        sought_margin: gain margin required of the best gain: 2, or 1 if no gain within the bounds has 2; None if the
             margin is not known.
-        loop_objective: the mean objective with that gain, over the same runs.
-        loss: mean of objective - objective with the loop gain, run by run.
-        loss_error: standard error of that mean.
+        loop_objective: the mean objective with the best gain, over the same runs.
+        loss: mean over the runs of the objective with the verified gain minus that with the best gain.
+        loss_error: standard error of the loss.
         curve: the gains that were tried.
     """
 
@@ -96,13 +96,13 @@ class LoopChange(Value):
         gain: the gain of these runs, such as D_p [N s].
         objective: the mean objective with the change; None if a run ends without contact.
         improvement: relative decrease of the objective; None if it is not known.
-        improvement_error: standard error of that.
+        improvement_error: standard error of the improvement.
         standing: score with the change, at most 1: the smallest ratio of the share of runs that meet a limit to the
             required share; lower if contact is no softer than without mitigation or the loop is unstable.
         held: share of the runs with the change that meet the limit that was missed most; None if none was missed.
         margin: gain margin with the change; None if it is not known.
-        status: by limits, effect and gain margin over the runs on which it was compared.
-        helps: whether it improves that status, or is a significant improvement, and leaves the loop stable.
+        status: status by limits, effect and gain margin over the compared runs.
+        helps: whether the loop stays stable and the change improves the status or is a significant improvement.
     """
 
     name: str
@@ -122,79 +122,81 @@ class Verified(NamedTuple):
     """The verified gain with its prediction, outcomes and stability, before changes are tried."""
 
     gain: float  # such as D_p [N s]
-    predicted: ContactResult  # the nominal encounter with it in continuous time
-    outcomes: LoopOutcomes  # on the loop, over all runs
+    predicted: ContactResult  # the nominal encounter with the gain in continuous time
+    outcomes: LoopOutcomes  # the outcomes on the loop, over all runs
     design: GainDesign  # the ideal design
-    stability: StabilityCheck | None  # None if it is not known, like the limit
+    stability: StabilityCheck | None  # None if it is not known; `limit` is then None, too
     limit: GainLimit | None  # the strongest stable gains of the loop
     passed: Passed  # the distances that the encounter passes
 
 
 def find_improvements(
-    problem: LoopProblem, known: Verified
+    problem: LoopProblem, verified: Verified
 ) -> tuple[Loss, tuple[LoopChange, ...], tuple[LoopChange, ...]]:
-    """Return the cost of the verified gain, the changes, most helpful first, and the unchanged loop."""
-    task, gain, runs = problem.draws.task, known.gain, problem.draws.compared
+    """Return the cost of the verified gain, the tried changes (most helpful first) and the unchanged loop."""
+    task, gain, runs = problem.draws.task, verified.gain, problem.draws.compared
     loop = task.loop
-    search = _best_on_loop(problem, known)
+    search = _best_on_loop(problem, verified)
     optimum, best, changes = search.best, None, []
     better = search.nearest if optimum is None else optimum
     if better is not None:
-        # over all runs: on the runs by which it was chosen alone, it would look too good
-        same, margin = math.isclose(better, gain, rel_tol=_SAME), stability_margin(known.limit, better)
-        outcomes = known.outcomes if same else problem.appraise(problem.compared(loop), better)
+        # All runs are used, because the gain would look too good on only those runs by which it was chosen.
+        same, margin = math.isclose(better, gain, rel_tol=_SAME), stability_margin(verified.limit, better)
+        outcomes = verified.outcomes if same else problem.appraise(problem.compared(loop), better)
         best = None if optimum is None else outcomes.objective
         if not same:
             candidate = Candidate("gain", _redesign(problem.draws.task.law.number, gain, better, margin), loop)
-            changes.append(_compared(task, candidate, better, known.outcomes, replace(outcomes, margin=margin)))
-    first = part_of(known.outcomes.result, slice(runs))
-    part = replace(problem.appraised(first, loop, gain), margin=known.outcomes.margin)
-    candidates = _candidates(problem, known)
+            changes.append(
+                _evaluate_change(task, candidate, better, verified.outcomes, replace(outcomes, margin=margin))
+            )
+    first = part_of(verified.outcomes.result, slice(runs))
+    part = replace(problem.appraised(first, loop, gain), margin=verified.outcomes.margin)
+    candidates = _candidates(problem, verified)
     for number, candidate in enumerate(candidates, 1):
         note_work(f"simulating change {number} of {len(candidates)}")
         outcomes = problem.appraise(problem.compared(candidate.loop), gain, runs)
         after = None
-        if known.limit is not None:
-            after = stability_margin(limit_of(candidate.loop, task.sensor, known.passed), gain)
-        changes.append(_compared(task, candidate, gain, part, replace(outcomes, margin=after)))
+        if verified.limit is not None:
+            after = stability_margin(limit_of(candidate.loop, task.sensor, verified.passed), gain)
+        changes.append(_evaluate_change(task, candidate, gain, part, replace(outcomes, margin=after)))
     unchanged = Candidate("as-it-is", "", loop)
-    references = (part, known.outcomes)[: 2 if runs < task.runs else 1]
-    as_it_is = tuple(_compared(task, unchanged, gain, reference, reference) for reference in references)
-    return _loss(task, known, search, best), tuple(sorted(changes, key=_rank)), as_it_is
+    references = (part, verified.outcomes)[: 2 if runs < task.runs else 1]
+    as_it_is = tuple(_evaluate_change(task, unchanged, gain, reference, reference) for reference in references)
+    return _loss(task, verified, search, best), tuple(sorted(changes, key=_rank)), as_it_is
 
 
-def _candidates(problem: LoopProblem, known: Verified) -> list[Candidate]:
-    """Return candidate changes, from the fastest change and the largest noise of ln xi in the encounter."""
-    draws, check, free = problem.draws, known.stability, problem.unmitigated
+def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
+    """Return candidate changes; they depend on the fastest change and the largest noise of ln xi in the encounter."""
+    draws, check, free = problem.draws, verified.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
-    slope = np.abs(np.asarray(sensor.log_slope(known.passed[0])))
-    xi = np.exp(np.asarray(sensor.log_output(known.passed[0])))
+    slope = np.abs(np.asarray(sensor.log_slope(verified.passed[0])))
+    xi = np.exp(np.asarray(sensor.log_output(verified.passed[0])))
     noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
     ends = np.abs(free.relative_velocity[free.touched])
     fastest = max(ends.max(initial=0.0), np.abs(draws.scenarios.relative_velocity).max())  # [m/s]
-    wanted = None
+    rate = None
     if check is not None and check.margin < _MARGIN and math.isfinite(check.lowest_rate_with_margin):
-        wanted = max(check.lowest_rate_with_margin, check.rate)
-    return candidates_of(draws.task.loop, float(fastest * slope.max()), float(noise.max()), wanted)
+        rate = max(check.lowest_rate_with_margin, check.rate)
+    return candidates_of(draws.task.loop, float(fastest * slope.max()), float(noise.max()), rate)
 
 
-def _loss(task: Task, known: Verified, search: _Search, best: FloatArray | None) -> Loss:
+def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | None) -> Loss:
     """Compare the objective of every run with that of the best gain on the loop."""
-    predicted, ideal = known.predicted, None
+    predicted, ideal = verified.predicted, None
     if predicted.reached.all():
         speed = abs(task.scenario.obstacle.velocity)
         ideal = float(task.goal.value(predicted.end, speed, foreseen_impact(task)))
-    own, other = known.outcomes.objective, np.full(task.runs, np.nan) if best is None else best
+    own, best_objective = verified.outcomes.objective, np.full(task.runs, np.nan) if best is None else best
     mean, error = mean_and_error(own)
     with np.errstate(invalid="ignore"):
-        loss, loss_error = mean_and_error(own - other)
+        loss, loss_error = mean_and_error(own - best_objective)
     return Loss(
         predicted=ideal,
         objective=finite_or_none(mean),
         standard_error=finite_or_none(error),
         loop_gain=search.best,
         sought_margin=search.margin,
-        loop_objective=finite_or_none(mean_and_error(other)[0]),
+        loop_objective=finite_or_none(mean_and_error(best_objective)[0]),
         loss=finite_or_none(loss),
         loss_error=finite_or_none(loss_error),
         curve=search.curve,
@@ -204,10 +206,10 @@ def _loss(task: Task, known: Verified, search: _Search, best: FloatArray | None)
 class _Tried(NamedTuple):
     """Summary of a gain that was tried."""
 
-    gain: float  # D_p [N s]
-    objective: float  # its mean
+    gain: float  # the law's number, such as D_p [N s]
+    objective: float  # the mean objective
     standing: float  # score, at most 1
-    share: float  # of the runs that meet all limits
+    share: float  # share of the runs that meet all limits
     kept: bool  # whether all requirements are met
 
 
@@ -217,11 +219,11 @@ class _Search:
 
     problem: LoopProblem
     axis: GainAxis
-    margin: float | None  # gain margin of all gains on the axis; None if it is not known
-    tried: dict[float, _Tried] = field(default_factory=dict)  # by the coordinate
+    margin: float | None  # gain margin that all gains on the axis have; None if it is not known
+    tried: dict[float, _Tried] = field(default_factory=dict)  # the tried gains by coordinate
 
     def merit(self, coordinate: FloatArray) -> FloatArray:
-        """Return the mean objective at coordinates u; infinity where a requirement is missed."""
+        """Return the mean objective at coordinates u, infinite if a requirement is missed."""
         places = {round(u, _DIGITS): u for u in coordinate.tolist()}
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
@@ -233,7 +235,7 @@ class _Search:
         return np.array([one.objective if one.kept else math.inf for one in of])
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Return the merit in the form that a scan takes."""
+        """Return the merit as a Landscape for the scan."""
         return Landscape(objective=self.merit(coordinate), ratios=np.empty((0, len(coordinate))))
 
     @property
@@ -257,19 +259,19 @@ class _Search:
         return LoopCurve(gain=gain, objective=objective, standing=standing, share=share, runs=runs)
 
 
-def _best_on_loop(problem: LoopProblem, known: Verified) -> _Search:
+def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:
     """Search the best gain on the loop; the verified and the ideal gain are among those tried."""
-    (low, high), limit = problem.draws.task.stable_bounds(), known.limit
+    (low, high), limit = problem.draws.task.stable_bounds(), verified.limit
     margin, sign = None, problem.draws.task.law.number.sign
     if limit is not None:
         margin = _MARGIN if limit.allowed(_MARGIN) >= min(sign * low, sign * high) else 1.0
-        # the ends of the axis are exact, so that every proposed gain has the required margin
+        # The ends of the axis are exact, so that every proposed gain has the required margin.
         strongest = limit.strongest / margin
         low, high = (max(low, strongest), high) if sign < 0 else (low, min(high, strongest))
     axis = GainAxis(low=low, high=high)
     search = _Search(problem=problem, axis=axis, margin=margin)
     if axis.low <= axis.high:  # else no gain within the bounds has the margin
-        among = [g for g in (known.gain, known.design.gain) if g is not None and axis.low <= g <= axis.high]
+        among = [g for g in (verified.gain, verified.design.gain) if g is not None and axis.low <= g <= axis.high]
         search.merit(axis.coordinate(np.array(among)))
         scan(search.landscape, *axis.span, RUNS)
         u = np.array(sorted(search.tried))
@@ -283,7 +285,9 @@ def _redesign(number: LawNumber, gain: float, loop_gain: float, margin: float | 
     return f"Use {number.equals(loop_gain)} instead of {number.text(gain)}{stable}."
 
 
-def _compared(task: Task, candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes) -> LoopChange:
+def _evaluate_change(
+    task: Task, candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes
+) -> LoopChange:
     worst, same = _worst_of_both(before, after)
     improvement, error = _improvement(before.objective, after.objective)
     keeps_margin = before.margin is None or (after.margin is not None and after.margin >= min(before.margin, _MARGIN))
@@ -293,7 +297,7 @@ def _compared(task: Task, candidate: Candidate, gain: float, before: LoopOutcome
     turns = _ORDER.index(status) > _ORDER.index(was)
     return LoopChange(
         name=candidate.name,
-        sentence=_with_margin(candidate, before.margin, after.margin),
+        sentence=_add_margin(candidate, before.margin, after.margin),
         gain=gain,
         objective=finite_or_none(after.mean),
         improvement=improvement,
@@ -302,7 +306,7 @@ def _compared(task: Task, candidate: Candidate, gain: float, before: LoopOutcome
         held=None if worst.is_met else float(same.held.mean()),
         margin=after.margin,
         status=status,
-        helps=after.stable == 1 and (turns or _stands_better(before, after) or better),
+        helps=after.stable == 1 and (turns or _meets_more_often(before, after) or better),
     )
 
 
@@ -312,9 +316,9 @@ def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requireme
     return worst, next(r for r in after.requirements if r.name == worst.name)
 
 
-def _with_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
+def _add_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
     """Return the sentence of a change, with the new gain margin if that is clearly smaller."""
-    if candidate.name == "gain" or before is None or after is None:  # the sentence of a gain names its margin
+    if candidate.name == "gain" or before is None or after is None:  # for a gain, the sentence already has the margin
         return candidate.sentence
     if after > _BEYOND or after >= _FALL * before:
         return candidate.sentence
@@ -322,11 +326,11 @@ def _with_margin(candidate: Candidate, before: float | None, after: float | None
     return f"{candidate.sentence.removesuffix('.')}; the gain margin falls{was} to {after:.3g}."
 
 
-def _stands_better(before: LoopOutcomes, after: LoopOutcomes) -> bool:
+def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
     """Return whether the requirement that was missed most is missed significantly less often."""
     if after.standing <= before.standing:
         return False
-    if before.stable <= before.standing:  # the margin was decisive, which is free of chance
+    if before.stable <= before.standing:  # the margin was decisive; it does not depend on chance
         return True
     if before.softness <= before.standing:
         change = effect_of(after.result, before.result)  # whether the speed at contact falls
@@ -347,6 +351,6 @@ def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, f
 
 
 def _rank(change: LoopChange) -> tuple[bool, int, float, float]:
-    # scores that differ by rounding count as equal
+    # Scores that differ only by rounding count as equal.
     gained = -math.inf if change.improvement is None else change.improvement
     return (not change.helps, -_ORDER.index(change.status), -round(change.standing, 9), -gained)

@@ -42,12 +42,12 @@ def best_change_section(v: Verdict) -> Chapter | None:
         return Chapter(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
     title = "What would help most" + ("" if best.standing >= _KEPT else " (not enough alone)")
     effects = Rows(head=("", "now", "with the change"), rows=tuple(_effects(v, best)))
-    said = Paragraph(text=f"{best.sentence} {rate}".strip(), brief=True)
-    return Chapter(title=title, titled=True, blocks=(said, effects))
+    advice = Paragraph(text=f"{best.sentence} {rate}".strip(), brief=True)
+    return Chapter(title=title, titled=True, blocks=(advice, effects))
 
 
 def _rate_in_words(v: Verdict) -> str:
-    """Return the sensor rate that the gain needs, if its margin is below 2 and no change is enough."""
+    """Return the sensor rate that the gain needs, in words, if its margin is below 2 and no change is enough."""
     check, best = v.stability, v.best_change
     enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= _MARGIN)
     if check is None or check.margin >= _MARGIN or enough:
@@ -75,7 +75,7 @@ def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
     if change.margin is not None and v.stability is not None:
         yield "gain margin", _times(v.stability.margin), _times(change.margin)
     if change.objective is not None and change.improvement is not None:
-        # over the runs on which the change was compared, which are not all
+        # the share over the runs on which the change was compared, not over all runs
         before = change.objective / (1 - change.improvement) if change.improvement < 1 else None
         yield "objective", Measured(before), Measured(change.objective, beside=f" ({_objective_change(change)})")
 
@@ -86,7 +86,7 @@ def _missed_most(v: Verdict) -> str:
     if v.reached is not None and v.reached.missing:
         shares.append((1 - v.reached.missing / round(v.reached.predicted * v.runs), "runs with the predicted contact"))
     shares += [(c.held / c.required.probability, f"runs with {c.statement}") for c in v.limits if not c.is_met]
-    # else it is missed on the compared runs, but not over all runs
+    # Without an entry, the limit is missed on the compared runs, but not over all runs.
     return min(shares)[1] if shares else "runs that meet the most missed limit"
 
 
@@ -141,19 +141,19 @@ def _objective_change(change: LoopChange) -> str:
 
 def _percent_with_error(value: float, error: float) -> str:
     digits = 1 if error >= 1 else 2
-    if max(abs(value), error) < 0.5 * 0.1**digits:  # nothing that is shown: no sign either
+    if max(abs(value), error) < 0.5 * 0.1**digits:  # rounds to 0, which is shown without a sign
         return "0 %"
     return f"{value:+.{digits}f}" + (f" \u00b1 {error:.{digits}f} %" if error else " %")
 
 
 def gain_section(v: Verdict) -> Chapter:
-    """Describe the objective over the gain, and what the verified one costs beside the best one on this loop."""
+    """Describe the objective over the gain, and compare the verified gain with the best one on this loop."""
     tried = v.loss is not None
     caption = "The objective of the nominal encounter in continuous time (ideal)"
-    caption += ", and its mean over the runs on the loop, as far as gains were tried there" if tried else ""
+    caption += ", and its mean over the runs on the loop for the tried gains" if tried else ""
     caption += ". Thin and grey: gains that miss a limit"
     caption += ", or make contact no softer than without mitigation." if tried else "."
-    name = "Objective over the gain, in the ideal world and on the loop"
+    name = "Objective over the gain, in continuous time and on the loop"
     known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
     picture = Picture(figure="verdict_gain", of=v, name=name, caption=caption)
     terms = Rows(head=("term of the objective", "typical value", "weight"), rows=tuple(objective_rows(v.definition)))
@@ -217,11 +217,11 @@ def _loss_rows(v: Verdict) -> Iterator[Row]:
         yield "ideal optimum, predicted", Measured(design.gain, unit), Measured(design.objective, "", 5)
     if loss is None or v.gain is None:
         return
-    own = Measured(v.gain, unit)
+    verified = Measured(v.gain, unit)
     if v.gain != design.gain:
-        yield "verified gain, predicted", own, Measured(loss.predicted, "", 5)
+        yield "verified gain, predicted", verified, Measured(loss.predicted, "", 5)
     error = f" \u00b1 {loss.standard_error:.1g}" if loss.standard_error else ""
-    yield "verified gain, mean of the runs", own, Measured(loss.objective, "", 5, error)
+    yield "verified gain, mean of the runs", verified, Measured(loss.objective, "", 5, error)
     if loss.loop_gain is not None:
         name = f"{_best_gain_in_words(loss)}, mean of the runs"
         yield name, Measured(loss.loop_gain, unit), Measured(loss.loop_objective, "", 5)

@@ -29,8 +29,8 @@ _WHY: Final = {
 }
 _COMPARED: Final = (
     "Predicted: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly. "
-    "Simulated: {runs} of the loop listed below, those that end in contact. {symbol} = 0: no mitigation, with the same "
-    "noise. Largest: until the first contact, except for contact forces. "
+    "Simulated: those of {runs} on the loop listed below that end in contact. {symbol} = 0: no mitigation, with the "
+    "same noise. Largest: until the first contact, except for contact forces. "
     "Simulated and predicted, not measured."
 )
 _SHARES: Final = (
@@ -52,16 +52,17 @@ _STABLE: Final = (
     "distance with the weakest stable gain is decisive."
 )
 _OF_CALIBRATION: Final = (
-    "Each sensor has a curve, an offset and a misfit that are drawn from what the readings of the calibration allow. "
-    "The controller keeps subtracting its configured offset; the loop runs without noise."
+    "Each sensor has a curve, an offset and a misfit that are drawn at random, compatible with the readings of the "
+    "calibration. The controller subtracts its configured offset on all of them; the loop runs without noise."
 )
 _OF_THE_RUNS: Final = (
-    "Each run is an independent draw of encounter and noise on the loop listed above. The controller is the one that "
-    "runs on a robot, with its own period, on readings with the latency, noise and quantization of the sensor chain.",
+    "Each run is an independent draw of encounter and noise on the loop listed above. The controller is the same code "
+    "that runs on a robot, with its own period. Its readings have the latency, noise and quantization of the sensor "
+    "chain.",
     "Robot and contact are integrated by a Runge-Kutta method of order 4; the first contact is located between two "
     "steps.",
     "Other gains and changes are simulated with the same encounters and noise, so that chance largely cancels in "
-    "differences; the standard error states the rest.",
+    "differences; the standard error describes the remaining uncertainty.",
     "Stability is computed from the eigenvalues of the exactly discretized linear loop at each distance.",
 )
 
@@ -89,7 +90,7 @@ def verdict_page(verdict: Verdict) -> Page:
             _calibration(v),
             gain_section(v),
             changes_section(v),
-            _listed("Assumptions", v.assumptions),
+            _list_chapter("Assumptions", v.assumptions),
             loop_section(v.loop),
             inputs_section(v.scenario, v.sensor),
             _uncertain(v),
@@ -122,7 +123,7 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
 
 
 def _findings(v: Verdict) -> Iterator[str]:
-    """Yield the other reasons of the status, and the limits that are met."""
+    """Yield the reasons for the status after the first one, and the limits that are met."""
     yield from v.reasons[1:]
     for c in v.limits:
         if c.is_met and not any(c.statement in reason for reason in v.reasons):
@@ -150,24 +151,24 @@ def _rate(rate: float) -> Cell:
     return "none is enough" if math.isinf(rate) else Measured(rate, "Hz", 3)
 
 
-def _listed(title: str, said: tuple[str, ...]) -> Chapter | None:
-    return Chapter(title=title, titled=True, blocks=(Listing(items=said, brief=True),)) if said else None
+def _list_chapter(title: str, sentences: tuple[str, ...]) -> Chapter | None:
+    return Chapter(title=title, titled=True, blocks=(Listing(items=sentences, brief=True),)) if sentences else None
 
 
 def _reasons(v: Verdict) -> Chapter | None:
     if v.gain is not None or not v.reasons:
-        return _listed(_WHY.get(v.status, ""), v.reasons)
+        return _list_chapter(_WHY.get(v.status, ""), v.reasons)
     tried = (
         "Nothing was simulated. Relax a limit, widen the range of gains, detect the object earlier, or change the "
         "admittance."
     )
     unit = v.law.number.unit
     head = ("limit", "at most", "best value of any gain", f"at {v.law.number.symbol}")
-    asked: tuple[Row, ...] = tuple(
+    rows: tuple[Row, ...] = tuple(
         (words_for(c.quantity), *(Measured(x, c.unit) for x in (c.limit, c.best_value)), Measured(c.best_gain, unit))
         for c in v.design.constraints
     )
-    limits = Rows(head=head, rows=asked) if asked else None
+    limits = Rows(head=head, rows=rows) if rows else None
     blocks = (Listing(items=v.reasons, brief=True), Paragraph(text=tried), limits)
     return Chapter(title=_WHY[v.status], titled=True, blocks=blocks)
 

@@ -13,18 +13,18 @@ from .effect import OFTEN, Effect, VerdictStatus, chase_in_words
 from .encounter_parts import percent
 from .result import LimitCheck, Verdict
 
-_ROUNDING: Final = 1e-9  # of a speed
+_ROUNDING: Final = 1e-9  # relative rounding error of a speed
 
 
 def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
     """Return the status and the reasons why it is not `holds`, most serious first."""
-    missed, narrow = list(_missed(v)), list(_narrow(v))
+    missed, narrow = list(_failures(v)), list(_narrow_reasons(v))
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
     return VerdictStatus.HOLDS_NARROWLY if narrow else VerdictStatus.HOLDS, tuple(narrow)
 
 
-def _missed(v: Verdict) -> Iterator[str]:
+def _failures(v: Verdict) -> Iterator[str]:
     """Yield the reasons why a gain does not hold, most serious first."""
     stability, reached, calibration = v.stability, v.reached, v.calibration_check
     yield from chase_in_words(v.law.number, v.gain)
@@ -37,14 +37,14 @@ def _missed(v: Verdict) -> Iterator[str]:
             yield f"the loop is unstable: {strongest} is the strongest stable gain, at a distance of {place}"
     if reached is not None and reached.missing:
         yield f"{reached.missing} of {v.runs} runs end without the predicted contact"
-    yield from _harmful(v)
+    yield from _harm_reasons(v)
     yield from (_limit_missed(check, v.runs) for check in v.limits if not check.is_met)
     if calibration is not None and not calibration.is_good_enough:
         yield calibration.reason
 
 
-def _harmful(v: Verdict) -> Iterator[str]:
-    """Yield that contact is no softer than without mitigation: in the runs, in runs without noise, or as predicted."""
+def _harm_reasons(v: Verdict) -> Iterator[str]:
+    """Yield reasons if contact is no softer than without mitigation: in the runs, without noise, or as predicted."""
     effect, quiet = v.effect, v.noiseless_effect
     if effect is not None and effect.is_harder:
         yield f"contact is harder than without mitigation{_harder(effect)}"
@@ -76,7 +76,7 @@ def _harder(effect: Effect) -> str:
 
 
 def _limit_missed(check: LimitCheck, runs: int) -> str:
-    """Return which limit is exceeded, in what share of the runs, and in what share it may be."""
+    """Return which limit is exceeded, in which share of the runs, and the allowed share."""
     limit = format_quantity(check.limit, check.unit)
     absent = "" if check.value is not None else " or no contact"
     share, allowed = (share_in_words(1 - x) for x in (check.held, check.required.probability))
@@ -84,8 +84,8 @@ def _limit_missed(check: LimitCheck, runs: int) -> str:
     return f"{check.label} above {limit}{absent} in {share} of {runs} runs ({allowed} allowed)"
 
 
-def _narrow(v: Verdict) -> Iterator[str]:
-    """Yield what is close to failing, or not shown."""
+def _narrow_reasons(v: Verdict) -> Iterator[str]:
+    """Yield the reasons why a gain holds only narrowly: what is close to failing, or not demonstrated."""
     stability, reached = v.stability, v.reached
     yield from _harder_than_promised(v)
     if stability is None:
@@ -94,12 +94,12 @@ def _narrow(v: Verdict) -> Iterator[str]:
         yield f"the gain margin is {stability.margin:.3g} (2 is usual)"
     for check in (check for check in v.limits if check.is_met):
         p = check.required.probability
-        if check.low < p < 1:  # no bound can reach 1, which is asked of the runs alone
+        if check.low < p < 1:  # no bound can reach 1; a requirement of 1 applies only to the simulated runs
             yield (
                 f"{check.statement} is met in {share_in_words(check.held)} of {v.runs} runs; this shows only "
                 f"{share_in_words(check.low)} with {100 * v.confidence:g} % confidence ({100 * p:g} % required)"
             )
-        # the gain itself is chosen, not drawn: exactly at its limit it is within it
+        # The gain itself is chosen, not drawn at random, so a gain exactly at its limit is no reason.
         elif check.name != "gain" and check.margin is not None and check.margin < ROOM * check.limit:
             yield f"{check.statement} is met with a margin of only {format_quantity(check.margin, check.unit)}"
     report = v.design.problem.task.calibration
@@ -111,7 +111,7 @@ def _narrow(v: Verdict) -> Iterator[str]:
 
 
 def _harder_than_promised(v: Verdict) -> Iterator[str]:
-    """Yield that contact is harder than predicted or than with a faster sensor, or not shown to be softer."""
+    """Yield reasons if contact is harder than predicted or than with a faster sensor, or not shown to be softer."""
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:
         reached, predicted = (format_quantity(x or 0.0, "m/s") for x in (effect.reached, effect.predicted))

@@ -30,7 +30,7 @@ class RunSpread(Value):
 
     Args:
         mean: the mean.
-        standard_error: of the mean; NaN for a single run.
+        standard_error: standard error of the mean; NaN for a single run.
         low: 5 % quantile.
         median: median.
         high: 95 % quantile.
@@ -56,9 +56,9 @@ class Comparison(Value):
         label: its name in reports.
         unit: its SI unit.
         predicted: value for the nominal encounter in continuous time with a perfect sensor; None if not predicted.
-        predicted_unmitigated: the same with gain 0.
-        simulated: on the loop; None if no run ends in contact.
-        unmitigated: on the loop with gain 0 and the same noise.
+        predicted_unmitigated: the predicted value with gain 0.
+        simulated: spread over the runs on the loop; None if no run ends in contact.
+        unmitigated: spread over the runs with gain 0 and the same noise.
     """
 
     name: str
@@ -77,10 +77,10 @@ class LimitCheck(Value):
     Args:
         required: the constraint and the probability with which it must be met; 1 for every run.
         predicted: |quantity| of the nominal encounter in continuous time, SI; None without contact.
-        held: share of the runs that meet it.
-        low: one-sided lower confidence bound (Clopper-Pearson) of the probability that it is met.
-        value: quantile of |quantity| at the required probability, SI; None if it falls on runs without contact.
-        margin: limit - value, SI; negative if the limit is missed; None if `value` is.
+        held: share of the runs that meet the limit.
+        low: one-sided lower confidence bound (Clopper-Pearson) of the probability that the limit is met.
+        value: quantile of |quantity| at the required probability, SI; None if too many runs end without contact.
+        margin: limit - value, SI; negative if the limit is missed; None if `value` is None.
         source: how the quantity is computed, in words.
     """
 
@@ -109,7 +109,7 @@ class LimitCheck(Value):
 
     @property
     def is_met(self) -> bool:
-        """Whether enough runs meet it."""
+        """Whether enough runs meet the limit."""
         return self.held >= self.required.probability - 1e-12
 
     @property
@@ -163,29 +163,29 @@ class Verdict(Described, Value):
         reasons: why the status is not `holds`, most serious first.
         design: the ideal design: continuous time, perfect sensor, nominal encounter.
         predicted: the nominal encounter at the gain in continuous time; None without a gain.
-        reached: how many runs end in contact; None without a gain, like all that follows.
+        reached: how many runs end in contact; None without a gain, as are the following fields.
         effect: effect of the gain on the speed at contact, compared with no mitigation; None if no run ends in
             contact.
         comparisons: each quantity, predicted and simulated, with and without mitigation.
         limits: each limit.
         stability: gain margin and sensor rates; None if they are not known.
-        stability_text: the same in words, or why it is not known.
+        stability_text: the stability in words, or why it is not known.
         sensor_speed: comparison with an infinitely fast sensor; None for a law without a sensor rate, or without
             contact.
-        noiseless_effect: the effect in runs without noise, on the encounters on which changes are compared.
-        speed_tolerance: share by which contact may be harder than predicted and than with an infinitely fast sensor.
-        calibration_check: the gain on other sensors that the readings of the calibration allow; None without a
-            calibration, with too few readings, or if the fitted curve leads to no contact.
+        noiseless_effect: the effect without noise, in the encounters on which changes are compared.
+        speed_tolerance: share by which contact may be faster than predicted and than with an infinitely fast sensor.
+        calibration_check: results on other sensors that are compatible with the readings of the calibration; None
+            without a calibration, with too few readings, or if the fitted curve leads to no contact.
         loss: cost of the gain compared with the best one for this loop; None without changes.
         changes: the changes that were tried, most helpful first.
-        as_it_is: the unchanged loop over the runs on which changes are compared and, if there are more, over all
-            runs, on which another gain is compared; empty without changes.
+        as_it_is: the unchanged loop over the runs on which changes are compared. A second entry, if there are more
+            runs, is over all runs, on which another gain is compared. Empty without changes.
         assumptions: assumptions of the verdict.
         warnings: sentences to read before relying on the verdict.
         runs: number of runs.
-        compared_runs: number of them on which changes are compared.
-        seed: of encounters and noise.
-        confidence: of the bounds.
+        compared_runs: number of runs on which changes are compared.
+        seed: seed of encounters and noise.
+        confidence: confidence level of the bounds.
         scenario: the nominal encounter.
         sensor: the sensor curve.
         definition: the objective.
@@ -236,7 +236,7 @@ class Verdict(Described, Value):
 
     @property
     def best_change(self) -> LoopChange | None:
-        """The one change that helps most; None if none helps significantly."""
+        """The change that helps most; None if no change helps significantly."""
         return next((change for change in self.changes if change.helps), None)
 
     @property
@@ -257,7 +257,7 @@ class Verdict(Described, Value):
         return next((c for c in self.comparisons if c.name == name), None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the verdict as one JSON object: numbers in SI, None where there is none."""
+        """Return the verdict as one JSON object: numbers in SI, None for missing ones."""
         names = (
             *("status", "headline", "gain", "reasons", "runs", "compared_runs", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),

@@ -1,4 +1,4 @@
-"""Check the stability of a loop and the sensor rate that a gain needs; build loops with one change."""
+"""Check the stability of a loop, find the sensor rate that a gain needs, and propose loops with one change."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from pretouch.simulation import (
     timing_of,
 )
 
-_BELOW_HALF: Final = 0.45  # of the rate: the highest cutoff of a low-pass whose sensor becomes too slow for its own
+_BELOW_HALF: Final = 0.45  # share of the rate: highest cutoff of a low-pass; a slower sensor needs a lower cutoff
 _FASTER: Final = 2.0
-_ROOM: Final = 2.0  # times the fastest change of ln xi that an approach makes
-_DEVIATIONS: Final = 6.0 * 2**0.5  # of the difference of two readings
-_SHORT_MEDIAN: Final = 3  # readings: it takes out single spikes
-_LOW: Final = 0.2  # of the rate: a cutoff that averages some readings
+_ROOM: Final = 2.0  # largest_rate as a multiple of the fastest change of ln xi in an approach
+_DEVIATIONS: Final = 6.0 * 2**0.5  # six standard deviations of the difference of two readings, in those of one reading
+_SHORT_MEDIAN: Final = 3  # window of a median filter that removes single spikes, in readings
+_LOW: Final = 0.2  # share of the rate: a cutoff that averages some readings
 NOISES: Final = ("noise", "relative_noise", "distance_noise")
 
 
@@ -46,13 +46,14 @@ class StabilityCheck(Value):
         limit: the strongest stable gain at each distance.
         margin: gain margin, the factor by which the gain can grow until the loop is unstable; below 1 it is unstable.
         rate: readings per second of the loop [Hz].
-        lowest_rate: lowest sensor rate above which the gain is stable at every rate, and at every phase between
-            sensor and controller [Hz]; infinite if none is high enough. A controller that is slower than the sensor
-            is run at the rate of the sensor. `lowest_rate` can exceed `rate` although the margin is above 1: then
-            some rates or phases between the two are unstable.
-        lowest_rate_with_margin: the same for a gain margin of 2 [Hz]; infinite if none is high enough.
-        has_unknown_phase: whether the time from a reading to the controller step that uses it differs from run to
-            run; limit and margin are then those of the worst case.
+        lowest_rate: sensor rate [Hz] above which the gain is stable at every rate and at every phase between sensor
+            and controller; infinite if none is high enough. A controller that is slower than the sensor is run at the
+            rate of the sensor. `lowest_rate` can exceed `rate` although the margin is above 1. In this case, some
+            phases, or some rates between `rate` and `lowest_rate`, are unstable.
+        lowest_rate_with_margin: the sensor rate above which the gain margin is at least 2 [Hz]; infinite if none is
+            high enough.
+        has_unknown_phase: whether the time from a reading to the controller step that uses it differs between runs;
+            limit and margin are then those of the worst case.
     """
 
     limit: GainLimit
@@ -126,7 +127,7 @@ class StabilityCheck(Value):
 
 
 Passed: TypeAlias = tuple[FloatArray, FloatArray | None]
-"""Distances that an encounter passes [m]; with l' there [m/s] where the damping of the law follows it."""
+"""Distances that an encounter passes [m], with l' at each distance [m/s] if the damping of the law depends on l'."""
 
 
 def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit | None:
@@ -134,13 +135,13 @@ def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit
     law, own = loop.law, loop.continuous
     if not isinstance(law, Controller) or own is None or np.isnan(own.damping(1.0, -1.0, -1.0)):
         return None
-    known: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "plant": loop.plant, "law": own}
-    return gain_limit(sensor, _own(law), timing_of(loop.chain, law), **known)
+    encounter: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "plant": loop.plant, "law": own}
+    return gain_limit(sensor, _virtual_admittance(law), timing_of(loop.chain, law), **encounter)
 
 
 def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
     """Return the gain margin; None if it is not known."""
-    if limit is None or limit.law.number.sign * gain < 0:  # a gain of that sign does not mitigate
+    if limit is None or limit.law.number.sign * gain < 0:  # a gain of the wrong sign does not mitigate
         return None
     return math.inf if gain == 0 or math.isinf(limit.strongest) else abs(limit.strongest / gain)
 
@@ -154,12 +155,15 @@ def check_stability(
         return None
 
     def timing_at(rate: float) -> LoopTiming:
-        found: Any = loop_at(loop, rate)
-        return timing_of(found.chain, found.law, worst_ratio=True)
+        changed: Any = loop_at(loop, rate)
+        return timing_of(changed.chain, changed.law, worst_ratio=True)
 
-    known: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": limit.law}
-    known |= {"timing_at": timing_at, "plant": loop.plant}
-    least = [lowest_rate(sensor, _own(law), gain, margin=factor, **known) if gain else 0.0 for factor in (1.0, 2.0)]
+    encounter: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": limit.law}
+    encounter |= {"timing_at": timing_at, "plant": loop.plant}
+    least = [
+        lowest_rate(sensor, _virtual_admittance(law), gain, margin=factor, **encounter) if gain else 0.0
+        for factor in (1.0, 2.0)
+    ]
     return StabilityCheck(
         limit=limit,
         margin=margin,
@@ -170,7 +174,7 @@ def check_stability(
     )
 
 
-def _own(law: Controller) -> Admittance:
+def _virtual_admittance(law: Controller) -> Admittance:
     a = law.admittance
     return Admittance(mass=a.mass, damping=a.damping, stiffness=a.stiffness)
 
@@ -188,16 +192,16 @@ def told_period(controller: Controller) -> float:
 
 
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:
-    """Return a controller configured for another sensor period [s], at least its own, which may change too."""
-    own = controller.period if period is None else period
-    told, c = max(sensor_period, own), controller.conditioning
+    """Return a controller with another sensor period [s], at least the controller period, which may change, too."""
+    new_period = controller.period if period is None else period
+    configured, c = max(sensor_period, new_period), controller.conditioning
     conditioning = replace(
         c,
-        sensor_period=told,
-        timeout=None if c.timeout is None else max(c.timeout, told),
-        cutoff=None if c.cutoff is None else min(c.cutoff, _BELOW_HALF / told),
+        sensor_period=configured,
+        timeout=None if c.timeout is None else max(c.timeout, configured),
+        cutoff=None if c.cutoff is None else min(c.cutoff, _BELOW_HALF / configured),
     )
-    return replace(controller, period=own, conditioning=conditioning)
+    return replace(controller, period=new_period, conditioning=conditioning)
 
 
 def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
@@ -214,39 +218,39 @@ class Candidate(NamedTuple):
 
     name: str  # short name of the change
     sentence: str  # what to do, with numbers
-    loop: ClosedLoop  # with the change
+    loop: ClosedLoop  # the loop with the change
 
 
 _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
 def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[Candidate]:
-    """Return loops with one change each; |d ln xi / dt| is at most `quickest` [1/s], ln xi has the noise `noise`."""
-    # wanted: sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough
-    rate, found = wanted, []
+    """Return loops with one change each, for |d ln xi / dt| up to `quickest` [1/s] and the noise `noise` of ln xi."""
+    # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
+    rate, candidates = wanted, []
     if rate is None:
         rate = _FASTER * loop.chain.rate
     else:  # rounded up to two digits: never below the rate that is needed
         step = 10.0 ** (math.floor(math.log10(rate)) - 1)
         rate = float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
-    made: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
-    for name, sentence, make in (*made, *_of_controller(loop, quickest, noise)):
+    changes: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
+    for name, sentence, make in (*changes, *_of_controller(loop, quickest, noise)):
         try:
             changed = make()
-        except InvalidInputError:  # the change does not fit the other parts of the loop: not proposed
+        except InvalidInputError:  # a change that does not fit the other parts of the loop is not proposed
             continue
-        found.append(Candidate(name, sentence or _rate_in_words(loop, changed), changed))
-    return found
+        candidates.append(Candidate(name, sentence or _rate_in_words(loop, changed), changed))
+    return candidates
 
 
 def _with(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
     """Return a loop with other fields of its chain, its plant or the conditioning of its controller."""
     parts: dict[str, Any] = {"chain": loop.chain, "plant": loop.plant}
-    found = {name: replace(part, **changes[name]) for name, part in parts.items() if name in changes}
+    parts_changed = {name: replace(part, **changes[name]) for name, part in parts.items() if name in changes}
     if "conditioning" in changes:
         law: Any = loop.law
-        found["law"] = replace(law, conditioning=replace(law.conditioning, **changes["conditioning"]))
-    return replace(loop, **found)
+        parts_changed["law"] = replace(law, conditioning=replace(law.conditioning, **changes["conditioning"]))
+    return replace(loop, **parts_changed)
 
 
 def _rate_in_words(loop: ClosedLoop, after: ClosedLoop) -> str:
@@ -276,8 +280,8 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
     if chain.misfit > 0:
         text = (
             f"Calibrate again, with a misfit of the curve of {50 * chain.misfit:.3g} % of xi instead of "
-            f"{100 * chain.misfit:.3g} %: record more distances, set more exactly, or recess the sensor to where its "
-            "curve fits better."
+            f"{100 * chain.misfit:.3g} %: record more distances, set the distances more exactly, or recess the sensor "
+            "to where its curve fits better."
         )
         yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
 
@@ -285,8 +289,8 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
 def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
     plant = loop.plant
     if isinstance(plant, PositionPlant | ImpedancePlant) and plant.bandwidth < math.inf:
-        new, own = (format_quantity(bandwidth, "Hz") for bandwidth in (_FASTER * plant.bandwidth, plant.bandwidth))
-        text = f"Raise the bandwidth of the robot's controller to {new} from {own}."
+        new, present = (format_quantity(bandwidth, "Hz") for bandwidth in (_FASTER * plant.bandwidth, plant.bandwidth))
+        text = f"Raise the bandwidth of the robot's controller to {new} from {present}."
         yield "robot-bandwidth", text, partial(_with, loop, plant={"bandwidth": _FASTER * plant.bandwidth})
     if isinstance(plant, ImpedancePlant):
         stiffness, damping = 2 * plant.stiffness, 2**0.5 * plant.damping
@@ -318,13 +322,13 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
     period = law.period / _FASTER
     text = f"Run the controller at {1 / period:.6g} Hz instead of {1 / law.period:.6g} Hz."
     yield "controller-rate", text, lambda: replace(loop, law=controller_at(law, told_period(law), period))
-    pedestal, own = loop.chain.offset + loop.chain.crosstalk, c.offset
-    if pedestal != own or loop.chain.drift:
+    pedestal, configured = loop.chain.offset + loop.chain.crosstalk, c.offset
+    if pedestal != configured or loop.chain.drift:
         text = f"Subtract the exact offset, {pedestal:.4g} (unit of the readings)"
-        text += f" instead of {own:.4g}" if pedestal != own else ""
+        text += f" instead of {configured:.4g}" if pedestal != configured else ""
         text += ", and track its drift." if loop.chain.drift else "."
         yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
-    # a reading is rejected only if neither the fastest approach nor noise can explain it
+    # The limit rejects a reading only if neither the fastest approach nor noise can explain it.
     rate = _ROOM * quickest + _DEVIATIONS * noise * loop.chain.rate
     if c.largest_rate is None and rate > 0:
         text = f"Set largest_rate to {format_quantity(rate, '1/s')}: twice the largest |d ln xi / dt| of an approach"

@@ -39,14 +39,14 @@ _NO_LOOP: Final = (
 @check_arguments
 @with_file_location
 def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
-    """Verify whether a gain designed in continuous time, by L(1) and L(2), holds on a loop, and what would help.
+    """Verify whether a gain designed in continuous time, by L(1) and L(2), holds on a loop, and find what would help.
 
     Args:
         task: the nominal encounter with the loop, the objective, and the bounds of the ideal design and of the best
             gain on the loop. Optional: the gain (default: designed by the effect of a drag, or the ideal design),
-            constraints, impact (default: the contact of the loop), uncertainty of encounter and sensor, runs,
+                constraints, impact (default: the contact of the loop), uncertainty of encounter and sensor, runs,
             confidence, stability margin, calibration, method and horizon.
-        changes: whether to search the best gain on the loop and the change that helps most.
+        changes: whether to search for the best gain on the loop and the change that helps most.
 
     Returns:
         The verdict. Its status says if the gain does not hold or does not exist; this is not an error.
@@ -57,9 +57,9 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.simulation import ClosedLoop, SensorChain
-        >>> own = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
-        >>> told = Conditioning(floor=1e-3, sensor_period=4e-3)
-        >>> law = Controller(period=1e-3, conditioning=told, law=VirtualDamper(gain=0.0), admittance=own)
+        >>> virtual = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
+        >>> conditioning = Conditioning(floor=1e-3, sensor_period=4e-3)
+        >>> law = Controller(period=1e-3, conditioning=conditioning, law=VirtualDamper(gain=0.0), admittance=virtual)
         >>> chain = SensorChain(rate=250.0, exposure=170e-6, delay=120e-6, relative_noise=2e-3)
         >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
         >>> task = Task(
@@ -75,25 +75,27 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         >>> verdict.status.value, round(verdict.gain, 4), round(verdict.stability.margin, 1)
         ('holds', -0.7463, 6.3)
     """
-    task = _checked(task)
+    task = _check_task(task)
     design = design_gain(task.replace(impact=foreseen_impact(task)))
     chosen = design.gain if task.effect is None else designed_number(task)
     if task.gain is not None:
         chosen = float(finite(task.gain, "gain", task.law.number.unit))
     same = ("runs", "confidence", "scenario", "sensor", "loop", "uncertainty")
-    asked: dict[str, Any] = {name: getattr(task, name) for name in same}
-    asked |= {"speed_tolerance": task.speed_tolerance}
-    asked |= {"seed": task.loop.seed, "definition": task.goal, "gain": chosen, "design": design}
+    fields: dict[str, Any] = {name: getattr(task, name) for name in same}
+    fields |= {"speed_tolerance": task.speed_tolerance}
+    fields |= {"seed": task.loop.seed, "definition": task.goal, "gain": chosen, "design": design}
     if chosen is None:
         reason = f"the ideal design is {design.status.value}"
-        return Verdict(**asked, status=VerdictStatus.NO_GAIN, reasons=(reason,), compared_runs=0)
-    found = Verdict(**asked, status=VerdictStatus.HOLDS, reasons=(), **_verdict_fields(task, design, chosen, changes))
-    status, reasons = judge(found)
-    return replace(found, status=status, reasons=reasons)
+        return Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,), compared_runs=0)
+    verdict = Verdict(
+        **fields, status=VerdictStatus.HOLDS, reasons=(), **_verdict_fields(task, design, chosen, changes)
+    )
+    status, reasons = judge(verdict)
+    return replace(verdict, status=status, reasons=reasons)
 
 
 def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
-    """Return the fields of a verdict, before it is judged."""
+    """Return the fields of a verdict, except status and reasons."""
     loop, sensor = task.loop, task.sensor
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
@@ -112,8 +114,8 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     stability = check_stability(loop, sensor, passed, gain, limit)
     runs = outcomes.result, unmitigated
     comparisons = compare_quantities(task, runs, (predicted, free))
-    known = Verified(gain, predicted, outcomes, design, stability, limit, passed)
-    loss, tried, as_it_is = find_improvements(problem, known) if changes else (None, (), ())
+    verified = Verified(gain, predicted, outcomes, design, stability, limit, passed)
+    loss, tried, as_it_is = find_improvements(problem, verified) if changes else (None, (), ())
     return {
         "reached": check_reached(outcomes.result, problem.predicted, task.confidence),
         "effect": effect,
@@ -136,8 +138,8 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     }
 
 
-def _checked(task: Task) -> Task:
-    """Check the inputs of a verdict; return the task with its bounds reduced to the required gain margin."""
+def _check_task(task: Task) -> Task:
+    """Check the inputs of a verdict; return the task without gains that lack the required gain margin."""
     if task.scenario.shape != ():
         raise InvalidInputError(f"scenario: found encounters of shape {task.scenario.shape}, expected one")
     law: Any = _loop_of(task).law
@@ -158,8 +160,8 @@ def _checked(task: Task) -> Task:
         )
     if task.effect is not None and (task.objective is None or task.bounds is None):
         raise InvalidInputError(
-            "effect: found no objective or no bounds with it, expected both: a verdict compares its drag with the best "
-            "one; in a file [objective] and [gain]"
+            "effect: found no objective or no bounds with it, expected both, because a verdict compares the drag with "
+            "the best one; in a file, add [objective] and [gain]"
         )
     return task.replace(bounds=task.stable_bounds(), stability_margin=None, evaluate=None)
 
@@ -170,15 +172,15 @@ def _loop_of(task: Task) -> ClosedLoop:
         raise InvalidInputError(_NO_LOOP)
     if not isinstance(task.loop, ClosedLoop):
         raise InvalidInputError(f"loop: found {type(task.loop).__name__}, expected a ClosedLoop")
-    own = task.loop.continuous
-    if own is None and "law" not in vars(task):
+    law = task.loop.continuous
+    if law is None and "law" not in vars(task):
         raise InvalidInputError(
             f"loop: found a law ({type(getattr(task.loop.law, 'law', task.loop.law)).__name__}) without a law in "
             'continuous time for the prediction; set its `continuous`, such as "virtual-damper" or an OwnLaw, or set '
             "the law of the task"
         )
-    if own is not None and own != task.law:
-        raise InvalidInputError(f"law: found {task.law.kind}, but the controller of the loop is a {own.kind}")
+    if law is not None and law != task.law:
+        raise InvalidInputError(f"law: found {task.law.kind}, but the controller of the loop is a {law.kind}")
     return task.loop
 
 
@@ -195,7 +197,7 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
     """Return why the stability of a gain is not assessed."""
     if known:
         return f"Stability is not assessed: {task.law.number.equals(gain)} does not mitigate."
-    return f"The stability of the loop is not known, because neither damping nor timing of the law {task.law.kind} are."
+    return f"The stability of the loop is not known: damping and timing of the law {task.law.kind} are unknown."
 
 
 @check_arguments
@@ -203,11 +205,11 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
 def simulate_encounter(task: Task) -> SimulatedEncounter:
     """Simulate one encounter on the sampled loop, and compare it with the continuous solution of L(1) with L(2).
 
-    The loop is run with the gain and with gain 0, with the same noise; both are also predicted.
+    The loop is run twice with the same noise: with the gain and with gain 0. Both encounters are also predicted.
 
     Args:
-        task: one encounter, the loop, and the gain; without a gain, objective and bounds, or the effect of a drag, by
-            which it is designed. Optional: impact, to predict an elastic impact force; method and horizon of the
+        task: one encounter, the loop, and the gain. Without a gain, one is designed from objective and bounds, or from
+            the effect of a drag. Optional: impact, to predict an elastic impact force; method and horizon of the
             prediction.
 
     Returns:
@@ -221,9 +223,9 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.simulation import ClosedLoop, SensorChain
-        >>> own = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
-        >>> told = Conditioning(floor=1e-3, sensor_period=4e-3)
-        >>> law = Controller(period=1e-3, conditioning=told, law=VirtualDamper(gain=0.0), admittance=own)
+        >>> virtual = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
+        >>> conditioning = Conditioning(floor=1e-3, sensor_period=4e-3)
+        >>> law = Controller(period=1e-3, conditioning=conditioning, law=VirtualDamper(gain=0.0), admittance=virtual)
         >>> loop = ClosedLoop(law=law, chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6))
         >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
         >>> scenario = Scenario(admittance=admittance, obstacle=Obstacle(position=0.0422, velocity=-0.3))
@@ -237,15 +239,15 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {scenario.shape}, expected one; ClosedLoop.run takes many"
         )
-    one = finite(_gain_of(task), "gain", task.law.number.unit)
-    if not isinstance(one, float):
+    gain = finite(_gain_of(task), "gain", task.law.number.unit)
+    if not isinstance(gain, float):
         raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
     same = ("scenario", "sensor", "loop", "impact", "method", "horizon", "law")
-    predicted = [None if scenario.obstacle.course else predicted_contact(task, value) for value in (one, 0.0)]
+    predicted = [None if scenario.obstacle.course else predicted_contact(task, value) for value in (gain, 0.0)]
     return SimulatedEncounter(
         **{name: getattr(task, name) for name in same},
-        gain=one,
-        run=loop.run(scenario, sensor, one),
+        gain=gain,
+        run=loop.run(scenario, sensor, gain),
         unmitigated=loop.run(scenario, sensor, 0.0),
         prediction=predicted[0],
         unmitigated_prediction=predicted[1],
@@ -256,8 +258,8 @@ def _gain_of(task: Task) -> float:
     """Return the given gain, else the designed one."""
     if task.gain is not None:
         return task.gain
-    found = designed_number(task) if task.effect or not task.scenario.obstacle.course else None
-    if found is None:
+    designed = designed_number(task) if task.effect or not task.scenario.obstacle.course else None
+    if designed is None:
         course = task.scenario.obstacle.course
         status = "" if course else design_gain(task.replace(evaluate=None)).status.value
         why = "an ideal design does not support an obstacle with a course" if course else f"the design is {status}"
@@ -265,4 +267,4 @@ def _gain_of(task: Task) -> float:
             f'gain: {why}, so there is none to simulate; set one: gain = "-0.7 N*s" in [controller], the option '
             "--gain, or gain=-0.7 in Python"
         )
-    return found
+    return designed

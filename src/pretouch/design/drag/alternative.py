@@ -41,7 +41,7 @@ def drag_alternative(design: GainDesign) -> Chapter | None:
     try:
         drag = strongest_by_excursion(sensor, distance, mass, excursion, speed, push)
         with_drag = DRAG.contact(scenario, sensor, drag, horizon=task.horizon)
-    except InvalidInputError:  # the curve does not fall down to contact, or no drag has such a large excursion
+    except InvalidInputError:  # ln xi does not fall all the way to contact, or no drag has such a large excursion
         return None
     limits = [c for c in task.limits if c.quantity != "gain"]
     after = abs(float(with_drag.end.relative_velocity))
@@ -56,7 +56,7 @@ def drag_alternative(design: GainDesign) -> Chapter | None:
         f"instead of {accelerations[1]}."
     )
     if not push:
-        text += f" At every other approach speed, {100 * after / speed:.3g} % of the speed remains, too."
+        text += f" At every approach speed, {100 * after / speed:.3g} % of the speed remains."
     table = LazyBlock(make=lambda: _comparison(design, run, drag, with_drag))
     return Chapter(title="Comparison with the virtual drag", blocks=(Paragraph(text=text, brief=True), table))
 

@@ -1,6 +1,6 @@
 """Choice of the virtual drag phi by the ratio of contact speed to approach speed, or by a limit on one of its effects.
 
-There is no optimization: ratio and excursion trade off along one curve, and each limit selects one point of it.
+No optimization is needed: ratio and excursion trade off along one curve, and each limit selects one point of it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def drag_by(
 
 
 def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: FloatArray | None = None) -> DragDesign:
-    """Return the trade-off curve of ratio and excursion, as one design with arrays.
+    """Return the trade-off curve of ratio and excursion, as one design whose fields are arrays.
 
     Args:
         sensor: the sensor curve, which must be valid down to contact.
@@ -99,9 +99,9 @@ def design_drag(task: Task) -> DragDesign:
     """Choose the virtual drag of a task by its effect, which is the same at every approach speed.
 
     Args:
-        task: the encounter, which starts at the detection distance, the sensor, and `effect`; the default of its
-            largest speed is the speed of the encounter. With an objective, the page also shows the letter's optimal
-            gain for comparison.
+        task: the encounter, which starts at the detection distance, the sensor, and `effect`. The default of the
+            effect's largest speed is the speed of the encounter. With an objective, the page also shows the letter's
+            optimal gain for comparison.
 
     Returns:
         The design, with its task.

@@ -34,7 +34,7 @@ class DragEffect(Value):
     """The effect by which a drag is chosen: exactly one of its effects on an object in uniform motion.
 
     A limit on excursion or acceleration gives the strongest drag that meets it; a limit on contact speed or impact
-    force gives the weakest. All effects except ratio and excursion are limits up to a largest approach speed.
+    force gives the weakest. Ratio and excursion hold at every speed, the other limits up to a largest approach speed.
 
     Args:
         ratio: rho, contact speed over approach speed, in (0, 1]; or an array.
@@ -89,7 +89,8 @@ class DragEffect(Value):
             phi [N s^2], and the approach speed [m/s] up to which the limit is met.
 
         Raises:
-            InvalidInputError: the largest speed or the impact is missing, or even a ratio of 1e-9 meets the limit.
+            InvalidInputError: the largest speed or the impact is missing, or even the drag of the ratio 1e-9 meets the
+                limit.
         """
         if self.excursion is not None:
             return strongest_by_excursion(sensor, distance, mass, self.excursion), math.inf
@@ -121,7 +122,7 @@ def encounter(  # noqa: PLR0917
         push: the acceleration of the object toward the plant [m/s^2].
 
     Returns:
-        The contacts, without a limit of time.
+        The contacts; the motion has no time limit.
     """
     obstacle = Obstacle(position=distance, velocity=-np.asarray(speed), acceleration=-np.asarray(push))
     scenario = Scenario(admittance=Admittance(mass=mass, damping=0.0, stiffness=0.0), obstacle=obstacle)
@@ -183,7 +184,7 @@ def strongest_by_excursion(  # noqa: PLR0917
         distance: l_d [m].
         mass: M [kg].
         limit: the largest excursion [m].
-        speed: approach speed [m/s], which has no effect without a push.
+        speed: approach speed [m/s]; it has no effect if the push is 0.
         push: the acceleration of the object toward the plant >= 0 [m/s^2].
 
     Returns:
@@ -216,7 +217,7 @@ def strongest_by_excursion(  # noqa: PLR0917
         if abs(value / limit - 1) <= _CLOSE or high - low <= _CLOSE * high:
             break
         more = excess(value)
-        again = last * more > 0  # the same end moves a second time, so the weight of the other end is halved
+        again = last * more > 0  # the same end moves a second time; the weight of the other end is then halved
         last = more
         if more > 0:
             high, over, under = drag, more, under / 2 if again else under
@@ -229,9 +230,9 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
     """Find the strongest drag whose peak acceleration over v^2 meets a limit; the peak is not monotone in phi.
 
     With k = phi / M, the peak is the largest value over l of k g^2 exp(-2 k int g^2), and it grows at most
-    proportionally to k. So if a drag exceeds the limit by a factor, all drags down to this factor weaker exceed it,
-    too. The search goes down by this factor and never passes a drag that meets the limit. It starts at k = limit /
-    g(l_d)^2, because all stronger drags exceed the limit at detection.
+    proportionally to k. So if a drag exceeds the limit by a factor c, all drags between it and 1/c of it exceed the
+    limit, too. The search divides the drag by c and never skips a drag that meets the limit. It starts at
+    k = limit / g(l_d)^2, because all stronger drags exceed the limit at detection.
 
     Args:
         sensor: the sensor curve.
@@ -243,7 +244,7 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
         phi [N s^2].
 
     Raises:
-        InvalidInputError: even the strongest searched drag meets the limit, or the peak of a drag just touches it.
+        InvalidInputError: even the strongest searched drag meets the limit, or the peak of a drag equals the limit.
     """
     strongest = float(positive(mass, "mass", "kg") * math.log(1 / _STRONGEST) / slope_integral(sensor, distance))
     slope = float(sensor.log_slope(distance))
@@ -271,5 +272,5 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
         steepness = float(np.clip((excess - beyond[end]) / math.log(high / grid[end]), 0.0, 1.0))
         high, excess = float(grid[end]), float(beyond[end])
     raise InvalidInputError(
-        f"acceleration: found a limit of {limit:g}/m times v^2, which the peak of a drag touches; change it slightly"
+        f"acceleration: found a limit of {limit:g}/m times v^2, which equals the peak of a drag; change it slightly"
     )

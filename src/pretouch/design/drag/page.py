@@ -28,7 +28,7 @@ Row = tuple[Cell, ...]
 _SPEEDS: Final = (0.05, 0.1, 0.3, 1.0)
 _PUSHES: Final = (0.0, 0.5, 1.0, 2.0, 5.0)
 _DISTANCES: Final = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
-_SEARCHED: Final = (100.0, 1e-3)  # bounds of D_p relative to the gain whose impulse until contact is M v
+_SEARCHED: Final = (100.0, 1e-3)  # bounds of D_p, relative to the gain that would cancel the momentum M v until contact
 _COMPARED: Final = {
     "relative_velocity": "contact speed",
     "displacement": "excursion",
@@ -41,15 +41,15 @@ _UNIFORM: Final = (
     "every speed. The acceleration grows with the square of the speed."
 )
 _BOUND: Final = (
-    "The bound holds for any motion of the object after detection, if it arrives there at most at the approach speed "
-    "of this encounter and its acceleration toward the plant never exceeds the limit. The acceleration of the "
-    "reference, and the return of the plant unless it is suspended, count as part of this acceleration. The bound also "
-    "holds for an object that turns around and returns."
+    "The bound holds for any motion of the object after detection under two conditions: at detection, it is at most as "
+    "fast as in this encounter; and its acceleration toward the plant never exceeds the limit. The acceleration of the "
+    "reference counts as part of this acceleration, and so does the return of the plant unless it is suspended. The "
+    "bound also holds for an object that turns around and returns."
 )
 _DETECTED: Final = (
-    "Effects of the same drag at other detection distances. Contact is fastest for the smallest distance and the "
-    "excursion is largest for the largest, so the two ends bound the effects. An object that stops nearby and starts "
-    "again counts as detected where it stopped."
+    "Effects of the same drag at other detection distances. The smallest distance has the fastest contact and the "
+    "largest distance has the largest excursion, so the two ends bound the effects. An object that stops nearby and "
+    "starts again counts as detected where it stopped."
 )
 
 
@@ -108,8 +108,8 @@ def letters_optimum(design: DragDesign) -> GainDesign | None:
         design: the drag of a task.
 
     Returns:
-        The optimum within the task's bounds if they are bounds of D_p, else within wide bounds; None without an
-        objective or without a feasible gain.
+        The optimal gain; None without an objective or without a feasible gain. It is searched within the task's
+        bounds if they are bounds of D_p, else within wide bounds.
     """
     task = design.asked
     if task.objective is None:
@@ -186,7 +186,7 @@ def compared_rows(scenario: Scenario, impact: ImpactModel | None, *runs: Contact
     if not why_no_bound(scenario):
         yield (
             "relative to the smallest possible excursion",
-            *(Measured(_beyond_bound(scenario, r), "", 3) for r in runs),
+            *(Measured(_excursion_over_bound(scenario, r), "", 3) for r in runs),
         )
 
 
@@ -196,8 +196,8 @@ def _quantities(impact: ImpactModel | None, *runs: ContactResult) -> Iterator[tu
         yield words, unit_of(name), [abs(float(quantity_of(name, run.end, impact))) for run in runs]
 
 
-def _beyond_bound(scenario: Scenario, run: ContactResult) -> float:
-    """Return the excursion relative to the physical bound for the same acceleration and contact speed; NaN for none."""
+def _excursion_over_bound(scenario: Scenario, run: ContactResult) -> float:
+    """Return the excursion over its physical bound for the same acceleration and contact speed; NaN without a bound."""
     limit = float(run.end.largest_acceleration)
     if not run.reached or not limit > 0 or not float(run.end.displacement) < 0:
         return math.nan
@@ -230,13 +230,13 @@ def _speeds(design: DragDesign) -> Chapter:
     ]
     letter = letters_optimum(design)
     if letter is not None:
-        head, columns = _with_letter(design, letter, head, columns, at_speeds(design.scenario, speeds))
+        head, columns = _add_letter_columns(design, letter, head, columns, at_speeds(design.scenario, speeds))
     rows = zip(*([Measured(float(v), unit) for v in values] for values, unit in columns), strict=True)
     table = Rows(head=tuple(head), rows=tuple(rows), note=_UNIFORM, brief=True)
     return Chapter(title="Effect at every approach speed", titled=True, blocks=(table,))
 
 
-def _with_letter(
+def _add_letter_columns(
     design: DragDesign, letter: GainDesign, head: list[str], columns: list[tuple[Any, str]], starts: Scenario
 ) -> tuple[list[str], list[tuple[Any, str]]]:
     """Add columns with contact speed, excursion and acceleration of the letter's gain in the same encounters."""
@@ -248,9 +248,9 @@ def _with_letter(
 
 def _figure(design: DragDesign) -> Chapter:
     caption = (
-        "First: share of the speed that remains at contact over the excursion, for all drags and the chosen one. With "
-        "an objective, also for the gains of the letter's law L(2) at this approach speed and the optimal gain. "
-        "Others: effects of the chosen drag and of that gain at every approach speed."
+        "First plot: share of the speed that remains at contact over the excursion, for all drags and the chosen one. "
+        "With an objective, it also shows the gains of the letter's law L(2) at this approach speed and the optimal "
+        "gain. Other plots: effects of the chosen drag and of the optimal gain at every approach speed."
     )
     name = "Remaining share of the speed over the excursion; share, excursion and acceleration over the approach speed"
     picture = Picture(figure="drag", of=design, name=name, caption=caption)
@@ -274,19 +274,19 @@ def _guarantee(design: DragDesign) -> Chapter:
 def _detection(design: DragDesign) -> Chapter:
     speed, last = -float(design.scenario.relative_velocity), float(design.sensor.valid_range[1])
     distances = np.array([d for share in _DISTANCES if (d := share * float(design.detection_distance)) <= last])
-    seen = design.seen_from(distances)
+    designs = design.seen_from(distances)
     columns: list[tuple[Any, str]] = [
         (distances, "m"),
-        (seen.contact_speed(speed), "m/s"),
-        (seen.excursion, "m"),
-        (seen.acceleration(speed), "m/s^2"),
+        (designs.contact_speed(speed), "m/s"),
+        (designs.excursion, "m"),
+        (designs.acceleration(speed), "m/s^2"),
     ]
     head = ["detection distance", "contact speed", "excursion", "largest acceleration"]
     letter = letters_optimum(design)
     if letter is not None:
         start = at_speeds(design.scenario, np.full(len(distances), speed))
         start = replace(start, obstacle=replace(start.obstacle, position=start.plant.position + distances))
-        head, columns = _with_letter(design, letter, head, columns, start)
+        head, columns = _add_letter_columns(design, letter, head, columns, start)
     rows = zip(*([Measured(float(v), unit) for v in values] for values, unit in columns), strict=True)
     table = Rows(head=tuple(head), rows=tuple(rows), note=_DETECTED)
     return Chapter(title="Other detection distances", blocks=(table,))

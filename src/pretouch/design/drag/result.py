@@ -24,7 +24,7 @@ from ..task import Task
 from .limits import encounter
 
 ROUNDING: Final = 1e-9
-"""Relative excess of a limit that is tolerated as rounding."""
+"""Relative amount by which a value may exceed a limit, as rounding."""
 
 PREMISES: Final = (
     "The plant follows the virtual object of mass M exactly. Sensor and controller have no delay and no noise.",
@@ -33,9 +33,9 @@ PREMISES: Final = (
     "The object is visible from the detection distance down to contact, and ln xi falls with the distance everywhere.",
     "Ratio, excursion and peak acceleration are for an object in uniform motion relative to the reference. The bound "
     "of the contact speed is for any object whose acceleration toward the plant never exceeds the given limit.",
-    "The excursion is that at contact. The plant then still retreats at 1 - rho of the approach speed.",
+    "The excursion is that at contact. The plant then still retreats at 1 - rho times the approach speed.",
 )
-"""The assumptions of a design of a drag."""
+"""The assumptions of a drag design."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -80,7 +80,7 @@ class DragDesign(Described, Value):
 
     @property
     def gain(self) -> Any:
-        """The number of the law, phi [N s^2]; all designs have it under this name."""
+        """The number of the law, phi [N s^2]; every kind of design has the property `gain`."""
         return self.drag
 
     @property
@@ -98,17 +98,17 @@ class DragDesign(Described, Value):
 
     @property
     def scenario(self) -> Scenario:
-        """The encounter of its task."""
+        """The encounter of the task."""
         return self.asked.scenario
 
     @property
     def result(self) -> ContactResult:
-        """The contact of that encounter."""
+        """The contact of the encounter of the task."""
         return DRAG.contact(self.scenario, self.sensor, self.drag, horizon=self.asked.horizon)
 
     @property
     def holds(self) -> bool:
-        """Whether the encounter of the task ends in contact and meets every limit; limits of D_p do not apply."""
+        """Whether the encounter of the task ends in contact and meets every limit, except limits of D_p."""
         return bool(self.result.reached) and all(map(self.keeps, self.asked.limits))
 
     def keeps(self, limit: Constraint) -> bool:
@@ -119,7 +119,7 @@ class DragDesign(Described, Value):
 
     @property
     def headline(self) -> str:
-        """The answer in one or two sentences; for arrays the number of drags."""
+        """The answer in one or two sentences; for arrays, the number of drags."""
         if np.shape(self.drag):
             return f"{np.size(self.drag)} drags"
         text = (
@@ -188,7 +188,7 @@ class DragDesign(Described, Value):
     def seen_from(self, distance: ArrayLike) -> DragDesign:
         """Return the effects of the same drag on an object that is detected at other distances [m].
 
-        Contact is fastest for the smallest distance, and the excursion is largest for the largest distance, so the two
+        The smallest distance has the fastest contact, and the largest distance has the largest excursion. So the two
         ends of an uncertain detection distance bound the effects. An object that stops and starts again counts as
         detected where it stopped.
         """
@@ -206,7 +206,7 @@ class DragDesign(Described, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragRails(Value):
-    """Guarantees of every schedule of the drag that stays between two constant drags.
+    """Guarantees for every schedule of the drag that stays between two constant drags.
 
     Args:
         weak: the weaker drag.
@@ -268,7 +268,7 @@ def predict_drag(
         sensor: the sensor curve, which must be valid down to contact.
         distance: detection distance l_d [m]; a number or an array.
         mass: M of the virtual object [kg].
-        drag: phi >= 0 [N s^2], broadcast with the distance.
+        drag: phi >= 0 [N s^2]; it broadcasts with the distance.
         largest_speed: approach speed up to which a limit is met [m/s], stored in the design.
         task: the task of the design, stored in the design.
 

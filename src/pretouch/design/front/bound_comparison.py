@@ -15,8 +15,8 @@ from ..search.trials import Trials
 from .physical_bound import PhysicalBound, why_no_bound
 
 _SAMPLES: Final = 400
-_FORWARD: Final = 1e-9  # largest motion toward the obstacle, relative to the excursion, for which the bound applies
-_NOTHING: Final = 1e-9  # a smaller acceleration, relative to the deceleration that the approach needs, counts as none
+_FORWARD: Final = 1e-9  # the bound applies up to this motion toward the obstacle, relative to the excursion
+_NOTHING: Final = 1e-9  # an acceleration below this share of the deceleration that the approach needs counts as none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -26,10 +26,10 @@ class BoundComparison(Value):
     Args:
         acceleration: the largest acceleration of the encounter [m/s^2].
         excursion: the deviation from the reference at contact, |x - x_d| [m].
-        least_excursion: the smallest excursion with which any robot with that acceleration reaches the same contact
-            speed [m]; NaN if the plant first moves toward the obstacle, because the bound then does not apply.
-        least_acceleration: the smallest acceleration with which any robot reaches that contact speed from the same
-            detection distance [m/s^2].
+        least_excursion: the smallest excursion [m] with which any robot with that acceleration can reach the same
+            contact speed; NaN if the plant first moves toward the obstacle, because the bound then does not apply.
+        least_acceleration: the smallest acceleration [m/s^2] with which any robot can reach that contact speed from
+            the same detection distance.
     """
 
     acceleration: Any
@@ -39,7 +39,7 @@ class BoundComparison(Value):
 
     @property
     def ratio(self) -> Any:
-        """The excursion relative to the smallest possible one, never below 1; NaN if the smallest is 0."""
+        """The excursion over the smallest possible one, never below 1; NaN if the smallest possible one is 0."""
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(
                 np.asarray(self.least_excursion) > 0, np.divide(self.excursion, self.least_excursion), np.nan
@@ -83,7 +83,7 @@ def compare_with_bound(
 
 
 def _only_retreats(trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult) -> BoolArray:
-    """Return which plants never move beyond their rest position toward the obstacle; of the shape of the gain."""
+    """Return which plants never move beyond their rest position toward the obstacle, with the shape of the gain."""
     # This is proved if the admittance is not under-damped, the gain mitigates and the obstacle does not brake
     # (docs/fast-designs.md: l' < 0 until contact, so the force always pushes away, and the admittance does not
     # oscillate). With a drag it is a premise of the motion (docs/drag.md). In other cases the motions are sampled.

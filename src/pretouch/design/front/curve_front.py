@@ -1,4 +1,4 @@
-"""Pareto front along a curve: all gains, if only the gain is free."""
+"""Pareto front over the gain alone: a search along the curve of all gains."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..search import Effort, Landscape, refine, scan
 from .dominance import FoundFront, extent_of, non_dominated, shortfall
 
 _EFFORT: Final = Effort(share=0.01)  # a quantity may pass through 0
-_HALVINGS: Final = 44  # until the neighbors of an end are 1e-13 of the axis apart
+_HALVINGS: Final = 44  # halvings of an interval until its ends are 1e-13 of the axis apart
 _FINEST: Final = 12
 _CURVE_SPACING: Final = 0.01  # distance between neighbors on the front, as a share of its extent
 
@@ -22,8 +22,8 @@ _CURVE_SPACING: Final = 0.01  # distance between neighbors on the front, as a sh
 # minima of the quantities, the edges of feasibility, and the points where another part of the curve becomes better.
 def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
     """Find the Pareto front of a curve over [0, 1]: `evaluate` returns quantities, (n, k), at coordinates, (n,)."""
-    # Quantities are infinite if not feasible. The points ascend in the first quantity, or with three quantities in the
-    # coordinate; pieces are separated by worse coordinates. The front is empty if nothing is feasible.
+    # Quantities are infinite if not feasible. The points are sorted by the first quantity, or for three quantities by
+    # the coordinate. Dominated coordinates separate the pieces. The front is empty if nothing is feasible.
     samples = _Samples(evaluate)
     for k in range(samples.values.shape[1]):
         lowest = refine(lambda u, k=k: evaluate(u)[:, k], samples.at, samples.values[:, k])  # type: ignore[misc]
@@ -33,7 +33,7 @@ def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
         samples.fill()
     best = non_dominated(samples.values)
     piece = np.cumsum(np.concatenate([[True], best[1:] & ~best[:-1]]))
-    kept = np.flatnonzero(_thinned(samples.values, best))
+    kept = np.flatnonzero(_thin_out(samples.values, best))
     order = kept[np.argsort(samples.values[kept, 0] if samples.values.shape[1] == 2 else kept, kind="stable")]
     numbers = np.concatenate([[0], np.cumsum(np.diff(piece[order]) != 0)])[: len(order)]
     connected = np.diff(piece[kept]) == 0
@@ -49,7 +49,7 @@ _WORST: Final = 16  # number of intervals that are refined
 def _between(
     evaluate: Callable[[FloatArray], FloatArray], at: FloatArray, values: FloatArray, connected: BoolArray
 ) -> FloatArray:
-    """Return quantities between connected neighbors, to 1/128 of the intervals in which the error is largest."""
+    """Return quantities between connected neighbors; the worst intervals are divided down to 1/128."""
     low, high = at[:-1][connected], at[1:][connected]
     if not len(low):
         return values[:0]
@@ -108,8 +108,8 @@ class _Samples:
                 return
 
 
-def _thinned(values: FloatArray, best: BoolArray) -> BoolArray:
-    """Return the points without close neighbors; the ends of pieces and the minima of the quantities are kept."""
+def _thin_out(values: FloatArray, best: BoolArray) -> BoolArray:
+    """Remove points that have close neighbors, but not ends of pieces or minima of quantities."""
     kept, front = best.copy(), np.flatnonzero(best)
     if not len(front):
         return kept

@@ -10,7 +10,7 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
-_FLAT: Final = 1e-12  # a quantity with a smaller relative variation along the front is constant
+_FLAT: Final = 1e-12  # a quantity that varies less than this along the front, relative to its magnitude, is constant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,7 +22,7 @@ class FoundFront:
     piece: IntArray  # index of the connected piece of each point
     scanned: FloatArray  # coordinates of all encounters of the scan, shape (m, size)
     scanned_values: FloatArray  # their quantities, infinite if not feasible
-    missed: float  # largest amount by which an encounter is better in every quantity, as a share of the extent
+    missed: float  # largest amount by which an encounter beats the front in every quantity, as a share of the extent
 
     @classmethod
     def of(
@@ -43,7 +43,7 @@ class FoundFront:
 
 
 def extent_of(values: FloatArray) -> FloatArray:
-    """Return the extent of a front, shape (n, k), in each quantity; the magnitude of a constant quantity."""
+    """Return the extent of a front, shape (n, k), in each quantity; for a constant quantity, its magnitude."""
     if not len(values):
         return np.ones(values.shape[1])
     extent, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
@@ -51,7 +51,7 @@ def extent_of(values: FloatArray) -> FloatArray:
 
 
 def non_dominated(values: FloatArray) -> BoolArray:
-    """Return which points, (n, 2) or (n, 3), are not dominated; of equal points the first, of infinite ones none."""
+    """Return which points, (n, 2) or (n, 3), are not dominated: of equal points only the first, no infinite ones."""
     n, k = values.shape
     best = np.zeros(n, dtype=bool)
     order = np.lexsort((np.arange(n), *values.T[::-1]))
@@ -78,7 +78,7 @@ def non_dominated(values: FloatArray) -> BoolArray:
 
 
 def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
-    """Return the additive epsilon of points, (m, k): the smallest shift with which a front, (n, k), dominates each."""
+    """Return the additive epsilon of points, (m, k): the smallest shift by which a front, (n, k), dominates each."""
     # It is not positive if the front dominates the point (Zitzler et al. 2003), and -inf for points that are infinite.
     epsilon = np.full(len(points), -np.inf)
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))

@@ -25,11 +25,11 @@ _STATUS: Final = {
 _KNEE: Final = (
     "The knee is the point with the largest distance below the straight line, or plane, through the ends of the front. "
     "Each quantity is scaled by its range along the front. At the knee, a small loss in one quantity gains most in the "
-    "others. It depends on the ends of the front, and so on the bounds of the gain and the admittance."
+    "others. The knee depends on the ends of the front, and so on the bounds of the gain and the admittance."
 )
 _COMPARED: Final = (
     "The smallest possible deviation is that of an ideal robot with the same largest acceleration and the same "
-    "relative velocity at contact. The smallest possible acceleration is the one with which an ideal robot reaches "
+    "relative velocity at contact. The smallest possible acceleration is the one that an ideal robot needs to reach "
     "that velocity from the same detection distance."
 )
 _BOUND: Final = (

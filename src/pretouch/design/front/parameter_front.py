@@ -18,15 +18,15 @@ _ROUNDS: Final = 3
 _SPACING: Final = 0.03  # distance between neighbors on the front, as a share of its extent, with two quantities
 _GAP: Final = 2.5  # a distance above this multiple of the spacing separates two pieces
 _POINTS: Final = {2: 40, 3: 90}  # number of starting points, by the number of quantities
-_MISSED: Final = 2e-3  # a test encounter that is better by more than this share of the extent is a starting point
+_MISSED: Final = 2e-3  # a test encounter that beats the front by more than this share of its extent starts a search
 _NEIGHBORS: Final = 6  # neighbors of a point that are mixed with it, with three quantities
 _MIXTURES: Final = 60  # mixtures per point
 _MOVED: Final = 24  # number of worst mixtures that are moved onto the front
 _PULL: Final = 1e-3  # weight of the other quantities while one is minimized: it decides between equal minima
 
 
-# A grid over all free parameters locates the front. From points spread along it, each search reduces all quantities
-# together. Gaps are filled by searches that start between neighbors. Finally the front is tested on independent
+# A grid over all free parameters locates the front. Searches start at points spread along it; each reduces all
+# quantities together. Searches that start between neighbors fill the gaps. Finally the front is tested on independent
 # encounters; those that are better than the front become further starting points.
 def find_front(trials: Trials) -> FoundFront:
     """Find the Pareto front over all free parameters, in connected pieces; empty if nothing is feasible."""
@@ -81,7 +81,7 @@ class _FrontPoints:
         self.at, self.values = at_all[best], values_all[best]
 
     def search(self, start: FloatArray, origin: FloatArray) -> None:
-        """Search from a start along the ray through a point in quantities; if it fails, add the start itself."""
+        """Search from a start, along a ray in the space of quantities; if the search fails, add the start itself."""
         point = advance(self.trials, start, origin, self.extent)
         self.add(start if point is None else point[0])
 
@@ -142,7 +142,7 @@ class _FrontPoints:
 
 
 def _spread(points: FloatArray, count: int) -> list[int]:
-    """Choose points far apart: first the one with the lowest sum, then always the farthest from those before."""
+    """Choose points far apart: first the one with the lowest sum, then always the farthest from all chosen ones."""
     chosen = [int(points.sum(axis=1).argmin())]
     apart = np.abs(points - points[chosen[0]]).max(axis=1)
     while len(chosen) < min(count, len(points)):

@@ -39,7 +39,7 @@ def find_knee(
     trials: Trials, at: FloatArray, values: FloatArray, scanned: FloatArray, scanned_values: FloatArray
 ) -> tuple[FloatArray, float] | None:
     """Return the coordinates of the knee and its depth relative to the extent of the front."""
-    # None for a front that is straight, bulges outward, or has no trade-off.
+    # The result is None for a front that is straight, bulges outward, or has no trade-off.
     low, extent = values.min(axis=0), np.ptp(values, axis=0)
     if len(values) < 3 or not (extent > 0).all():
         return None
@@ -60,7 +60,7 @@ def find_knee(
     return (both[int(sums.argmin())], depth) if depth > _LEAST else None
 
 
-_ROUNDING: Final = 1e-9  # relative excess of a limit at which the choice still meets it, solved by another method
+_ROUNDING: Final = 1e-9  # relative amount by which the choice may exceed a limit; another method may have designed it
 
 
 @check_arguments

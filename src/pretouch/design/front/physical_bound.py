@@ -19,8 +19,8 @@ from pretouch.motion import Scenario
 _ROUNDING: Final = 1e-9  # relative rounding error of a time
 
 
-# An obstacle at distance l0 approaches with the velocity v + a t. The robot is at rest, may accelerate by at most A,
-# and retreats without first moving toward the obstacle. Let contact be after an excursion d, with contact speed w.
+# An obstacle at distance l0 approaches with the velocity v + a t. The robot is at rest, can accelerate by at most A,
+# and retreats without first moving toward the obstacle. Contact is after an excursion d, with the contact speed w.
 #
 #     1. The obstacle passes -d with the speed |v_T| = sqrt(v^2 - 2 a (l0 + d)), for every motion of the robot.
 #     2. After its last moment at rest, the robot gains s^2 / 2 = -int x'' dx <= A d, so its speed is s <= sqrt(2 A d).
@@ -92,10 +92,10 @@ class PhysicalBound(Value):
         return float_or_array(np.where(early, free, late))
 
     def excursion(self, contact_speed: ArrayLike) -> Any:
-        """Return the smallest excursion with which a contact speed is reached.
+        """Return the smallest excursion at which a robot can reach a contact speed.
 
         Args:
-            contact_speed: w = |l'| at contact >= 0 [m/s], broadcast with the acceleration limit.
+            contact_speed: w = |l'| >= 0 at contact [m/s]; it broadcasts with the acceleration limit.
 
         Returns:
             The excursion [m]: 0 if the robot may stay at rest, NaN if no robot with this limit reaches that speed.
@@ -115,17 +115,17 @@ class PhysicalBound(Value):
         return float_or_array(np.where(in_time, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
-        """Return the shortest time of contact [s] for a contact speed [m/s], that of the smallest excursion, or NaN."""
+        """Return the earliest time of contact [s] for a contact speed [m/s], at the smallest excursion; or NaN."""
         return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
         """Return the smallest acceleration [m/s^2] with which any robot reaches a contact speed [m/s], or 0."""
-        # It is (v^2 - w^2) / (2 l0) - a, with any excursion.
+        # For every excursion, it is (v^2 - w^2) / (2 l0) - a.
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
-        """Return the excursion at which a braking obstacle is faster than the speed limit by w."""
+        """Return the excursion at which a braking obstacle is faster than the robot's speed limit by exactly w."""
         if self.acceleration <= 0:
             return np.full(np.shape(w), np.nan)
         return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)
@@ -196,7 +196,7 @@ def why_no_bound(scenario: Scenario) -> str:
 
 
 def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
-    """Return the first t with distance + velocity t + acceleration t^2 / 2 = 0, infinite for none; velocity < 0."""
+    """Return the first t with distance + velocity t + acceleration t^2 / 2 = 0, for velocity < 0; infinite if none."""
     square = np.asarray(velocity**2 - 2 * acceleration * distance)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.where(square >= 0, 2 * distance / (np.sqrt(np.maximum(square, 0)) - velocity), np.inf))

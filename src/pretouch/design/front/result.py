@@ -40,10 +40,10 @@ class FrontPoint(Value):
         natural_frequency: sqrt(K_a / M_a) [rad/s].
         damping_ratio: D_a / (2 sqrt(M_a K_a)); NaN if the stiffness is 0.
         values: the magnitude of each quantity in SI.
-        behind: amount by which the front is better in every quantity, as a share of its extent: 0 on the front, or
-            slightly negative between its points; clearly negative if the encounter exceeds a limit or lies outside of
-            the bounds.
-        feasible: whether it meets every limit.
+        behind: amount by which the front is better in every quantity, as a share of the front's extent. It is 0 on
+            the front, slightly negative between its points, and clearly negative if the encounter exceeds a limit or
+            lies outside of the bounds.
+        feasible: whether the encounter meets every limit.
         depth: for a knee, its distance from the plane through the ends of the front, relative to the extent; else None.
         bound: the comparison with the physical bound; None if the bound does not apply.
         result: the solved encounter.
@@ -95,9 +95,9 @@ class ParetoFront(Answer):
         scanned: magnitudes of every feasible encounter of the search, shape (m, k).
         tried: number of encounters of the search.
         missed: largest amount by which an encounter is better than the front in every quantity, as a share of the
-            front's extent: of all encounters of the search, and of further ones between the points.
-        natural_frequency_bounds: its bounds [rad/s]; None if it is not free.
-        damping_ratio_bounds: its bounds; None if it is not free.
+            front's extent. Compared are all encounters of the search, and further ones between the points.
+        natural_frequency_bounds: bounds of the natural frequency [rad/s]; None if it is not free.
+        damping_ratio_bounds: bounds of the damping ratio; None if it is not free.
         result: the encounters of the points; None without points.
     """
 
@@ -131,7 +131,7 @@ class ParetoFront(Answer):
 
     @property
     def marked(self) -> tuple[FrontPoint, ...]:
-        """The knee and the choice, as far as they exist."""
+        """The knee and the choice, if they exist."""
         return tuple(point for point in (self.knee, self.choice) if point is not None)
 
     @property

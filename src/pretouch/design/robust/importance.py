@@ -27,8 +27,8 @@ _FEWEST: Final = 4 * _PARTS
 #     T = mean((f_A - f_C)^2) / (2 Var f)   (M. J. W. Jansen, Comput. Phys. Commun. 117 (1999) 35).
 #
 # Inputs that were estimated together count as one, because a better calibration improves all of them. To first order
-# the objective is linear in the inputs, and the share is (df/dx)^2 Var x over the sum of all these terms. If encounters
-# have noise, the noise is one more input: B has other noise than A.
+# the objective is linear in the inputs, and an input's share is (df/dx)^2 Var x over the sum of these terms for all
+# inputs. If encounters have noise, the noise is one more input: B has other noise than A.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputImportance(Value):
     """Share of one uncertain input in the variance of the objective (Sobol indices).
@@ -36,11 +36,11 @@ class InputImportance(Value):
     Args:
         name: the input, the name of several inputs that were estimated together, or "noise".
         inputs: the names of these inputs.
-        alone: first-order index S: the mean share of the variance that knowing this input exactly would remove.
+        alone: first-order index S: the share of the variance that would vanish on average if this input were known.
         alone_error: standard error of S.
         total: total index T: the share of the variance that would remain if all other inputs were known.
         total_error: standard error of T.
-        by_gradient: the share to first order, from gradients at the given values; None without gradients.
+        by_gradient: the share to first order, from gradients at the nominal inputs; None without gradients.
     """
 
     name: str

@@ -17,7 +17,7 @@ from pretouch._core.numbers import FloatArray, finite, float_or_array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure(ABC):
-    """Base class of measures: one number for many objectives, which must not fall if no objective falls."""
+    """Base class of measures: one number for many objectives, which must not fall unless some objective falls."""
 
     @property
     @abstractmethod
@@ -30,16 +30,16 @@ class Measure(ABC):
 
     @abstractmethod
     def of(self, values: Any) -> Any:
-        """Return the measure of values along the last axis; infinite if relevant values are."""
+        """Return the measure of values along the last axis; infinite if relevant values are infinite."""
 
     @abstractmethod
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
         """Return the estimate from independent samples, and the ends of its confidence interval."""
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the measure of others minus that of values, paired by encounter, and its standard error.
+        """Return the measure of `others` minus that of `values`, paired by encounter, and its standard error.
 
-        The standard error is computed by the bootstrap over pairs; NaN if the difference is not finite.
+        A bootstrap over the pairs gives the standard error; NaN if the difference is not finite.
         """
         difference = float(self.of(others) - self.of(values))
         if not math.isfinite(difference):
@@ -49,7 +49,7 @@ class Measure(ABC):
 
 
 def checked_measure(measure: Any) -> Measure:
-    """Return a measure; raise an error unless it is a Measure whose label and interval belong to its `of`."""
+    """Return a measure; raise an error unless it is a Measure that overrides label and interval together with `of`."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
             f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a Measure"
@@ -141,7 +141,7 @@ class Quantile(_AtProbability):
         return f"{100 * self.probability:g} % quantile"
 
     def of(self, values: Any) -> Any:
-        """Return the smallest value that at least this share of the values does not exceed."""
+        """Return the smallest value such that at least this share of the values does not exceed it."""
         return sample_quantile(values, self.probability)
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
@@ -184,7 +184,7 @@ class ConditionalValueAtRisk(_AtProbability):
         return float_or_array(q[..., 0] + beyond / (1 - self.probability))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the tail mean and its asymptotic interval: that of the mean of q + max(f - q, 0) / (1 - p)."""
+        """Return the tail mean and its asymptotic interval, that of the mean of q + max(f - q, 0) / (1 - p)."""
         q = sample_quantile(values, self.probability)
         if not math.isfinite(q):
             return math.inf, -math.inf, math.inf
@@ -218,7 +218,7 @@ class WorstCase(Measure):
 
 
 def sample_quantile(values: Any, probability: float) -> Any:
-    """Return the smallest value that at least this share of the values does not exceed, along the last axis."""
+    """Return the smallest value such that at least this share of the values does not exceed it, along the last axis."""
     f = np.asarray(values, dtype=np.float64)
     rank = min(max(math.ceil(probability * f.shape[-1] - 1e-9), 1), f.shape[-1]) - 1
     return float_or_array(np.partition(f, rank, axis=-1)[..., rank])

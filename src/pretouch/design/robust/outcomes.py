@@ -41,7 +41,7 @@ class RobustOutcomes(Value):
         return np.where(self.reached, np.broadcast_to(values, self.reached.shape), np.inf)
 
     def reaches(self, quantity: str, share: float) -> float:
-        """Return a quantile of the magnitude of a quantity, in SI: it is not exceeded in this share of encounters."""
+        """Return the magnitude of a quantity, in SI, that this share of the encounters does not exceed: a quantile."""
         return float(np.sort(self.magnitude(quantity))[math.ceil(share * len(self.objective)) - 1])
 
     def __repr__(self) -> str:

@@ -47,7 +47,7 @@ def importance_section(importance: tuple[InputImportance, ...]) -> Chapter | Non
 
 
 def price_section(design: RobustDesign) -> Chapter | None:
-    """Return the loss of the robust gain compared with the best gain for each exactly known input; None without it."""
+    """Return the section with the loss of the robust gain compared with the best gain for each exactly known input."""
     if not design.prices:
         return None
     caption = (
@@ -113,7 +113,7 @@ def robust_page(design: RobustDesign) -> Page:
     advice, v = _ADVICE.get(design.status), design.validation
     premise = Paragraph(
         text="The gain is optimal for a sample average with common samples. The distributions of the inputs are "
-        "assumptions, which nothing here tests. If an input is distributed differently, the probabilities and "
+        "assumptions that this design does not test. If an input is distributed differently, the probabilities and "
         "intervals above are not valid."
     )
     return Page(

@@ -17,7 +17,7 @@ from pretouch.uncertainty.ensemble import names_of
 from ..gain import GainDesign
 from ..problem import GainProblem
 
-_TAIL = 0.01  # probability of each tail that is cut off the range of an unbounded input
+_TAIL = 0.01  # probability of each tail that the range of an unbounded input excludes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -55,9 +55,9 @@ class Price(Value):
 
 
 def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float | None) -> Price:
-    """Compare one gain with the optimal gain for each of many values of an input, the others at their given values."""
-    # Inputs that were estimated together with it take their likeliest values. The optimal gains ignore constraints, so
-    # that the loss is never negative; part of the loss may be caused by constraints.
+    """Compare one gain with the optimal gain for each of many values of an input; other inputs stay as given."""
+    # Inputs that were estimated together with this input take their likeliest values. The optimal gains ignore
+    # constraints, so that the loss is never negative; constraints may cause part of the loss.
     if type(count) is not int or count < 2:
         raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
     if gain is None:

@@ -38,7 +38,7 @@ class RobustProblem(GainProblem):
 
     @classmethod
     def over(cls, task: Task, axis: GainAxis, values: Mapping[str, Any], **options: Any) -> RobustProblem:
-        """Make the problem of a task over values of the uncertain inputs; options are those of make_ensemble."""
+        """Make the problem of a task over values of the uncertain inputs; `make_ensemble` takes the options."""
         names = ("method", "horizon", "law", "evaluate")
         settings = {**{name: getattr(task, name) for name in names}, **options}
         return cls(task=task, axis=axis, ensemble=make_ensemble(task.scenario, task.sensor, values, **settings))
@@ -64,7 +64,7 @@ class RobustProblem(GainProblem):
 
     def values(self, gain: float) -> tuple[FloatArray, FloatArray]:
         """Return objectives, shape (n,), and ratios |quantity| / limit, (k, n), at a gain; infinite without contact."""
-        objective, ratios, _ = self._raw(np.array([gain]))
+        objective, ratios, _ = self._evaluate(np.array([gain]))
         return objective[0], ratios[:, 0]
 
     def criterion(self, which: int) -> Criterion:
@@ -83,10 +83,10 @@ class RobustProblem(GainProblem):
         return self.criterion(which).slope(result.end, of)
 
     def lowest_needed(self) -> float:
-        """Return the coordinate beyond which no stronger gain can be the optimum, or the end of the axis.
+        """Return a coordinate beyond which no gain can be the optimum, or the end of the axis.
 
-        Gains are evaluated from the weakest to stronger ones. The search ends when the part of the measure that can
-        only grow exceeds the best measure so far.
+        Gains are evaluated from the weakest to the strongest. Part of the measure can only grow with the gain; the
+        search ends when this part exceeds the best measure so far.
         """
         low, high = self.axis.span
         if not self._touch_later():
@@ -100,7 +100,7 @@ class RobustProblem(GainProblem):
             best = min(best, float(landscape.merit[0]))
             if (
                 gain[0] <= 0 and float(least[0]) > best
-            ):  # the proof does not apply to gains that drive toward the object
+            ):  # the proof does not apply to gains that drive the plant toward the object
                 return float(u)
         return low
 
@@ -108,7 +108,7 @@ class RobustProblem(GainProblem):
         """Return whether contact is proved to be later with a stronger mitigating gain, in every encounter."""
         ensemble = self.ensemble
         if ensemble.evaluator is not None or ensemble.law != DAMPER or ensemble.method == "uniform-motion":
-            return False  # the proof is for L(1) with L(2) in continuous time, from the given state
+            return False  # the proof holds only for L(1) with L(2) in continuous time, from the given state
         if ensemble.likeness is not None:
             return bool(touches_later(ensemble.scenario, ensemble.likeness.sensor).all())
         if ensemble.many is not None:
@@ -120,7 +120,7 @@ class RobustProblem(GainProblem):
         block = _BLOCK if self.ensemble.evaluator is None else _BLOCK_OF_EVALUATOR
         step = max(1, block // len(self.ensemble))
         for start in range(0, len(gains), step):
-            objective, ratios, least = self._raw(gains[start : start + step])
+            objective, ratios, least = self._evaluate(gains[start : start + step])
             quantiles = [limit.share(ratio) for limit, ratio in zip(self.limits, ratios, strict=True)]
             yield (
                 np.asarray(self.measure.of(objective)),
@@ -128,7 +128,7 @@ class RobustProblem(GainProblem):
                 np.asarray(self.measure.of(least)),
             )
 
-    def _raw(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _evaluate(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return objective, ratios, shape (k, m, n), and a lower bound of the objective of stronger gains, (m, n)."""
         result = self.ensemble.contacts(gains[:, None])
         reached, state, speed = result.reached, result.end, self.ensemble.speed

@@ -39,8 +39,8 @@ class RobustDesign(Answer):
     Args:
         status: optimal, infeasible (no gain meets all constraints) or no-contact.
         local_minima: the local minima of the measure, as (gain, value), best first.
-        nominal_gain: the gain that is optimal if every input has its given value, always in continuous time: the
-            law's number, such as D_p [N s]; None without such a gain.
+        nominal_gain: the gain that is optimal in continuous time if every input has its given value: the law's
+            number, such as D_p [N s]; None without such a gain.
         validation: the validation on fresh samples; None unless optimal.
         worst: the worst encounter, for a worst case; else None.
         problem: the problem on the samples of the design.
@@ -101,7 +101,7 @@ class RobustDesign(Answer):
 
     @property
     def strongest(self) -> float:
-        """The strongest gain that needs to be searched; it is proved that no stronger gain is the optimum."""
+        """The strongest gain of the search; a proof excludes that a stronger gain is the optimum."""
         return float(self.problem.axis.gain(self.scan.coordinate[0 if self.number.sign < 0 else -1]))
 
     @property
@@ -213,7 +213,7 @@ class RobustDesign(Answer):
     def compared(self) -> dict[str, RobustOutcomes]:
         """Outcomes in the fresh encounters of the robust gain, the nominal gain and no mitigation, by name.
 
-        Without a robust gain, the gain that exceeds the limits least takes its place.
+        Without a robust gain, the gain that exceeds the limits least replaces it.
         """
         first = ("nearest gain", self.nearest_gain) if self.gain is None else ("robust gain", self.gain)
         gains = (first, (self.nominal_name, self.nominal_gain), ("no mitigation", 0.0))
@@ -308,7 +308,7 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
     for o in v.limits:
         if not v.may_hold(o):
             yield (
-                f"the fresh samples meet {o.required.constraint.name} in {share_in_words(o.held)} only, less often "
+                f"the fresh samples meet {o.required.constraint.name} in only {share_in_words(o.held)}, less often "
                 f"than the required {100 * o.required.probability:g} %: use more samples, or require a slightly larger "
                 "probability"
             )

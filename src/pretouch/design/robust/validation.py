@@ -13,7 +13,7 @@ from pretouch._core.values import Value
 from .problem import RobustProblem
 from .required import Required, least_probability
 
-_ROUNDING: Final = 1e-12  # relative excess of a limit that is tolerated as rounding
+_ROUNDING: Final = 1e-12  # relative amount by which a value may exceed a limit, as rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,12 +81,12 @@ class Validation(Value):
     reached: float
 
     def may_hold(self, outcome: LimitOutcome) -> bool:
-        """Return whether the samples are compatible with the required probability of a constraint."""
+        """Return whether the samples are compatible with a constraint that holds with the required probability."""
         missed = self.samples - round(outcome.held * self.samples)
         return 1 - least_probability(missed, self.samples, self.confidence) >= outcome.required.probability
 
     def state_of(self, outcome: LimitOutcome) -> str:
-        """Return whether the samples demonstrate the required probability of a constraint, in words."""
+        """Return in words whether the samples demonstrate that a constraint holds with the required probability."""
         if outcome.held < outcome.required.probability:
             return "missed, within chance" if self.may_hold(outcome) else "missed"
         if outcome.low >= outcome.required.probability:

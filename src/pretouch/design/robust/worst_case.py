@@ -35,8 +35,8 @@ class WorstEncounter(Value):
     Args:
         inputs: the inputs of the encounter by name, in SI.
         value: its objective.
-        bound: upper bound of the objective of all possible encounters, certified by the search of boxes.
-        lower: lower bound of the worst case of all gains, from the encounters in `encounters` alone.
+        bound: upper bound of the objective of all possible encounters, certified by the search over boxes.
+        lower: no gain has a smaller worst case than this bound, which follows from `encounters` alone.
         boxes: number of boxes of inputs in the search.
         monotone: inputs in which the objective only grows (1) or only falls (-1) over the whole box.
         encounters: the encounters that decide the gain, as rows of inputs in the order of `inputs`.
@@ -70,11 +70,11 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
     return box
 
 
-# The largest objective over a finite set of encounters is minimized: the corners of the box of inputs, its middle and
-# points inside. At the optimal gain, the worst encounter of the whole box is searched for and certified
-# (`search.box_maximum`). If it is worse than the set, it joins the set, and the gain is optimized again (Blankenship
-# and Falk, J. Optim. Theory Appl. 19 (1976) 261). So the last minimum is a lower bound for all gains, and the certified
-# maximum is an upper bound for the optimal gain. Their difference is the optimality gap.
+# The algorithm is that of Blankenship and Falk (J. Optim. Theory Appl. 19 (1976) 261). It minimizes the largest
+# objective over a finite set of encounters: the corners of the box of inputs, its middle and points inside. At the
+# optimal gain, it finds and certifies the worst encounter of the whole box (`search.box_maximum`). If that encounter is
+# worse than the set, it joins the set, and the gain is optimized again. So the last minimum is a lower bound for all
+# gains, and the certified maximum is an upper bound for the optimal gain. Their difference is the optimality gap.
 def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, list[Minimum], WorstEncounter | None]:
     """Find the gain with the best worst case; return the last problem, its scan and minima, and the worst encounter."""
     box = box_of(task.uncertainty)

@@ -1,7 +1,7 @@
 """Certified maximum of a smooth function on a box, by branch and bound with gradients.
 
-Each box is evaluated in its middle and its corners. The change of the gradient between these points, increased by half,
-is taken as its largest change in the box. This is the only assumption; it is better the smaller the box is. Then
+Each box is evaluated at its middle and its corners. The only assumption: in a box, the gradient changes at most by its
+change between these points, increased by half. The smaller the box, the better this assumption holds. Then
 
 - a coordinate in which the gradient keeps its sign is fixed at its better end, and the box loses a dimension;
 - a box is dropped if its middle value plus the largest possible increase stays below the best value;
@@ -27,7 +27,7 @@ _AT_ONCE: Final = 4096
 _NOISE: Final = 1e-9  # a gradient times the box width must exceed this share of the largest value to have a sign
 
 Function: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""From points, shape (n, d), to values, shape (n,), and gradients, shape (n, d)."""
+"""Function that maps points, shape (n, d), to values, shape (n,), and gradients, shape (n, d)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, to
         bound = max(bound, float(reach[~settled & ~over].max(initial=-np.inf)))
         if over.any():
             lows, highs = np.where(grows, highs, lows)[over], np.where(falls, lows, highs)[over]
-            waiting.append(_halved(lows, highs, change[over], (grows | falls)[over]))
+            waiting.append(_halve(lows, highs, change[over], (grows | falls)[over]))
     remaining = np.inf if waiting else -np.inf
     return CertifiedMaximum(point=where, value=best, bound=max(best, bound, remaining), boxes=boxes, signs=whole)
 
@@ -89,10 +89,10 @@ def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return slopes.min(axis=1) - beyond, slopes.max(axis=1) + beyond, change
 
 
-def _halved(
+def _halve(
     lows: FloatArray, highs: FloatArray, change: FloatArray, collapsed: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Halve boxes in the coordinate that changes most; boxes that have just lost a dimension are kept whole."""
+    """Halve boxes in the coordinate with the largest change, except boxes that have just lost a dimension."""
     width = highs - lows
     axis = np.argmax(change * width, axis=1)
     rows = np.arange(len(lows))

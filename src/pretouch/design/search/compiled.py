@@ -61,14 +61,14 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
     axis, inputs = problem.axis, _inputs(problem.task.scenario, size)
     slope, *curve, _held = _curve(problem.task.sensor, farthest(problem.task.scenario, problem.task.sensor), linear)
     ends = (axis.scale, math.asinh(axis.low / axis.scale), math.asinh(axis.high / axis.scale), axis.low, axis.high)
-    wanted = (slope, *curve, horizon, address(terms), len(terms), *ends)
+    arguments = (slope, *curve, horizon, address(terms), len(terms), *ends)
     out = np.empty((3, size))
 
     def run(start: int, stop: int) -> None:
         whole = stop - start == size
         part = inputs if whole else np.ascontiguousarray(inputs[:, start:stop])
         result = out if whole else np.empty((3, stop - start))
-        find_gains(address(part), stop - start, *wanted, address(result))
+        find_gains(address(part), stop - start, *arguments, address(result))
         if not whole:
             out[:, start:stop] = result
 
@@ -90,7 +90,7 @@ def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, flo
             factor, quantity = problem.task.impact.peak_force(1.0), "relative_velocity"
             exponent = 2 * problem.task.impact.speed_exponent
         row, follows = _ROWS.get(quantity), isinstance(scale, str)
-        # A scale that equals the obstacle's speed must not be 0.
+        # If the scale is the obstacle's speed, this speed must not be 0.
         if row is None or (follows and not np.all(np.asarray(problem.task.scenario.obstacle.velocity) != 0)):
             return None
         rows.append((row, term.weight * (factor if isinstance(scale, str) else factor / scale) ** 2, exponent, follows))
@@ -98,7 +98,7 @@ def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, flo
 
 
 def _inputs(scenario: Scenario, size: int) -> FloatArray:
-    """Return the ten relative quantities of every encounter, shape (10, n)."""
+    """Return the ten input quantities of every encounter, relative to the reference, shape (10, n)."""
     columns = scenario.relative_columns()
     if scenario.shape == ():
         return np.array(columns).reshape(10, 1)

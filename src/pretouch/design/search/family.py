@@ -1,9 +1,9 @@
 """Optimal gains of many encounters that differ in one input, interpolated from a few designs.
 
-The optimum depends smoothly on the input, unless two minima swap, a bound is reached, or contact is lost. So gain and
-objective are designed at Chebyshev nodes and interpolated, on intervals that are halved until the last coefficients
-vanish. Encounters for which that fails are designed individually. Each interpolated gain is tested: its encounter is
-solved, and must have the interpolated objective. An error of either the gain or the objective would show in this test.
+The optimum depends smoothly on the input, unless another minimum becomes the lowest, a bound is reached, or contact is
+lost. So gain and objective are designed at Chebyshev nodes and interpolated. The interval of the input is halved until
+the last coefficients vanish. Encounters for which that fails are designed individually. Each interpolated gain is
+tested: its encounter is solved and must have the interpolated objective, which reveals errors of gain and objective.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, PO
 
 
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
-    """Return gains [N s] and objectives of encounters that differ in one input, and which are certain, shape (n,)."""
-    # None if they differ in more than one input, are few, or are not supported by the compiled search.
-    varied = list(_varied(problem.task.scenario))
+    """Return gain [N s], objective and certainty of encounters that differ in one input, each of shape (n,)."""
+    # The result is None if they differ in more than one input, are few, or the compiled search does not support them.
+    varied = list(_varied_inputs(problem.task.scenario))
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or supported_terms(problem) is None:
         return None
     family = _family(problem, *varied[0])
@@ -75,7 +75,7 @@ def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArr
 
 
 def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
-    """Return for which encounters the gain leads to the interpolated objective; each one is solved."""
+    """Solve each encounter with its gain; return which ones have the interpolated objective."""
     result = problem.run(gain.reshape(problem.task.scenario.shape))
     solved = problem.task.goal.value(
         result.end, abs(problem.task.scenario.obstacle.velocity), problem.task.impact
@@ -125,7 +125,7 @@ def _family(problem: GainProblem, name: str, value: Any) -> _Family:
     return _Family(problem, name, sign, np.log(np.abs(x)) if logarithmic else x)
 
 
-def _varied(scenario: Scenario) -> Iterator[tuple[str, Any]]:
+def _varied_inputs(scenario: Scenario) -> Iterator[tuple[str, Any]]:
     """Yield name and value of the inputs that are arrays of more than one number."""
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)

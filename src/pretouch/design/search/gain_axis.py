@@ -1,4 +1,4 @@
-"""Search coordinate of the gain."""
+"""Search coordinate of the gain: logarithmic far from zero, linear around it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _AT_END = 1e-9  # distance from a bound, as a share of the range of u, within wh
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainAxis:
-    """The search coordinate u = asinh(gain / s) of a gain: logarithmic far from zero, linear around it.
+    """The search coordinate u = asinh(gain / s) of a gain, with the bounds of the gain.
 
     A gain is the law's number, such as D_p [N s].
 

@@ -17,11 +17,11 @@ _ITERATIONS: Final = 120
 _CLOSE: Final = 1e-6  # a limit or bound within this relative distance is active
 _NEAR: Final = 1e-9  # a point within this share of the range from a bound is moved to the bound if it is as good
 _SAME: Final = 1e-12  # relative accuracy of encounters
-_INSIDE: Final = 1e-10  # the search keeps this relative distance from a limit, which an SQP step may violate
+_INSIDE: Final = 1e-10  # relative distance from a limit that the search keeps, because an SQP step may violate limits
 
 
 Rows: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""From coordinates to rows and derivatives, each row divided by its scale."""
+"""Function that maps coordinates to rows and their derivatives, each row divided by its scale."""
 
 
 def _cached_rows(trials: Trials, scale: FloatArray) -> Rows:
@@ -57,8 +57,8 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArra
 def advance(
     trials: Trials, start: FloatArray, origin: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Return the front's point on a ray from an origin in the space of quantities, and its t; None without a result."""
-    # Minimizes t subject to quantities <= origin + t scale (Pascoletti and Serafini 1984).
+    """Return the front's point on a ray from an origin in the space of quantities, and its t; None if none is found."""
+    # The search minimizes t subject to quantities <= origin + t scale (Pascoletti and Serafini 1984).
     count = len(trials.measures)
     rows = _cached_rows(trials, np.concatenate([scale, np.ones(len(trials.constraints))]))
     goal = origin / scale

@@ -47,7 +47,7 @@ def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]
             waiting = waiting[~settled]
     for start in range(0, len(waiting), _BLOCK):
         which = waiting[start : start + _BLOCK]
-        for count in () if problem.is_noisy else _COUNTS:  # blocks would change the noise of the encounters
+        for count in () if problem.is_noisy else _COUNTS:  # splitting into blocks would change each encounter's noise
             best, value, settled = _design_block(free.column(which), count)
             gain[which[settled]], objective[which[settled]] = best[settled], value[settled]
             which = which[~settled]

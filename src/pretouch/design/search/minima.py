@@ -21,7 +21,7 @@ _NARROWEST: Final = 1e-9  # smallest interval in which a polynomial exceeds roun
 _WIDEST: Final = 0.1  # largest interval of u for a polynomial
 
 OnAxis: TypeAlias = Callable[[FloatArray], FloatArray]
-"""From coordinates to values; infinite where the function is undefined."""
+"""Function that maps coordinates to values; infinite where it is undefined."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,11 +29,11 @@ class Minimum(Value):
     """A refined local minimum.
 
     Args:
-        coordinate: its u.
+        coordinate: the coordinate u of the minimum.
         value: value of the function.
-        bracket: the scanned u on its two sides.
-        edge: whether the function is not smooth there: at an edge of feasibility, at an end of the axis, at a corner
-            or at a jump.
+        bracket: the scanned coordinates on both sides of the minimum.
+        edge: whether the function is not smooth at the minimum: at an edge of feasibility, at an end of the axis, at a
+            corner or at a jump.
     """
 
     coordinate: float
@@ -43,10 +43,10 @@ class Minimum(Value):
 
 
 def search_axis(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) -> tuple[Scan, list[Minimum]]:
-    """Scan an axis and refine the minima of the merit; the search is global as far as the scan resolves the function.
+    """Scan an axis and refine the minima of the merit; the search is global if the scan resolves the function.
 
     Args:
-        evaluate: from coordinates to a Landscape.
+        evaluate: a function that maps coordinates to a Landscape.
         low: start of the axis.
         high: end of the axis.
         effort: settings of the search.
@@ -62,7 +62,7 @@ def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort =
     """Refine the local minima of a scanned function.
 
     Args:
-        function: from coordinates to values; infinite where the function is undefined.
+        function: a function that maps coordinates to values; infinite where it is undefined.
         u: the scanned coordinates, ascending.
         values: values of the function.
         effort: settings of the search.

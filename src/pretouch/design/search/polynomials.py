@@ -20,7 +20,7 @@ NODES: Final = _SMOOTH.nodes
 
 
 def minimize_polynomials(values: FloatArray, fit: float = FIT, *, steps: int = 8) -> tuple[FloatArray, BoolArray]:
-    """Return minima in [-1, 1] of functions sampled at NODES, shape (m, 17), by polynomials, and which are certain."""
+    """Fit polynomials to functions sampled at NODES, shape (m, 17); return minima in [-1, 1], and which are certain."""
     # Newton's method solves df/dz = 0 between the neighbors of the lowest node. Bisection replaces steps that leave
     # this interval, as at minima flatter than a parabola. A polynomial must fit the values to `fit` of their range.
     lowest = np.argmin(values, axis=1)

@@ -13,7 +13,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
 HELD: Final = 1 - 1e-11
-"""Share of a limit that the search allows, so that a repeated solution at the optimal gain meets the limit, too."""
+"""Largest share of a limit that the search uses, so that a repeated solution at the optimal gain meets the limit."""
 
 _JUMP: Final = 1e-6  # share of the axis: a change over an interval this narrow is a jump
 _EDGE: Final = 1e-3  # share of the axis: largest interval in which feasibility may change
@@ -27,7 +27,7 @@ class Effort:
         first: number of coordinates of the first scan.
         largest: largest number of coordinates, which a function with jumps may reach.
         resolved: relative error of interpolation above which an interval is halved.
-        share: share of the range of values that is added to a value for this relative error, for values near zero.
+        share: share of the range of values that is added to a value in this relative error, for values near zero.
         relevant: factor on the lowest value: intervals with higher values at both ends are not halved for their error,
             and higher minima are not refined.
         most: largest number of local minima that are refined, lowest first: a smooth function has a few, a function
@@ -110,7 +110,7 @@ class Landscape(Value):
 
 
 Evaluate = Callable[[FloatArray], Landscape]
-"""From coordinates to a Landscape; deterministic, because noise is the same for every coordinate."""
+"""Function that maps coordinates to a Landscape; deterministic, because every coordinate has the same noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +136,7 @@ def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) ->
     of 1e-6 of the axis, and at the largest number of coordinates, `largest`.
 
     Args:
-        evaluate: from coordinates to a Landscape.
+        evaluate: a function that maps coordinates to a Landscape.
         low: start of the axis.
         high: end of the axis.
         effort: settings of the search.
@@ -145,33 +145,35 @@ def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) ->
         The scan.
     """
     u = np.linspace(low, high, effort.first)
-    found = evaluate(u)
+    landscape = evaluate(u)
     doubtful = np.ones(len(u) - 1, dtype=bool)
     resolution = np.inf
     while doubtful.any() and len(u) + int(doubtful.sum()) <= effort.largest:
         middle = 0.5 * (u[:-1] + u[1:])[doubtful]
         new = evaluate(middle)
-        error = _missed(predict(u, found.objective, np.flatnonzero(doubtful)), new.objective, found, effort.share)
+        error = _relative_error(
+            predict(u, landscape.objective, np.flatnonzero(doubtful)), new.objective, landscape, effort.share
+        )
         resolution = float(error.max(initial=0.0))
-        lower_ends = np.minimum(found.objective[..., :-1], found.objective[..., 1:])[..., doubtful]
-        near = lower_ends <= effort.counts(float(found.merit.min()))
+        lower_ends = np.minimum(landscape.objective[..., :-1], landscape.objective[..., 1:])[..., doubtful]
+        near = lower_ends <= effort.counts(float(landscape.merit.min()))
         rough = ((error > effort.resolved) & near).reshape(-1, len(middle)).any(axis=0)
         order = np.argsort(np.concatenate([u, middle]), kind="stable")
-        u, found = np.concatenate([u, middle])[order], found.joined(new, order)
+        u, landscape = np.concatenate([u, middle])[order], landscape.joined(new, order)
         marks = np.concatenate([np.zeros(len(u) - len(middle), dtype=bool), rough])[order]
         apart = np.diff(u)
-        kinds = np.atleast_2d(found.feasible) + 2 * np.atleast_2d(found.reached)
+        kinds = np.atleast_2d(landscape.feasible) + 2 * np.atleast_2d(landscape.reached)
         changes = (np.diff(kinds) != 0).any(axis=0)
         doubtful = (marks[:-1] | marks[1:]) & (apart > _JUMP * (high - low)) | changes & (apart > _EDGE * (high - low))
-    return Scan(coordinate=u, landscape=found, resolution=resolution)
+    return Scan(coordinate=u, landscape=landscape, resolution=resolution)
 
 
-def _missed(predicted: FloatArray, new: FloatArray, found: Landscape, share: float) -> FloatArray:
-    """Return the relative error of a prediction; 0 where there is no finite one."""
+def _relative_error(predicted: FloatArray, new: FloatArray, found: Landscape, share: float) -> FloatArray:
+    """Return the relative error of a prediction; 0 if it is not finite."""
     size = np.abs(new)
     if share:
-        known = found.objective[..., found.reached.reshape(-1, found.objective.shape[-1]).all(axis=0)]
-        size = size + share * (np.ptp(known, axis=-1, keepdims=True) if known.size else 1.0)
+        values = found.objective[..., found.reached.reshape(-1, found.objective.shape[-1]).all(axis=0)]
+        size = size + share * (np.ptp(values, axis=-1, keepdims=True) if values.size else 1.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         error = np.abs(predicted - new) / size
     return np.where(np.isfinite(error), error, 0.0)

@@ -66,7 +66,7 @@ def run(tmp_path, monkeypatch, capsys):
 def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
     file = scenario("whole.toml", WHOLE)
     report = pt.load_scenario(file).calibration
-    quiet = () if verb == "sweep" else ("--no-report",)
+    quiet = () if verb == "sweep" else ("--no-report", "--verbose")
     code, out, _ = run(verb, file, *VERBS[verb], *quiet)
     assert code == 0
     assert not out.startswith("Not supported")
@@ -87,7 +87,7 @@ def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     file = scenario("clipped.toml", CLIPPED + '\nminimum_distance = "0 mm"')
-    quiet = () if verb == "sweep" else ("--no-report",)
+    quiet = () if verb == "sweep" else ("--no-report", "--verbose")
     _, out, _ = run(verb, file, *VERBS[verb], *quiet)
     first = out.splitlines()[0]
     near, reason = near_end()
@@ -95,6 +95,11 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     assert "Not supported by the readings: " in first  # they are flat near contact, and the extended curve is not
     assert f'To fix this, mount the sensor deeper, with recess = "{near}", or calibrate it down to contact' in first
     assert (f"With no virtual force nearer than {near}, contact is at " in first) == (verb != "pareto")
+    if verb != "sweep":
+        brief = run(verb, file, *VERBS[verb], "--no-report")[1]
+        assert " ".join(brief.split()).startswith(first), "the summary begins with it, too"
+        offset = pt.load_scenario(file).calibration.offset.value
+        assert f"Calibration clipped.csv: usable; the controller must subtract {offset:.4g} V\n" in brief
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     assert next(iter(told)) == "headline"
     assert told["headline"].startswith(first)
@@ -130,20 +135,20 @@ def test_a_start_beyond_the_data_is_said_first_where_it_is_decisive(run):
     near = [row for row in rows if row.startswith("inf") or float(row.split(",")[0]) <= 20]
     Path("near.csv").write_text("\n".join([head, *near]) + "\n")
     sensor = 'calibration = "near.csv"\nmodel = "exponential-1"\nmaximum_distance = "60 mm"'
-    _, out, _ = run("design", scenario("far.toml", sensor), "--no-report")
+    _, out, _ = run("design", scenario("far.toml", sensor), "--no-report", "--verbose")
     # of a constant slope the impulse is that of the distances: 22.2 of 42.2 mm
     assert out.startswith(
         UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), which gives 53 % of the impulse"
     )
     assert "To fix this, calibrate out to 42.2 mm with more readings at each distance, or start at 20 mm." in out
-    _, out, _ = run("design", scenario("less.toml", sensor, ("42.2 mm", "20.9 mm")), "--no-report")
+    _, out, _ = run("design", scenario("less.toml", sensor, ("42.2 mm", "20.9 mm")), "--no-report", "--verbose")
     assert out.startswith("Optimal gain")
     assert "beyond 20 mm, the extrapolated curve gives 4.3 % of the impulse of the virtual force" in out
 
 
 def test_a_motion_that_leaves_the_data_names_the_calibration(run):
     file = scenario("away.toml", CLIPPED + '\nrecess = "12 mm"', ('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"'))
-    code, out, _ = run("design", file, "--no-report")
+    code, out, _ = run("design", file, "--no-report", "--verbose")
     assert code == 1
     assert out.startswith(
         "The object recedes at the start. For an approach, give the obstacle a negative velocity. "
@@ -167,7 +172,9 @@ def test_the_ways_out_of_a_refusal_lead_out(run):
     assert "starts 7 mm in front" in err
     assert 'recess = "12 mm"' in err
     assert run("design", scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"'), "--no-report")[0] == 0
-    code, out, _ = run("design", scenario("both.toml", recessed + '\nminimum_distance = "0 mm"'), "--no-report")
+    code, out, _ = run(
+        "design", scenario("both.toml", recessed + '\nminimum_distance = "0 mm"'), "--no-report", "--verbose"
+    )
     assert code == 0
     assert out.startswith(f"{UNSUPPORTED}7 mm ({near_end()[1]}) to contact at 0 mm.")
     assert "Distances in brackets count from the sensor's zero, 5 mm behind the contact surface." in out

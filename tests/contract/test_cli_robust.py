@@ -32,7 +32,7 @@ def run(tmp_path, monkeypatch, capsys):
 
 
 def test_it_prints_the_gain_and_where_the_report_is(run):
-    code, out, err = run("robust", "unsure.toml")
+    code, out, err = run("robust", "unsure.toml", "--verbose")
     assert (code, err) == (0, "")
     assert out.startswith("Robust gain D_p = -0.8")
     assert line(out, "obstacle.velocity") == "uniform, -0.4 m/s to -0.2 m/s"
@@ -41,7 +41,7 @@ def test_it_prints_the_gain_and_where_the_report_is(run):
     assert line(out, "seed") == "0"
     assert "unsure-robust.html" in out.splitlines()[-1]
     assert is_own_unchanged("unsure-robust.html")
-    assert run("robust", "unsure.toml") == (code, out, err)
+    assert run("robust", "unsure.toml", "--verbose") == (code, out, err)
 
 
 def test_as_json_it_is_one_object_and_writes_nothing(run):

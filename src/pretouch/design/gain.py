@@ -124,7 +124,8 @@ class GainDesign(GainEvidence):
             before = self.no_mitigation
             if before.reached.all():
                 free = abs(before.end.relative_velocity)
-                text += f" instead of {format_quantity(free, 'm/s')} without mitigation"
+                than = " instead of" if speed <= free else ", harder than the"
+                text += f"{than} {format_quantity(free, 'm/s')} without mitigation"
             return f"{text}."
         if self.nearest is not None:
             return "Infeasible: " + _conflict(self)

@@ -222,10 +222,10 @@ class Reservations(Value):
 
     @property
     def verdict(self) -> str:
-        """The verdict on the calibration, in one line."""
-        count = len(self.report.reasons)
-        reasons = "" if self.report.verdict == "usable" or not count else f" ({count} reason{'s' if count > 1 else ''})"
-        return f"Calibration {self.report.calibration.name}: {self.report.verdict}{reasons}"
+        """The verdict on the calibration, and the offset that the controller must subtract, in one line."""
+        offset, unit = self.report.offset, self.report.calibration.unit
+        subtract = "" if offset is None else f"; the controller must subtract {offset.value:.4g} {unit}".rstrip()
+        return f"Calibration {self.report.calibration.name}: {self.report.verdict}{subtract}"
 
     def around_text(self, text: str) -> str:
         """Return the text of a result, with the headline before it and the reservations after it."""

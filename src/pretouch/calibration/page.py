@@ -17,7 +17,7 @@ Row = tuple[Cell, ...]
 
 def calibration_page(report: CalibrationReport) -> Page:
     """Return the report page of a calibration, whatever its verdict."""
-    usable, best = report.verdict == "usable", report.best
+    usable, best, name = report.verdict == "usable", report.best, report.calibration.name
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
     if best is None:
         blocks: tuple[Any, ...] = (_ranking(report) if report.not_fitted else None,)
@@ -40,7 +40,7 @@ def calibration_page(report: CalibrationReport) -> Page:
         key_figures=tuple(_key_figures(report)),
         warnings=() if usable else report.reasons,
         findings=tuple(f"left out: {text}" for text in report.left_out),
-        next_step="" if best is None else "use it in a scenario file, see the section [sensor] in the report",
+        next_step="" if best is None else f'add calibration = "{name}" to the section [sensor] of a scenario file',
         lead="calibration",
         blocks=(_picture(report), *first, *blocks, Chapter(title="Provenance", blocks=tuple(_provenance(report)))),
     )

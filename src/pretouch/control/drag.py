@@ -45,7 +45,7 @@ class VirtualDrag:
         dead_zone: width of the dead zone of s, in standard deviations of the smoothed level. With a probability of 1 %,
             white noise rises by 8.8 standard deviations within a minute, and by 10.4 within an hour.
         still_rate: rate of s below which the object counts as still, in standard deviations of the rate. Smaller values
-            keep the fraction constant down to lower speeds; larger values keep the retreat distance constant.
+            keep the fraction constant down to lower speeds; larger values keep the retreat distance.
         hold_time: how long an approach lasts after the last rise of s [s]; None: 20 ms or two sensor periods, whichever
             is longer.
         own_advance: D_b <= 0 [N s], gain of a virtual damper against the robot's own motion toward the object. It

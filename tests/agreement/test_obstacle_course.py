@@ -158,7 +158,7 @@ def test_values_travel() -> None:
 @pytest.mark.parametrize(
     ("course", "told"),
     [
-        ((Stretch(until=0.2), Stretch(until=0.1)), "until 0.1 s after one until 0.2 s"),
+        ((Stretch(until=0.2), Stretch(until=0.1)), "the end time 0.1 s after the end time 0.2 s"),
         ((Stretch(until=0.2), Stretch(until=0.2)), "expected increasing end times"),
         ((3.0,), "expected a sequence of Stretch"),
         (Stretch(until=1.0), "expected a sequence of Stretch"),

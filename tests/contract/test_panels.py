@@ -299,6 +299,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "all missing": (lambda: line(y=np.full(200, np.nan)), r"found no point whose x and y are both finite"),
     "infinite": (lambda: line(x=[0, 1], y=[0, np.inf]), r"found inf at index 1"),
     "words": (lambda: line(x=["a"], y=[0]), r"expected a row of numbers"),
+    "different shapes": (lambda: line(x=[1, 2], y=[[1, 2], [1]]), r"found values of different shapes, expected a row"),
     "two rows": (lambda: line(x=[[0, 1]], y=[0, 1]), r"of shape \(1, 2\), expected a row"),
     "kind": (lambda: line(kind="dots"), r"kind: found 'dots', expected one of line, points, both"),
     "style": (lambda: line(style=5), r"found style 5, expected an index of the palette, 0 to 4"),

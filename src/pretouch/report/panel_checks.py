@@ -22,7 +22,12 @@ def called(kind: str, label: str) -> str:
 
 def as_column(values: ArrayLike, name: str) -> FloatArray:
     """Copy a row of numbers, which may be NaN; masked values become NaN."""
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise InvalidInputError(
+            f"{name}: found values of different shapes, expected a row of numbers, such as [0.0, 1.5, 3.0]"
+        ) from None
     if array.ndim != 1 or array.dtype.kind not in "iuf":
         what = f"{array.dtype.name} of shape {array.shape}"
         raise InvalidInputError(f"{name}: found {what}, expected a row of numbers, such as [0.0, 1.5, 3.0]")

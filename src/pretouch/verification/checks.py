@@ -22,14 +22,13 @@ from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from .appraisal import Draws, LoopOutcomes, foreseen_impact
 from .at_rest import creep_in_words
-from .effect import mean_and_error
+from .effect import SIGNIFICANT, mean_and_error
 from .result import Comparison, LimitCheck, Reached, RunSpread
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
 _SHARE: Final = 0.1  # a cause is named if it explains at least this share of the time to detection
 _LATE: Final = 0.95  # a first detection below this share of the start distance is late
 _FORCE_APART: Final = 1.25  # smallest ratio of simulated to predicted impact force that causes a warning
-_ERRORS: Final = 2.0  # standard errors: a smaller difference is not significant
 _ROUNDING: Final = 1e-9  # relative rounding error of a force
 _TRACED: Final = 8  # runs that are examined step by step
 _FLAGS: Final = {
@@ -245,7 +244,7 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
         for values in (result.peak_force, unmitigated.peak_force, result.impact_force, unmitigated.impact_force)
     )
     more, error = mean_and_error(peak - free)
-    chance = max(_ERRORS * error if np.isfinite(error) else 0.0, _ROUNDING * float(free.mean()))
+    chance = max(SIGNIFICANT * error if np.isfinite(error) else 0.0, _ROUNDING * float(free.mean()))
     if more <= chance or not np.any(peak > (1 + _ROUNDING) * impact):
         return
     driven = contact.obstacle_mass == np.inf

@@ -22,7 +22,7 @@ from .stability import NOISES, controller_at
 
 OFTEN: Final = 0.05  # share of the runs above which harder contact counts as frequent
 EFFECT: Final = 0.01  # a gain that changes the speed by less than this share has no effect
-_ERRORS: Final = 2.0  # standard errors: by chance, one in twenty differences exceeds them, half of these upward
+SIGNIFICANT: Final = 2.0  # standard errors: by chance, one in twenty differences exceeds them, half of these upward
 _ALIKE: Final = 1e-9  # relative: the speeds of equal runs without noise differ by less
 _SHOWN: Final = 5e-5  # relative: a smaller difference of speeds does not show in four digits
 _SHOWN_SHARE: Final = 5e-4  # relative: a smaller change of a speed is not reported
@@ -88,7 +88,7 @@ class Effect(Value):
     def is_harder(self) -> bool:
         """Whether contact is harder with the gain: on average or in most runs, by more than two standard errors."""
         half = self.runs / 2
-        return self.difference > self._chance or self.harder > half + _ERRORS * math.sqrt(half / 2)
+        return self.difference > self._chance or self.harder > half + SIGNIFICANT * math.sqrt(half / 2)
 
     @property
     def is_softer(self) -> bool:
@@ -117,7 +117,7 @@ class Effect(Value):
 
     @property
     def _chance(self) -> float:
-        chance = _ERRORS * self.standard_error if math.isfinite(self.standard_error) else 0.0
+        chance = SIGNIFICANT * self.standard_error if math.isfinite(self.standard_error) else 0.0
         return max(chance, _ALIKE * self.unmitigated)
 
 

@@ -19,13 +19,11 @@ from pretouch.design.search import RUNS, GainAxis, Landscape, refine, scan
 from pretouch.motion import ContactResult, LawNumber
 from pretouch.simulation import GainLimit
 
-from .appraisal import LoopOutcomes, LoopProblem, Requirement, foreseen_impact, part_of, status_of
-from .effect import VerdictStatus, effect_of, mean_and_error
+from .appraisal import USUAL_MARGIN, LoopOutcomes, LoopProblem, Requirement, foreseen_impact, part_of, status_of
+from .effect import SIGNIFICANT, VerdictStatus, effect_of, mean_and_error
 from .stability import Candidate, Passed, StabilityCheck, candidates_of, limit_of, stability_margin
 
-_ERRORS: Final = 2.0  # smallest improvement in standard errors; by chance, one change in twenty reaches it
 _WORTH: Final = 0.01  # smallest relative improvement of the objective that justifies a change
-_MARGIN: Final = 2.0  # gain margin of a proposed gain, if any within the bounds has it; a change must keep it
 _FALL: Final = 0.8  # if a change reduces the margin below this share of it, the new margin is reported
 _BEYOND: Final = 1e3  # a larger margin is not reported
 _SAME: Final = 1e-6  # relative difference below which two gains are the same
@@ -175,7 +173,7 @@ def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
     ends = np.abs(free.relative_velocity[free.touched])
     fastest = max(ends.max(initial=0.0), np.abs(draws.scenarios.relative_velocity).max())  # [m/s]
     rate = None
-    if check is not None and check.margin < _MARGIN and math.isfinite(check.lowest_rate_with_margin):
+    if check is not None and check.margin < USUAL_MARGIN and math.isfinite(check.lowest_rate_with_margin):
         rate = max(check.lowest_rate_with_margin, check.rate)
     return candidates_of(draws.task.loop, float(fastest * slope.max()), float(noise.max()), rate)
 
@@ -264,7 +262,7 @@ def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:
     (low, high), limit = problem.draws.task.stable_bounds(), verified.limit
     margin, sign = None, problem.draws.task.law.number.sign
     if limit is not None:
-        margin = _MARGIN if limit.allowed(_MARGIN) >= min(sign * low, sign * high) else 1.0
+        margin = USUAL_MARGIN if limit.allowed(USUAL_MARGIN) >= min(sign * low, sign * high) else 1.0
         # The ends of the axis are exact, so that every proposed gain has the required margin.
         strongest = limit.strongest / margin
         low, high = (max(low, strongest), high) if sign < 0 else (low, min(high, strongest))
@@ -290,8 +288,10 @@ def _evaluate_change(
 ) -> LoopChange:
     worst, same = _worst_of_both(before, after)
     improvement, error = _improvement(before.objective, after.objective)
-    keeps_margin = before.margin is None or (after.margin is not None and after.margin >= min(before.margin, _MARGIN))
-    gains = improvement is not None and improvement > max(_ERRORS * (error or 0.0), _WORTH)
+    keeps_margin = before.margin is None or (
+        after.margin is not None and after.margin >= min(before.margin, USUAL_MARGIN)
+    )
+    gains = improvement is not None and improvement > max(SIGNIFICANT * (error or 0.0), _WORTH)
     better = after.standing >= before.standing and keeps_margin and gains
     was, status = status_of(task, before), status_of(task, after)
     turns = _ORDER.index(status) > _ORDER.index(was)
@@ -337,7 +337,7 @@ def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
         return change is not None and change.is_softer
     worst, same = _worst_of_both(before, after)
     rise = same.held.astype(np.float64) - worst.held
-    return float(rise.mean()) > _ERRORS * float(rise.std()) / math.sqrt(len(rise))
+    return float(rise.mean()) > SIGNIFICANT * float(rise.std()) / math.sqrt(len(rise))
 
 
 def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, float | None]:

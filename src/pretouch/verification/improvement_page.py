@@ -12,13 +12,13 @@ from pretouch._core.blocks import Cell, Chapter, Measured, Paragraph, Picture, R
 from pretouch._core.vocabulary import words_for
 from pretouch.design.page import objective_rows
 
+from .appraisal import USUAL_MARGIN
+from .effect import SIGNIFICANT
 from .improvement import LoopChange, Loss
 from .result import Verdict
 
 Row = tuple[Cell, ...]
 
-_MARGIN: Final = 2.0  # gain margin: the usual 6 dB
-_ERRORS: Final = 2.0  # standard errors: a smaller difference is not significant
 _KEPT: Final = 1 - 1e-12
 _HELPS: Final = (
     " A change helps if it improves the status (limits, effect and gain margin), if the most missed limit is missed "
@@ -49,8 +49,8 @@ def best_change_section(v: Verdict) -> Chapter | None:
 def _rate_in_words(v: Verdict) -> str:
     """Return the sensor rate that the gain needs, in words, if its margin is below 2 and no change is enough."""
     check, best = v.stability, v.best_change
-    enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= _MARGIN)
-    if check is None or check.margin >= _MARGIN or enough:
+    enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= USUAL_MARGIN)
+    if check is None or check.margin >= USUAL_MARGIN or enough:
         return ""
     gain = f"With {v.law.number.equals(v.gain or 0.0)}"
     if math.isfinite(check.lowest_rate_with_margin):
@@ -180,9 +180,9 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
         return f"A run ends without contact, so the objective cannot be compared with that of {best}."
     share, error = 100 * loss.loss / loss.loop_objective, 100 * (loss.loss_error or 0.0) / loss.loop_objective
     apart = _percent_with_error(share, error)
-    if share > max(_ERRORS * error, 0.0):
+    if share > max(SIGNIFICANT * error, 0.0):
         return f"The objective of the verified gain is {share:.3g} % worse ({apart}) than that of {best}."
-    lacks = _lacks_in_words(v) if share < -_ERRORS * error else ""
+    lacks = _lacks_in_words(v) if share < -SIGNIFICANT * error else ""
     if lacks:
         return (
             f"The objective of the verified gain is {-share:.3g} % better ({apart}) than that of {best}, but {lacks}."
@@ -194,7 +194,7 @@ def _best_gain_in_words(loss: Loss) -> str:
     """Return which gains the search for the best one allowed, in words."""
     if loss.sought_margin is None:
         return "best gain on this loop"
-    if loss.sought_margin >= _MARGIN:
+    if loss.sought_margin >= USUAL_MARGIN:
         return f"best gain on this loop with a gain margin of {loss.sought_margin:g}"
     return "best stable gain on this loop (none within the bounds has a gain margin of 2)"
 

@@ -288,11 +288,9 @@ def _evaluate_change(
 ) -> LoopChange:
     worst, same = _worst_of_both(before, after)
     improvement, error = _improvement(before.objective, after.objective)
-    keeps_margin = before.margin is None or (
-        after.margin is not None and after.margin >= min(before.margin, USUAL_MARGIN)
-    )
+    kept = before.margin is None or (after.margin is not None and after.margin >= min(before.margin, USUAL_MARGIN))
     gains = improvement is not None and improvement > max(SIGNIFICANT * (error or 0.0), _WORTH)
-    better = after.standing >= before.standing and keeps_margin and gains
+    better = after.standing >= before.standing and kept and gains
     was, status = status_of(task, before), status_of(task, after)
     turns = _ORDER.index(status) > _ORDER.index(was)
     return LoopChange(

@@ -116,6 +116,14 @@ def check_interface() -> str:
     return current
 
 
+def write_record(library: Path, version: str) -> Path:
+    """Write the record of a library with a version of the interface, and return its path."""
+    content = library.read_bytes()
+    record = {"size": len(content), "sha256": hashlib.sha256(content).hexdigest(), "interface": version}
+    record_path(library).write_text(json.dumps(record) + "\n", encoding="utf-8")
+    return record_path(library)
+
+
 def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Path:
     """Compile every source and link with the C compiler, since no C++ runtime is needed.
 
@@ -143,10 +151,7 @@ def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Pat
     made = kept / f"{os.getpid()}-{library.name}"  # a linker may leave further files there
     link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system != "darwin" else [])]
     _run([*link, *map(str, objects), "-o", str(made), *(["-lm"] if system == "linux" else [])])
-    content = made.read_bytes()
-    record = {"size": len(content), "sha256": hashlib.sha256(content).hexdigest(), "interface": version}
-    noted = made.with_name(f"{made.name}.json")
-    noted.write_text(json.dumps(record) + "\n", encoding="utf-8")
+    noted = write_record(made, version)
     made.replace(library)  # atomic; a process that uses the old library keeps it
     noted.replace(record_path(library))
     return library

@@ -77,6 +77,7 @@ def marking_library(root: Path, folder: Path) -> Path:
     cc = compilers[0]
     subprocess.run([*cc, "-O2", "-fPIC", "-shared", str(marks), *objects, "-o", str(partial), "-lm"], check=True)
     partial.replace(made)
+    build.write_record(made, build.interface())  # without which Python refuses to load it
     return made
 
 

@@ -1,4 +1,4 @@
-"""Check and convert numbers from users, and Chebyshev polynomials."""
+"""Checks and conversions of numbers from users; Chebyshev polynomials."""
 
 from __future__ import annotations
 

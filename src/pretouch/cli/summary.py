@@ -40,7 +40,7 @@ def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: S
 
 
 def _figures(page: Page) -> list[str]:
-    """Return one line for each of the first key figures: name, value, and the numbers to compare it with."""
+    """Return a line for each of the first four key figures: name, value, and numbers for comparison."""
     rows = []
     for name, cell in page.key_figures[:_FIGURES]:
         label, _, comparison = name.partition("; ")

@@ -190,7 +190,7 @@ def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tup
 def push_by_drag(
     numbers: DragNumbers, state: DragState, seen: Observation, driven: DriveState
 ) -> tuple[DragState, Push]:
-    """Compute the push of a virtual drag between `observe` and `drive`, for custom laws that are based on a drag.
+    """Compute the force of a virtual drag, after `observe` and before `drive`, for custom laws based on a drag.
 
     Without `own_advance` the impulse is proportional to phi. A law that chooses phi at each reading therefore calls
     this with a drag of 1 N s^2 and multiplies the impulse.

@@ -255,7 +255,7 @@ class _Change:
 
     @property
     def displacement(self) -> Any:
-        """Derivative of x~ = x_o(t)."""
+        """Time derivative of the obstacle position x_o(t)."""
         time, r, i = self.solution.raw("time"), self.solution.request.relative, self.inputs
         direct = i.get("p", 0.0) + (i.get("v", 0.0) + i.get("a", 0.0) * time / 2) * time
         return (r.v + r.a * time) * self.time + direct

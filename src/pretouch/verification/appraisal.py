@@ -216,7 +216,7 @@ class LoopProblem:
         return [self.appraised(part_of(runs, i), loop, gain) for i, gain in enumerate(gains.tolist())]
 
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
-        """Evaluate runs of the first encounters with the loop and the gain that produced them."""
+        """Evaluate runs of the first encounters, given the loop and the gain of these runs."""
         limits, touched = limits_of(self.draws.task.constraints), result.touched
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
         requirements = (

@@ -1,4 +1,4 @@
-"""Compute how far sensor noise moves a robot at rest near an object, and a controller floor that keeps it still."""
+"""Compute how far sensor noise moves a robot at rest, and the signal floor of the controller that keeps it still."""
 
 from __future__ import annotations
 

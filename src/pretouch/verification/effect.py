@@ -102,7 +102,7 @@ class Effect(Value):
 
     @property
     def is_clear(self) -> bool:
-        """Whether contact is significantly softer on average, and harder in at most one run in 20."""
+        """Whether the gain makes contact significantly softer on average, and harder in at most one run in 20."""
         return self.is_softer and self.harder <= OFTEN * self.runs
 
     @property

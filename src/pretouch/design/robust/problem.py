@@ -38,7 +38,7 @@ class RobustProblem(GainProblem):
 
     @classmethod
     def over(cls, task: Task, axis: GainAxis, values: Mapping[str, Any], **options: Any) -> RobustProblem:
-        """Make the problem of a task over values of the uncertain inputs; `make_ensemble` takes the options."""
+        """Make the design problem of a task for many input values; options as in `make_ensemble`."""
         names = ("method", "horizon", "law", "evaluate")
         settings = {**{name: getattr(task, name) for name in names}, **options}
         return cls(task=task, axis=axis, ensemble=make_ensemble(task.scenario, task.sensor, values, **settings))

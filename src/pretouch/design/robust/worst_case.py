@@ -107,7 +107,7 @@ def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
 
 
 def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
-    """Return a function of the inputs with its gradient: the objective (-1) or the ratio of a constraint."""
+    """Return a function of the inputs with its gradient: the objective for index -1, else constraint value / limit."""
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
 

@@ -122,3 +122,13 @@ def test_a_wrong_name_of_the_package_suggests_the_right_one() -> None:
 def test_shell_completion_can_be_installed(tmp_path: Path) -> None:
     shown = printed("--help", tmp_path)
     assert any("--install-completion" in line for line in shown)
+
+
+@pytest.mark.parametrize("verb", ["design", "verify"])
+def test_the_next_step_for_a_receding_object_is_its_sign(verb: str, tmp_path: Path) -> None:
+    text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
+    away = text.split("[uncertainty]")[0].replace('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"')
+    rest = text[text.index("[chain]") :]
+    (tmp_path / "away.toml").write_text(away + rest, encoding="utf-8")
+    lines = printed(f"{verb} away.toml --no-report", tmp_path)
+    assert "Next: give the obstacle a negative velocity: this object moves away." in lines

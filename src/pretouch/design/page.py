@@ -127,11 +127,14 @@ def _findings(design: GainDesign) -> Iterator[str]:
 
 
 def _next_step(design: GainDesign) -> str:
+    if design.scenario.relative_velocity > 0:
+        return "give the obstacle a negative velocity: this object moves away"
     if design.result is None:
         return (
             "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
         )
-    return "describe sensor chain and controller, then run `pretouch verify` to check the gain on the sampled loop"
+    describe = "" if design.problem.task.loop is not None else "describe sensor chain and controller, then "
+    return f"{describe}run `pretouch verify` to check the gain on the sampled loop"
 
 
 def _contact(design: GainDesign) -> Chapter:

@@ -133,6 +133,8 @@ def _findings(v: Verdict) -> Iterator[str]:
 
 
 def _next_step(v: Verdict) -> str:
+    if v.scenario.relative_velocity > 0:
+        return "give the obstacle a negative velocity: this object moves away"
     if v.gain is None:
         return "relax a limit, widen the bounds of the gain, or detect the object earlier"
     if v.calibration_check is not None and not v.calibration_check.is_good_enough:
@@ -140,6 +142,9 @@ def _next_step(v: Verdict) -> str:
     if v.best_change is not None:
         sentence = v.best_change.sentence
         return f"{sentence[0].lower()}{sentence[1:].removesuffix('.')}"
+    report = v.design.problem.task.calibration
+    if v.reasons and report is not None and report.reasons and report.verdict != "usable":
+        return f"improve the calibration: {report.reasons[0].removesuffix('.')}"
     return "none of the tried changes helps; see the report for the causes" if v.changes and v.reasons else ""
 
 

@@ -97,6 +97,10 @@ _ADVICE: Final = {
 _VERIFY: Final = (
     "describe sensor chain and controller, then run `pretouch verify` to check the gain on the sampled loop"
 )
+_NEXT: Final = {
+    DesignStatus.INFEASIBLE: "try a smaller probability, a relaxed limit, a wider range of gains, or earlier detection",
+    DesignStatus.NO_CONTACT: "use a quantile, or restrict the inputs to values with contact",
+}
 
 
 def _findings(v: Validation) -> Iterator[str]:
@@ -123,7 +127,7 @@ def robust_page(design: RobustDesign) -> Page:
         good=design.status is DesignStatus.OPTIMAL,
         key_figures=() if v is None else tuple(_key_figures(design, v)),
         findings=() if v is None else tuple(_findings(v)),
-        next_step=_ADVICE.get(design.status, "").partition(". ")[2] or _VERIFY,
+        next_step=_NEXT.get(design.status, _VERIFY),
         lead="outcome",
         warnings=design.warnings,
         blocks=(

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 import pretouch as pt
-from pretouch.design.drag import DragRails, drag_by
+from pretouch.design.drag import DragLimits, drag_by
 
 SEED = 20261122
 CHUNK = 1000  # encounters between one pair of rails
@@ -99,7 +99,7 @@ def follow(
     return ends
 
 
-def drawn_rails(rng: np.random.Generator) -> DragRails:
+def drawn_rails(rng: np.random.Generator) -> DragLimits:
     """Draw two drags for one curve and one distance: an inverse power, or an exponential in three of ten."""
     offset = 10 ** rng.uniform(-2.3, -0.9)
     exponent = rng.uniform(1.5, 5.0)
@@ -109,7 +109,7 @@ def drawn_rails(rng: np.random.Generator) -> DragRails:
     distance = offset * 10 ** rng.uniform(-0.7, 0.5)
     ratio = rng.uniform(0.1, 0.9)
     weak, strong = (drag_by(sensor, distance, MASS, ratio=r) for r in (ratio, ratio ** rng.uniform(1.0, 2.5)))
-    return DragRails(weak=weak, strong=strong)
+    return DragLimits(weak=weak, strong=strong)
 
 
 class Shares(NamedTuple):
@@ -138,7 +138,7 @@ class Shares(NamedTuple):
     sharp: float
 
 
-def shares(rails: DragRails, rng: np.random.Generator, count: int) -> Shares:
+def shares(rails: DragLimits, rng: np.random.Generator, count: int) -> Shares:
     """Integrate random encounters between rails: courses of both signs, at most A toward the robot, and schedules."""
     sensor, distance = rails.weak.sensor, rails.weak.detection_distance
     low, high = (np.log(1 / d.ratio) / d.slope_integral for d in (rails.weak, rails.strong))

@@ -170,7 +170,7 @@ def run(setting: Setting, law: Law, size: Size) -> pt.SimulationResult:
         contact=setting.contact,
         seed=SEED,
         horizon=setting.horizon,
-        follow=FOLLOW,
+        follow_time=FOLLOW,
     )
     return loop.run_each(scenario, sensors, law.gain if isinstance(law, VirtualDamper) else law.drag)
 
@@ -348,8 +348,10 @@ def witnessed(speeds: tuple[float, ...]) -> Lines:
             admittance=pt.Admittance(**ADMITTANCE), obstacle=pt.Obstacle(position=START, velocity=-speed)
         )
         sensor = pt.InversePower(scale=COUNTS, distance_offset=OFFSET, exponent=EXPONENT)
-        ours = pt.simulate(scenario, sensor, law, follow=FOLLOW, **around).relative_velocity
-        theirs = witness_encounter(scenario, sensor, law, time_step=2.5e-5, follow=FOLLOW, **around).relative_velocity
+        ours = pt.simulate(scenario, sensor, law, follow_time=FOLLOW, **around).relative_velocity
+        theirs = witness_encounter(
+            scenario, sensor, law, time_step=2.5e-5, follow_time=FOLLOW, **around
+        ).relative_velocity
         apart = abs(theirs / ours - 1)
         found.text.append(
             f"{speed:g} m/s: contact at {-1e3 * ours:.3f} mm/s, MuJoCo differs by {apart:.1e}, required <= 1e-3"

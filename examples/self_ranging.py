@@ -25,7 +25,7 @@ import numpy as np
 import pretouch as pt
 from pretouch import control
 from pretouch.control import Controller, Observation, Output, Parts, Sample, VirtualDrag
-from pretouch.design.drag import DragRails, predict_drag
+from pretouch.design.drag import DragLimits, predict_drag
 
 SPREAD = 0.45  # expected standard deviation of ln reflectance: half and twice are 1.5 standard deviations away
 
@@ -60,7 +60,7 @@ class SelfRanging:
     """
 
     drag: VirtualDrag
-    rails: DragRails
+    rails: DragLimits
     share: float = 0.12
     sway: float = 0.2
 
@@ -154,7 +154,7 @@ class SelfRanging:
 START = 0.0422
 SENSOR = pt.InversePower(scale=0.533, distance_offset=0.0419, exponent=3.32)
 NOISE = VirtualDrag(drag=1.0, noise=20.0, relative_noise=3e-3, resolution=4.0)
-RAILS = DragRails(weak=predict_drag(SENSOR, START, 1.0, 0.0122), strong=predict_drag(SENSOR, START, 1.0, 0.0227))
+RAILS = DragLimits(weak=predict_drag(SENSOR, START, 1.0, 0.0122), strong=predict_drag(SENSOR, START, 1.0, 0.0227))
 CONSTANT = NOISE.with_value(0.0127)
 CHAIN = pt.SensorChain(
     **{"rate": 250.0, "delay": 2e-3, "noise": 20.0, "relative_noise": 3e-3, "resolution": 4.0},

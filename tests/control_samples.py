@@ -45,7 +45,7 @@ def controller(gain: float = -0.7, period: float = 1e-3, **changed: Any) -> Cont
 
 
 class Batch:
-    """Rows (reading, fresh, age, force, reference x, v, a) as samples in C, for a controller's compiled step."""
+    """PageTable (reading, fresh, age, force, reference x, v, a) as samples in C, for a controller's compiled step."""
 
     def __init__(self, made: Controller, rows: np.ndarray) -> None:
         self.samples, self.out = np.zeros(len(rows), SAMPLE), np.zeros(len(rows), OUTPUT)
@@ -80,7 +80,7 @@ def run_plain(made: Controller, rows: np.ndarray) -> np.ndarray:
 
 
 def rows_of(readings: Any, *, fresh: Any = 1.0, age: Any = 0.0, force: Any = 0.0, reference: Any = 0.0) -> np.ndarray:
-    """Rows for `run_rows` from columns; the reference is at rest."""
+    """PageTable for `run_rows` from columns; the reference is at rest."""
     readings = np.asarray(readings, dtype=float)
     rows = np.zeros((readings.size, 7))
     rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], rows[:, 4] = readings, fresh, age, force, reference

@@ -13,7 +13,7 @@ import numpy as np
 import pretouch as pt
 from pretouch import control, uncertainty
 from pretouch.design import find_physical_bound
-from pretouch.design.drag import DragRails, drag_by, drag_trade_off
+from pretouch.design.drag import DragLimits, drag_by, drag_trade_off
 from pretouch.design.schedule import schedule_drag
 from pretouch.sensors import PiecewiseCubic
 from pretouch.simulation.mujoco import WitnessResult, WitnessTrace
@@ -45,7 +45,7 @@ def cubic(value: float, output: float, rate: float) -> float:
     return -value * max(rate, 0.0) ** 3
 
 
-OWN_LAW = pt.motion.OwnLaw(kind="cubic", number=pt.motion.LawNumber("cube", "c", "N*s^3", 1), force=cubic)
+OWN_LAW = pt.motion.CustomLaw(kind="cubic", number=pt.motion.LawNumber("cube", "c", "N*s^3", 1), force=cubic)
 
 
 def half(scenario: Any, sensor: Any, gain: Any) -> pt.ContactResult:
@@ -144,7 +144,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
         pt.Task(SCENARIO, SENSOR, OBJECTIVE, constraints=LIMITS, effect=pt.DragEffect(ratio=0.15))
     ),
     "drags": lambda: drag_trade_off(SENSOR, 0.0422, 1.0, np.array([0.5, 0.1])),
-    "rails": lambda: DragRails(
+    "rails": lambda: DragLimits(
         weak=drag_by(SENSOR, 0.0422, 1.0, ratio=0.3), strong=drag_by(SENSOR, 0.0422, 1.0, ratio=0.1)
     ),
     "bound": lambda: find_physical_bound(SCENARIO, acceleration_limit=2.0),

@@ -53,7 +53,7 @@ void Encounter::run() {
             body = before;
             break;
         }
-        if (count && (ideal || end.end_time - first >= loop.follow)) break;
+        if (count && (ideal || end.end_time - first >= loop.follow_time)) break;
     }
     finish();
 }

@@ -76,14 +76,14 @@ double Sensor::output(double distance) const {
 
 // What an exposure averages: the output xi, or the distance of a part that reports one.
 double Sensor::exposed_to(double distance) const {
-    return chain.reports_distance != 0.0 ? distance : output(distance);
+    return chain.measures_distance != 0.0 ? distance : output(distance);
 }
 
 // The reading of an exposure from its mean; NaN where it drops out.
 double Sensor::raw_reading(double mean, double time) const {
     const uint64_t draw = DRAWS * k;
     if (chain.dropout > 0.0 && uniform_of(key, draw + DROPOUT) < chain.dropout) return NAN;
-    if (chain.reports_distance != 0.0) {
+    if (chain.measures_distance != 0.0) {
         const double distance = mean + chain.distance_noise * normal_of(key, draw + DISTANCE);
         mean = output(rounded(distance, chain.distance_resolution));
     }

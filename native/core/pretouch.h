@@ -57,7 +57,7 @@ PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, con
                                             double *found, int8_t *status);
 
 /* ---- many encounters with a constant slope, vectorized (lanes_linear.cpp) ---- */
-/* Rows with one number per encounter: the first row, and the distance between rows. */
+/* PageTable with one number per encounter: the first row, and the distance between rows. */
 typedef struct {
     double *at;
     int64_t stride;
@@ -129,7 +129,7 @@ typedef struct {
 /* See SensorChain in simulation/chain.py, where `offset` is that and the crosstalk; truth values are 0 or not. */
 typedef struct {
     double rate, phase, exposure, delay, jitter, noise, relative_noise, offset, drift, lowest, highest, resolution;
-    double dropout, reports_distance, distance_noise, distance_resolution, random_phase, misfit, misfit_length;
+    double dropout, measures_distance, distance_noise, distance_resolution, random_phase, misfit, misfit_length;
 } pretouch_chain;
 
 /* ln xi and its slope times the step at equal distances, shape (rows, 2), from `low` on; beyond `high` xi is 0. */

@@ -13,7 +13,7 @@ import pytest
 import pretouch as pt
 from pretouch import control
 from pretouch._core.errors import InvalidInputError
-from pretouch.motion import DAMPER, DRAG, OwnLaw
+from pretouch.motion import DAMPER, DRAG, CustomLaw
 from pretouch.simulation import ClosedLoop, LoopTiming, gain_limit, largest_damping, speed_limit, timing_of
 
 CURVE = pt.InversePower(scale=0.533, distance_offset=0.0419, exponent=3.32)
@@ -180,8 +180,11 @@ def test_the_limit_of_a_drag_is_the_damping_over_twice_its_own() -> None:
 
 
 def test_what_is_not_known_is_asked_for() -> None:
-    own = OwnLaw(
-        kind="shock", number=DRAG.number, force=lambda phi, _, rate: -phi * max(rate, 0.0) ** 2, holds_off=True
+    own = CustomLaw(
+        kind="shock",
+        number=DRAG.number,
+        force=lambda phi, _, rate: -phi * max(rate, 0.0) ** 2,
+        suspends_admittance=True,
     )
     with pytest.raises(
         InvalidInputError, match=r"^relative_velocity: found none, expected .* of a virtual-drag depends on it"

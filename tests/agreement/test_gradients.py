@@ -170,7 +170,7 @@ def test_a_constant_slope_has_the_derivatives_of_many_digits(
 
 @dataclass(frozen=True)
 class Ways:
-    """Rows of derivatives by each way, and where it holds."""
+    """PageTable of derivatives by each way, and where it holds."""
 
     followed: np.ndarray
     others: dict[str, tuple[np.ndarray, np.ndarray]]

@@ -159,10 +159,10 @@ def test_robots_that_lag_and_rub_come_to_the_same_contact_in_mujoco(plant: Any) 
         reference=pt.Reference(position=0.0, velocity=0.03, acceleration=0.1),
     )
     curve, law = sensor("exponential-2"), controller(-0.5, 5e-4)
-    ours = pt.simulate(scenario, curve, law, plant=plant, contact=CONTACT, follow=0.05)
+    ours = pt.simulate(scenario, curve, law, plant=plant, contact=CONTACT, follow_time=0.05)
     errors = []
     for step in STEPS[1:]:
-        found = witness_encounter(scenario, curve, law, plant=plant, contact=CONTACT, time_step=step, follow=0.05)
+        found = witness_encounter(scenario, curve, law, plant=plant, contact=CONTACT, time_step=step, follow_time=0.05)
         for quantity, bound in bounds_of(found, step, CONTACT, plant.mass).items():
             assert abs(getattr(found, quantity) - getattr(ours, quantity)) <= bound, quantity
         errors.append([found.time - ours.time, found.relative_velocity - ours.relative_velocity])
@@ -199,13 +199,13 @@ def test_the_contact_of_mujoco_is_a_spring_with_a_damper(ratio: float, speed: fl
     scenario = pt.Scenario(admittance=admittance, obstacle=pt.Obstacle(position=0.01), plant=pt.Plant(velocity=speed))
     law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)
     curve = pt.ExponentialFirstOrder(scale=1.0, rate=-1.0)
-    found = witness_encounter(scenario, curve, law, plant=free, contact=contact, time_step=step, follow=0.05)
+    found = witness_encounter(scenario, curve, law, plant=free, contact=contact, time_step=step, follow_time=0.05)
     peak, impulse, rebound = kelvin_and_voigt(contact, reduced, speed)
     error = step * rate_of(contact, mass)  # as in bounds_of: 0.1 to 0.6 %
     assert found.peak_force == pytest.approx(peak, rel=error)
     assert found.impulse == pytest.approx(impulse, rel=error)
     assert found.rebound_velocity == pytest.approx(rebound, rel=2 * error)  # touch and release, a step each
-    ours = pt.simulate(scenario, curve, law, plant=free, contact=contact, follow=0.05)
+    ours = pt.simulate(scenario, curve, law, plant=free, contact=contact, follow_time=0.05)
     assert found.peak_force == pytest.approx(ours.peak_force, rel=error)
 
 
@@ -221,7 +221,7 @@ def test_the_contact_of_mujoco_is_pressed_in_by_a_part_in_ten_thousand_less() ->
     law = BareLaw(-1e-12, 1e-3, damping=40.0, stiffness=400.0)
     curve = pt.ExponentialFirstOrder(scale=1.0, rate=-1.0)
     wall = pt.simulation.SpringDamper(stiffness=3e4, damping=60.0)
-    found = witness_encounter(scenario, curve, law, plant=ROBOT, contact=wall, time_step=1e-4, follow=2.0).trace
+    found = witness_encounter(scenario, curve, law, plant=ROBOT, contact=wall, time_step=1e-4, follow_time=2.0).trace
     drive, push, depth = found.drive_force[-1], found.contact_force[-1], -found.distance[-1]
     # all of it decays as exp(-20 t) or faster: 1e-16 of 80 N is left
     # the wall of 1e9 times the mass gives way, with 7e-8 m/s after 2 s: 1e-5 N of the drive's damping

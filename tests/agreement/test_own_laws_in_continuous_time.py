@@ -21,9 +21,9 @@ from pretouch.motion import (
     DRAG,
     Admittance,
     ContactStatus,
+    CustomLaw,
     LawNumber,
     Obstacle,
-    OwnLaw,
     Plant,
     Reference,
     Scenario,
@@ -49,12 +49,12 @@ def drag(value: float, output: float, rate: float) -> float:
     return -value * rate * max(rate, 0.0)
 
 
-def own(force: Any, **options: Any) -> OwnLaw:
-    return OwnLaw(kind="own", number=GAIN, force=force, **options)
+def own(force: Any, **options: Any) -> CustomLaw:
+    return CustomLaw(kind="own", number=GAIN, force=force, **options)
 
 
 DAMPER_AGAIN = own(damper)
-DRAG_AGAIN = own(drag, holds_off=True)
+DRAG_AGAIN = own(drag, suspends_admittance=True)
 
 SCALES = {
     **dict.fromkeys(("time",), 1e-2),  # beside which a quantity is compared, at least
@@ -242,7 +242,9 @@ def test_a_plant_that_is_held_off_goes_along_until_the_admittance_lets_go() -> N
         return value * ((1.30e-5 * math.exp(-output)) ** (1 / 3.32) - 0.0419 - rests)
 
     scenario = replace(APPROACH, obstacle=Obstacle(position=0.0422, velocity=-0.15, acceleration=brakes))
-    motion = solve_motion(scenario, POWER, stiffness, law=own(spring, holds_off=True), horizon=4.0, samples=20001)
+    motion = solve_motion(
+        scenario, POWER, stiffness, law=own(spring, suspends_admittance=True), horizon=4.0, samples=20001
+    )
     meets, leaves = np.flatnonzero(np.abs(motion.relative_velocity) < 1e-12)[[0, -1]]
     assert meets + 5000 < leaves < 19000
     kept = motion.distance[meets]
@@ -281,7 +283,7 @@ def test_what_the_function_raises_passes_through() -> None:
 def test_the_residual_sees_what_the_integration_did_not() -> None:
     """A hundredth more force than the motion was made with leaves a hundredth of its impulse, the largest term."""
     given = RelativeEncounter(1.7, 11.0, 30.0, 0.0, 0.0, 0.0422, -0.3, 0.0, 0.0, 0.0, 0.0, -0.7)
-    run = CustomLawRun(given, POWER, damper, "own", holds_off=False, horizon=600.0)
+    run = CustomLawRun(given, POWER, damper, "own", suspends_admittance=False, horizon=600.0)
     assert run.columns()["impulse_residual"] < 1e-10
     run.force = lambda *asked: 1.01 * damper(*asked)
     assert run.columns()["impulse_residual"] == pytest.approx(0.01, rel=0.02)

@@ -15,7 +15,7 @@ import pretouch as pt
 from pretouch.calibration import Calibration, rank_models
 from pretouch.calibration.fit import model_names
 from pretouch.motion.scenario import sensor_inputs
-from pretouch.sensors import SensorModel, known_curves, parameter
+from pretouch.sensors import SensorModel, parameter, sensor_curves
 from scenario_text import ENCOUNTER
 
 FILE = (
@@ -66,11 +66,11 @@ def curve() -> Iterator[type[SensorModel]]:
 
 
 def test_it_is_known_by_its_name_with_its_parameters_and_their_units(curve: type[SensorModel]) -> None:
-    assert known_curves(foreign=True)["two-sources"] is curve
+    assert sensor_curves(foreign=True)["two-sources"] is curve
     assert "two-sources" not in model_names()  # it takes part in nothing unasked
     fitted = {"exponential-1", "exponential-2", "inverse-power", "mittag-leffler"}
-    assert set(known_curves(fitted=True)) == fitted
-    assert set(known_curves()) == fitted | {"table"}
+    assert set(sensor_curves(fitted=True)) == fitted
+    assert set(sensor_curves()) == fitted | {"table"}
     assert sensor_inputs(curve(scale=1.0, spread=0.02)) == {"sensor.scale": "", "sensor.spread": "m"}
     with pytest.raises(pt.errors.InvalidInputError, match=r"spread: found -0.02 m, which must be positive"):
         curve(scale=1.0, spread=-0.02)

@@ -17,7 +17,7 @@ import pytest
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError
 from pretouch.control import CompiledStep, Law, Parts, Push, VirtualDamper, drive, observe
-from pretouch.motion import DAMPER, ContinuousLaw, LawNumber, OwnLaw
+from pretouch.motion import DAMPER, ContinuousLaw, CustomLaw, LawNumber
 from pretouch.report import write_report
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, verdict
 
@@ -174,7 +174,7 @@ def test_a_loop_is_designed_for_and_judged_with_it(tmp_path: Path) -> None:
 
 
 def test_any_force_is_such_a_law() -> None:
-    """The letter's, as `OwnLaw` integrates it: 1e-13 of the motion a step, over some hundred steps."""
-    force = OwnLaw(kind="letter", number=DAMPER.number, force=lambda gain, _, rate: gain * rate)
+    """The letter's, as `CustomLaw` integrates it: 1e-13 of the motion a step, over some hundred steps."""
+    force = CustomLaw(kind="letter", number=DAMPER.number, force=lambda gain, _, rate: gain * rate)
     ours, theirs = pt.find_contact(MANY, SENSOR, -0.6, law=force), pt.find_contact(MANY, SENSOR, -0.6)
     np.testing.assert_allclose(ours.contact.relative_velocity, theirs.contact.relative_velocity, rtol=1e-11)

@@ -32,7 +32,7 @@ stiffness = "100 kN/m"
 obstacle_mass = "1.5 kg"
 [loop]
 runs = 40
-follow = "50 ms"
+follow_time = "50 ms"
 """
 )
 

@@ -54,7 +54,7 @@ lowest = "-inf"
 highest = "30000 counts"
 resolution = "4 counts"
 dropout = 0.01
-reports_distance = true
+measures_distance = true
 distance_noise = "1 mm"
 distance_resolution = "0.5 mm"
 """,
@@ -117,7 +117,7 @@ LOOP = ClosedLoop(
         highest=30000.0,
         resolution=4.0,
         dropout=0.01,
-        reports_distance=True,
+        measures_distance=True,
         distance_noise=0.001,
         distance_resolution=0.0005,
     ),
@@ -147,7 +147,7 @@ LOOP = ClosedLoop(
     contact=HuntCrossley(obstacle_mass=3.0, stiffness=30.0 / 1e-3**1.5, dissipation=0.5, exponent=1.5),
     seed=7,
     horizon=3.0,
-    follow=0.1,
+    follow_time=0.1,
 )
 
 

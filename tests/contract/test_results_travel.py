@@ -174,7 +174,7 @@ class OwnSensor(pt.SensorModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OwnObjective(pt.Objective):
+class CustomObjective(pt.Objective):
     """An objective of a user's own."""
 
     extra: float = 1.0
@@ -184,7 +184,7 @@ class OwnObjective(pt.Objective):
 
 
 def test_what_a_user_has_made_travels_along() -> None:
-    objective = OwnObjective(terms=OBJECTIVE.terms)
+    objective = CustomObjective(terms=OBJECTIVE.terms)
     design = pt.design_gain(pt.Task(SCENARIO, OwnSensor(), objective, bounds=BOUNDS))
     check(design)
     printed(design)

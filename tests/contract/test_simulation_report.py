@@ -89,7 +89,7 @@ CASES: dict[str, Callable[[], pt.SimulatedEncounter]] = {
         chain=pt.simulation.sensor_part("VCNL4010").chain,
         plant=pt.simulation.ImpedancePlant(mass=1.5, stiffness=60.0, damping=2.0),
         contact=pt.simulation.HuntCrossley(stiffness=1e7, dissipation=0.3),
-        follow=0.3,
+        follow_time=0.3,
     ),
     "late": lambda: run(
         law=law(floor=0.15, sensor_period=5e-3, limits=Limits(force=6.0)),
@@ -241,7 +241,7 @@ def shown(rows: Iterable[tuple[str, Any]]) -> dict[str, str]:
 
 
 def test_rows_of_a_loop_name_what_it_is_made_of_with_units() -> None:
-    built = ClosedLoop(law=law(), chain=pt.SensorChain(rate=100.0), plant=ROBOT, contact=CONTACT, follow=0.1)
+    built = ClosedLoop(law=law(), chain=pt.SensorChain(rate=100.0), plant=ROBOT, contact=CONTACT, follow_time=0.1)
     assert shown(loop_rows(built))["time after the first contact"] == "100 ms"
     assert shown(ROBOT.rows())["bandwidth of the force servo"] == "60 Hz"
     assert shown(contact_rows(CONTACT))["dissipation a"] == "1 s/m"
@@ -265,7 +265,7 @@ def test_rows_of_a_sensor_part_hold_every_number_of_its_chain(name: str) -> None
     chain = PARTS[name].chain
     rows = shown(chain.rows())
     assert rows["readings"].startswith(f"{chain.rate:.4g} Hz")
-    assert ("noise of the distance" in rows) == chain.reports_distance
+    assert ("noise of the distance" in rows) == chain.measures_distance
     assert ("clipping" in rows) == np.isfinite(chain.highest)
     assert ("step" in rows) == bool(chain.resolution)
 

@@ -201,7 +201,7 @@ VERBS = [
             "runs": 2,
             "seed": 0,
             "horizon": 10.0,
-            "follow": 0.2,
+            "follow_time": 0.2,
         },
     ),
     Case(
@@ -400,7 +400,7 @@ VALUES = [
         "SensorChain",
         {
             **dict.fromkeys(("phase", "exposure", "delay", "noise", "relative_noise", "offset", "crosstalk"), 0.0),
-            **{"rate": 100.0, "random_phase": False, "resolution": 0.0, "dropout": 0.0, "reports_distance": False},
+            **{"rate": 100.0, "random_phase": False, "resolution": 0.0, "dropout": 0.0, "measures_distance": False},
             **{"jitter": 0.0, "misfit": 0.0, "misfit_length": 0.1, "drift": 0.0, "lowest": 0.0, "highest": 10.0},
         },
     ),
@@ -425,7 +425,7 @@ VALUES = [
             "seed": 0,
             "first_run": 0,
             "horizon": 10.0,
-            "follow": 0.2,
+            "follow_time": 0.2,
         },
     ),
     Case(
@@ -500,13 +500,13 @@ VALUES = [
         },
     ),
     Case(
-        "motion.OwnLaw",
+        "motion.CustomLaw",
         {
             "kind": "cubic",
             "number": pt.motion.LawNumber("cube", "c", "N*s^3", 1),
             "force": logarithm,
             "damping": slope,
-            "holds_off": False,
+            "suspends_admittance": False,
         },
     ),
 ]

@@ -34,7 +34,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: pt.SensorChain(rate=100.0, noise=math.nan), "noise: found nan"),
         (lambda: pt.SensorChain(rate=100.0, highest=math.nan), "highest: found nan"),
         (lambda: pt.SensorChain(rate=[100.0, 200.0]), "rate: found an array"),
-        (lambda: pt.SensorChain(rate=100.0, distance_noise=0.001), "reports_distance"),
+        (lambda: pt.SensorChain(rate=100.0, distance_noise=0.001), "measures_distance"),
         (lambda: pt.simulation.sensor_part("VCNL9999"), "expected one of RPR-220, VCNL4010"),
         (lambda: pt.simulation.ImpedancePlant(mass=0.0, stiffness=1.0, damping=1.0), "mass: found 0 kg"),
         (

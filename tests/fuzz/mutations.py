@@ -55,7 +55,7 @@ ADDITIONS = (
     "controller.approach_only = true",
     "chain.dropout = 0.3",
     'chain.jitter = "1 ms"',
-    "chain.reports_distance = true",
+    "chain.measures_distance = true",
     'robot.bandwidth = "5 Hz"',
 )
 NUMBERS = (

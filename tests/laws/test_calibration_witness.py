@@ -105,7 +105,7 @@ def test_a_curve_that_is_extended_over_saturated_readings_is_contradicted_first(
     told = left.around_dict(design.to_dict())
     assert next(iter(told)) == "headline"
     assert told["calibration"]["witness"]["is_supported"] is False
-    if left.witness.harder:
+    if left.witness.harder_count:
         assert left.is_refuted
         assert left.headline.startswith("Not supported by the readings: on ")
         assert (told["status"], told["status_on_fitted_curve"]) == ("not-supported", "optimal")
@@ -115,7 +115,7 @@ def test_a_curve_that_is_extended_over_saturated_readings_is_contradicted_first(
     kept = (outputs > report.offset.value) & (distance <= report.window.l_max)
     level = np.log(outputs[kept] - report.offset.value)
     found = speed_on(distance[kept] - nearest, level, design.gain, report.window.l_max - nearest)
-    assert found > 1.5 * left.witness.promised  # what the readings themselves lead to
+    assert found > 1.5 * left.witness.predicted  # what the readings themselves lead to
     assert left.witness.low <= found <= left.witness.high
 
 
@@ -172,7 +172,7 @@ def test_what_is_said_of_a_sensor_that_was_read_once_holds_on_its_truth(ceiling:
         level = np.log(np.maximum(made.mean(places + report.window.l_min) - report.offset.value, 1.0))
         true, left = speed_on(places, level, design.gain, start), reservations_of(report, design)
         if left.headline is None:
-            assert true == pytest.approx(left.witness.promised, rel=0.15)
+            assert true == pytest.approx(left.witness.predicted, rel=0.15)
         assert true <= 0.3 or left.is_refuted
 
 
@@ -185,7 +185,7 @@ def test_where_readings_are_dense_all_curves_through_them_agree() -> None:
     left = reservations_of(report, design_on(report.best.sensor, 0.08))
     assert left.headline is None
     assert left.witness.is_supported
-    assert 0.85 < left.witness.low / left.witness.promised < left.witness.high / left.witness.promised < 1.2
+    assert 0.85 < left.witness.low / left.witness.predicted < left.witness.high / left.witness.predicted < 1.2
     assert left.witness.text in left.lines
 
 
@@ -230,7 +230,7 @@ def test_contacts_on_many_piecewise_curves_are_those_of_each_alone() -> None:
     assert (check.encounters, many.encounters) == (1, 2)
     assert check.is_supported
     one_sided = check_on_readings(report.curves, report.offset.value, scenario, sensor, gain=0.5, law=DAMPER)
-    assert one_sided.harder == 0  # the answer itself says that contact is harder
+    assert one_sided.harder_count == 0  # the answer itself says that contact is harder
 
 
 def test_a_piecewise_cubic_is_what_its_points_say() -> None:

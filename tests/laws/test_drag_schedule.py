@@ -15,7 +15,7 @@ from scipy.integrate import cumulative_simpson
 
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
-from pretouch.design.drag import DragRails, drag_by
+from pretouch.design.drag import DragLimits, drag_by
 from pretouch.design.schedule import DragSchedule, schedule_drag
 from pretouch.sensors import CustomSensor, ExponentialFirstOrder, InversePower
 from properties import examples
@@ -254,13 +254,13 @@ def test_a_schedule_is_a_value() -> None:
 
 def test_rails_may_be_given_by_ratios() -> None:
     weak, strong = (drag_by(POWER, DISTANCE, 1.0, ratio=r) for r in (0.26**0.5, 0.26**2))
-    rails = DragRails(weak=weak, strong=strong)
+    rails = DragLimits(weak=weak, strong=strong)
     found = schedule_drag(POWER, DISTANCE, 1.0, ratio=0.26, reflectance=RANGES["10 %"], rails=rails)
     assert found.rails == rails
     assert found.largest_excursion == pytest.approx(scheduled("10 %").largest_excursion, abs=1e-5)
     for other in (drag_by(POWER, DISTANCE, 2.0, ratio=r) for r in (0.5, 0.1)):
         with pytest.raises(InvalidInputError, match="another curve, mass or detection distance"):
-            schedule_drag(POWER, DISTANCE, 1.0, ratio=0.26, rails=DragRails(weak=other, strong=other))
+            schedule_drag(POWER, DISTANCE, 1.0, ratio=0.26, rails=DragLimits(weak=other, strong=other))
 
 
 @pytest.mark.parametrize(

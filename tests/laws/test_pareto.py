@@ -138,8 +138,8 @@ def test_what_the_front_misses_is_what_dense_sampling_finds(
     dense = shortfall(
         magnitudes(everywhere, quantities)[everywhere.reached] / extent_of(front), front.values / extent_of(front)
     ).max()
-    assert 1e-3 < dense < 1.02 * front.missed
-    assert front.missed < 1.02 * dense + 1e-4
+    assert 1e-3 < dense < 1.02 * front.approximation_error
+    assert front.approximation_error < 1.02 * dense + 1e-4
 
 
 @pytest.mark.parametrize(
@@ -182,8 +182,8 @@ def test_the_optimum_of_any_weights_lies_on_the_front(letter_encounter: Scenario
         front = pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, choice=design))
         assert front.choice.gain == design.gain
         # the front's points on both sides of it are 0.01 of the extent apart
-        assert abs(front.choice.behind) < 0.01
-        assert front.choice.behind <= 1e-9
+        assert abs(front.choice.distance_to_front) < 0.01
+        assert front.choice.distance_to_front <= 1e-9
 
 
 def test_the_knee_is_deepest_below_the_chord(letter_encounter: Scenario) -> None:
@@ -195,7 +195,7 @@ def test_the_knee_is_deepest_below_the_chord(letter_encounter: Scenario) -> None
     depth = (1 - share.sum(axis=1)) / math.sqrt(2)  # distance from the line p1 + p2 = 1
     assert front.knee.depth == pytest.approx(depth.max(), rel=1e-6)
     assert front.knee.gain == pytest.approx(-np.geomspace(0.01, 10.0, 4001)[depth.argmax()], rel=5e-3)
-    assert front.knee.behind == pytest.approx(0.0, abs=0.01)
+    assert front.knee.distance_to_front == pytest.approx(0.0, abs=0.01)
 
 
 # --- the front of gain and admittance
@@ -219,7 +219,7 @@ def test_brute_force_over_gain_and_admittance_finds_nothing_better(wide: object)
     brute = magnitudes(everywhere, PAIR)[everywhere.reached]
     # neighbors of the front lie 0.03 of its extent apart; being convex, it falls less than half of that between them
     assert shortfall(brute / extent_of(front), front.values / extent_of(front)).max() < 0.01
-    assert front.missed < 0.01  # of which at most 0.015 lie between neighbors, less what is convex
+    assert front.approximation_error < 0.01  # of which at most 0.015 lie between neighbors, less what is convex
     # a dominated point would be one that the search left too early: by more than 1e-4 of its quantities there is none
     assert not any((brute <= p * (1 - 1e-4)).all(axis=1).any() for p in front.values)
 
@@ -238,7 +238,11 @@ def test_what_a_front_of_gain_and_admittance_misses_is_no_less_than_dense_sampli
     )
     everywhere = find_contact(replace(scenario, admittance=admittance), CURVES["inverse-power"], gain)
     dense = magnitudes(everywhere, quantities)[everywhere.reached]
-    assert 0 < shortfall(dense / extent_of(front), front.values / extent_of(front)).max() <= above * front.missed
+    assert (
+        0
+        < shortfall(dense / extent_of(front), front.values / extent_of(front)).max()
+        <= above * front.approximation_error
+    )
 
 
 def test_what_is_chosen_along_the_front_leads_there(wide: object) -> None:
@@ -255,7 +259,7 @@ def test_what_is_chosen_along_the_front_leads_there(wide: object) -> None:
 def test_freedom_of_the_admittance_moves_the_front_and_leaves_the_choice_behind(wide: object) -> None:
     scenario, front = wide  # type: ignore[misc]
     assert front.free == ("gain", "natural_frequency", "damping_ratio")
-    assert front.choice.behind > 0.01
+    assert front.choice.distance_to_front > 0.01
     narrow = pareto_front(Task(scenario, CURVES["inverse-power"], bounds=BOUNDS))
     for speed in (0.05, 0.1, 0.2):
         shorter = front.of("displacement")[front.of("relative_velocity") <= speed].min()

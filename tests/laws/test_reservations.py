@@ -58,7 +58,7 @@ def silent_nearer(sensor: pt.SensorModel, near: float) -> pt.CustomSensor:
 
 def test_data_from_contact_to_the_start_leave_nothing_to_say() -> None:
     found = answer(0.0, 0.05)
-    assert (found.headline, found.share_nearer, found.share_beyond, found.left) == (None, 0.0, 0.0, False)
+    assert (found.headline, found.share_nearer, found.share_beyond, found.leaves_range) == (None, 0.0, 0.0, False)
     assert found.supported == (0.0, 0.05)
 
 
@@ -133,7 +133,7 @@ def test_beyond_the_data_a_twentieth_of_the_impulse_is_decisive(start: float, sa
 def test_a_motion_that_leaves_the_curve_is_said_to() -> None:
     sensor = report(0.008, 0.06).best.sensor
     found = reservations_of(report(0.008, 0.06), Answer(encounter(), sensor))
-    assert found.left
+    assert found.leaves_range
     assert not found.recedes
     assert found.headline.startswith("Not supported by data: the motion leaves the range of the data before contact. ")
     assert "recedes" not in found.headline

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.design.drag import DragRails, predict_drag
+from pretouch.design.drag import DragLimits, predict_drag
 
 PATH = Path(__file__).parents[2] / "examples" / "self_ranging.py"
 
@@ -86,7 +86,7 @@ def test_it_is_softer_than_the_constant_drag_that_gives_way_as_far(
 
 def test_a_curve_that_tells_no_distance_is_refused(example: Any) -> None:
     curve = pt.ExponentialFirstOrder(scale=1.0, rate=-60.0)
-    rails = DragRails(weak=predict_drag(curve, 0.04, 1.0, 0.005), strong=predict_drag(curve, 0.04, 1.0, 0.01))
+    rails = DragLimits(weak=predict_drag(curve, 0.04, 1.0, 0.005), strong=predict_drag(curve, 0.04, 1.0, 0.01))
     with pytest.raises(pt.errors.InvalidInputError, match=r"along an exponential .* the distance is not observable"):
         example.SelfRanging(drag=example.NOISE, rails=rails)
 

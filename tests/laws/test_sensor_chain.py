@@ -84,9 +84,9 @@ def test_jitter_shifts_the_instants() -> None:
 
 
 def test_a_part_that_reports_distances_steps_and_scatters_in_them() -> None:
-    stepped = readings(reports_distance=True, distance_resolution=0.003)
+    stepped = readings(measures_distance=True, distance_resolution=0.003)
     assert stepped == pytest.approx(np.full(2000, SENSOR.output(0.021)))
-    noisy = readings(8.0, reports_distance=True, distance_noise=0.001)
+    noisy = readings(8.0, measures_distance=True, distance_noise=0.001)
     distance = (SENSOR.scale / noisy) ** (1 / SENSOR.exponent) - SENSOR.distance_offset
     assert distance.std() == pytest.approx(0.001, rel=0.032)
     assert distance.mean() == pytest.approx(0.02, abs=4 * 0.001 / np.sqrt(8000))
@@ -159,7 +159,7 @@ def test_a_misfit_is_one_function_of_distance_in_a_run_and_another_in_the_next()
         error[0, :50], abs=1e-9
     )
     assert np.abs(error[0] - error[1]).max() > 0.003
-    distances = readings(0.5, still, reports_distance=True, **misfit)  # at the distance that the part reports
+    distances = readings(0.5, still, measures_distance=True, **misfit)  # at the distance that the part reports
     assert distances == pytest.approx(found, rel=1e-9)
 
 
@@ -237,7 +237,7 @@ def test_a_reading_within_the_step_that_ends_at_a_touch_is_that_of_its_instant()
     law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)
     chain = pt.SensorChain(rate=1000.0, phase=1e-4)
     contact = pt.simulation.SpringDamper(stiffness=1e4)
-    run = pt.simulate(scenario, curve, law, chain=chain, plant=free, contact=contact, follow=0.01)
+    run = pt.simulate(scenario, curve, law, chain=chain, plant=free, contact=contact, follow_time=0.01)
     trace = run.trace()
     assert run.time == pytest.approx(0.01 / 0.3, abs=1e-9)
     read = trace.reading[np.searchsorted(trace.time, 0.034 - 1e-9)]

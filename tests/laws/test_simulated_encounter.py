@@ -169,7 +169,7 @@ def test_a_law_that_sees_nothing_is_said_to_see_nothing() -> None:
 
 
 def test_repeated_contacts_are_told_one_by_one() -> None:
-    built = loop(plant=SOFT_ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, dissipation=0.3), follow=0.2)
+    built = loop(plant=SOFT_ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, dissipation=0.3), follow_time=0.2)
     encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=built, gain=-0.3))
     run, contacts = encounter.run, encounter.contacts
     assert len(contacts) == run.contacts > 2

@@ -128,7 +128,7 @@ def test_a_sensor_too_slow_for_the_gain_does_not_hold_and_a_faster_one_would() -
     assert found.status is DOES_NOT
     assert "unstable" in found.reasons[0]
     assert check.margin < 1 < check.lowest_rate / check.rate
-    assert check.lowest_rate_with_margin > check.lowest_rate
+    assert check.lowest_rate_for_margin_2 > check.lowest_rate
     assert check.margin == pytest.approx(check.strongest / -0.7463)
     assert found.stability_text.startswith("The loop is unstable: ")
     assert found.sensor_speed is not None
@@ -154,7 +154,7 @@ def test_the_margin_is_that_of_the_gain_limit() -> None:
     assert found.stability is not None
     assert found.stability.strongest == pytest.approx(limit.strongest)
     # at the rate that is said to be enough for it, the margin is 2
-    rate = found.stability.lowest_rate_with_margin
+    rate = found.stability.lowest_rate_for_margin_2
     there = verdict(loop_of(rate=rate, exposure=170e-6, delay=120e-6, random_phase=True), gain=-0.7463, runs=1)
     assert there.stability is not None
     assert 2.0 <= there.stability.margin < 2.1  # it is enough at any phase and any ratio of the rates

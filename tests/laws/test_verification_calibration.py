@@ -63,7 +63,7 @@ def test_a_calibration_with_its_offset_holds(tmp_path: Path) -> None:
     assert found.status.value == "holds"
     assert check.is_good_enough
     assert (check.failing, check.decisive, check.remedy) == (0, "", "")
-    assert check.low <= check.median <= check.high < 1.05 * check.promised
+    assert check.low <= check.median <= check.high < 1.05 * check.predicted
     assert check.text in str(found)
     assert found.to_dict()["calibration_check"]["draws"] == check.draws == 100
 
@@ -85,11 +85,11 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
     assert check.failing > 2 * known.failing
     assert (check.decisive, check.draws) == ("offset", 100)
     assert check.remedy == "record readings without an object in range, and add them to the calibration as no_object"
-    assert check.high > 1.15 * check.promised
+    assert check.high > 1.15 * check.predicted
     page = report_html(found, calibration=problem.calibration)
     assert_sound(page)
     harder = row(page, "sensors with a contact more than 15 % harder", "Is the calibration good enough?")
-    assert harder == [f"{check.harder} of 100"]
+    assert harder == [f"{check.harder_count} of 100"]
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", ["pretouch", "verify", "scene.toml", "--no-changes", "--no-report", "--json"])
     with pytest.raises(SystemExit) as ended:
@@ -153,8 +153,8 @@ def fitted_one(_rng: np.random.Generator) -> Drawn:
 def test_curves_that_are_the_fitted_one_promise_what_it_promises() -> None:
     found = judged(fitted_one)
     check = found.calibration_check
-    assert (check.low, check.median, check.high) == pytest.approx((check.promised,) * 3, rel=1e-5)
-    assert check.promised == pytest.approx(found.comparison("relative_velocity").simulated.mean, rel=0.01)
+    assert (check.low, check.median, check.high) == pytest.approx((check.predicted,) * 3, rel=1e-5)
+    assert check.predicted == pytest.approx(found.comparison("relative_velocity").simulated.mean, rel=0.01)
     assert check.failing == 0
     assert report().verdict == "usable with reservations"
     assert (found.status.value, found.reasons) == ("holds-narrowly", ("the calibration is usable with reservations",))
@@ -177,8 +177,8 @@ def test_what_matters_most_is_what_is_open() -> None:
     assert misfit.decisive == "misfit"
     assert "at distances at most 6 mm apart" in misfit.remedy
     for check in (curve, offset, misfit):
-        assert check.failing >= max(check.harder, check.broken, check.missing) > 0
-        assert check.failing <= check.harder + check.broken + check.missing
+        assert check.failing >= max(check.harder_count, check.broken, check.missing) > 0
+        assert check.failing <= check.harder_count + check.broken + check.missing
 
 
 def test_a_limit_counts_as_missed_only_where_the_calibration_moves_it() -> None:
@@ -199,7 +199,7 @@ def test_drawn_curves_are_sunk_and_extended_as_the_fitted_one() -> None:
         return replace(drawn(), sensor=replace(SENSOR, minimum_distance=0.006, maximum_distance=0.05))
 
     check = judged(nearby, recessed).calibration_check
-    assert (check.low, check.high) == pytest.approx((check.promised,) * 2, rel=1e-5)
+    assert (check.low, check.high) == pytest.approx((check.predicted,) * 2, rel=1e-5)
 
 
 def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> None:

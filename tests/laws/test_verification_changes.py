@@ -89,7 +89,7 @@ def test_limits_that_are_kept_in_islands_are_kept_by_the_gain_that_is_proposed()
 def test_every_change_is_what_its_own_loop_gives() -> None:
     found = verdict(SLOW, gain=-0.7463, runs=60)
     before = objective_of(SLOW, -0.7463, 60)
-    assert found.stability.lowest_rate_with_margin == math.inf  # so that twice the rate is tried
+    assert found.stability.lowest_rate_for_margin_2 == math.inf  # so that twice the rate is tried
     loops = {c.name: c.loop for c in candidates_of(SLOW, **APPROACH)}
     assert {"sensor-rate", "delay", "noise", "controller-rate", "add-median", "largest-rate"} <= set(loops)
     for change in found.changes:
@@ -100,7 +100,7 @@ def test_every_change_is_what_its_own_loop_gives() -> None:
         assert change.objective == pytest.approx(after.mean())
         assert change.improvement == pytest.approx(fall.mean(), abs=1e-12)
         assert change.improvement_error == pytest.approx(fall.std(ddof=1) / np.sqrt(60))
-        if change.helps and change.status is found.as_it_is[0].status:  # it does not turn the status
+        if change.helps and change.status is found.unchanged[0].status:  # it does not turn the status
             assert fall.mean() > 2 * fall.std(ddof=1) / np.sqrt(60)
     helpful = [change.helps for change in found.changes]
     assert helpful == sorted(helpful, reverse=True)
@@ -127,15 +127,15 @@ def test_the_loop_as_it_is_stands_beside_its_changes_over_the_same_runs() -> Non
     limit = velocity_limit(0.0785, 0.9)
     found = verdict(NOISY, constraints=[limit], gain=-0.7463, runs=230)
     speed = np.abs(NOISY.run(SCENARIO, SENSOR, -0.7463, runs=230).relative_velocity)
-    assert [one.held for one in found.as_it_is] == [np.mean(speed[:200] <= 0.0785), np.mean(speed <= 0.0785)]
-    assert all(one.improvement == 0 and not one.helps for one in found.as_it_is)
-    assert [one.status for one in found.as_it_is] == [found.status] * 2
+    assert [one.held for one in found.unchanged] == [np.mean(speed[:200] <= 0.0785), np.mean(speed <= 0.0785)]
+    assert all(one.improvement == 0 and not one.helps for one in found.unchanged)
+    assert [one.status for one in found.unchanged] == [found.status] * 2
     lines = str(found).splitlines()
     rows = [line for line in lines if line.startswith("unchanged, ")]
-    assert [f"{100 * one.held:.4g} %" in row for one, row in zip(found.as_it_is, rows, strict=True)] == [True, True]
+    assert [f"{100 * one.held:.4g} %" in row for one, row in zip(found.unchanged, rows, strict=True)] == [True, True]
     assert [row.split()[1:3] for row in rows] == [["200", "runs"], ["230", "runs"]]
     one = verdict(NOISY, constraints=[limit], gain=-0.7463, runs=20)
-    assert len(one.as_it_is) == 1
+    assert len(one.unchanged) == 1
 
 
 def test_more_runs_without_noise_are_one_run_and_nothing_helps_a_perfect_loop() -> None:

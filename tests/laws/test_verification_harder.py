@@ -16,7 +16,7 @@ from pretouch.verification.effect import chase_in_words
 from pretouch.verification.stability import limit_of
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, verdict
 
-WILD = loop_of(rate=60.0, exposure=1 / 60, delay=0.004, distance_noise=0.008, reports_distance=True, random_phase=True)
+WILD = loop_of(rate=60.0, exposure=1 / 60, delay=0.004, distance_noise=0.008, measures_distance=True, random_phase=True)
 ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
 
 
@@ -215,9 +215,9 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
     check = found.sensor_speed
     assert check is not None
     assert check.fast == pytest.approx(ideal)
-    assert check.harder == pytest.approx(float(np.quantile(speed / ideal, 0.95)) - 1)
+    assert check.excess == pytest.approx(float(np.quantile(speed / ideal, 0.95)) - 1)
     assert not check.is_fast_enough
-    lenient = verdict(slow, gain=-0.4, changes=False, speed_tolerance=1.5 * max(check.harder, excess))
+    lenient = verdict(slow, gain=-0.4, changes=False, speed_tolerance=1.5 * max(check.excess, excess))
     assert lenient.sensor_speed is not None
     assert lenient.sensor_speed.is_fast_enough
     assert not any("harder" in reason or "too slow" in reason for reason in lenient.reasons)
@@ -259,7 +259,9 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     2 kg behind 4,000 N/m on a soft contact; followed until the push is over, it is largest where the robot has gone
     farthest; with an obstacle of 1.5 kg on a stiff contact the impact is all there is.
     """
-    pushed = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e6, dissipation=0.5), follow=0.3)
+    pushed = replace(
+        NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e6, dissipation=0.5), follow_time=0.3
+    )
     found = verdict(pushed, gain=-0.7463, runs=20, changes=False)
     result, free = found.mitigated, found.unmitigated
     assert result is not None

@@ -70,7 +70,7 @@ def test_the_rate_that_is_tried_gives_the_gain_its_margin() -> None:
     slow = loop_of(rate=20.0, exposure=1 / 20)
     found = verdict(slow, gain=-0.7463, runs=5)
     assert found.stability is not None
-    wanted = found.stability.lowest_rate_with_margin
+    wanted = found.stability.lowest_rate_for_margin_2
     assert wanted > 40
     rate = math.ceil(wanted)  # to two digits, since it has two before the point
     assert wanted < 100
@@ -101,16 +101,16 @@ def test_a_change_after_which_the_loop_is_unstable_never_helps() -> None:
 
 def test_where_no_change_is_enough_the_rate_that_would_be_is_named_or_what_forbids_it() -> None:
     strict = [velocity_limit(0.03, 0.9)]
-    noisy = loop_of(rate=40.0, distance_noise=0.004, reports_distance=True)
+    noisy = loop_of(rate=40.0, distance_noise=0.004, measures_distance=True)
     found = verdict(noisy, gain=-0.7463, runs=20, constraints=strict)
     assert found.stability is not None
     assert 1 < found.stability.margin < 2
     assert found.best_change is None or found.best_change.standing < 1
-    rate = found.stability.lowest_rate_with_margin
+    rate = found.stability.lowest_rate_for_margin_2
     assert f"a gain margin of 2 needs a sensor rate of {rate:.3g} Hz" in str(found)
     late = verdict(loop_of(rate=250.0, delay=0.1), gain=-0.7463, runs=2, constraints=strict)
     assert late.stability is not None
-    assert late.stability.lowest_rate_with_margin == math.inf
+    assert late.stability.lowest_rate_for_margin_2 == math.inf
     assert "no sensor rate results in a gain margin of 2: latency, filters" in str(late)
 
 
@@ -149,7 +149,7 @@ def test_an_exposure_that_comes_to_fill_the_period_changes_no_lowest_rate_sudden
         loop = loop_of(rate=25.0, exposure=exposure, random_phase=True)
         found = check_stability(loop, SENSOR, DISTANCE, -0.3, limit_of(loop, SENSOR, DISTANCE))
         assert found is not None
-        return found.lowest_rate, found.lowest_rate_with_margin
+        return found.lowest_rate, found.lowest_rate_for_margin_2
 
     full = lowest(0.04)
     for exposure in (0.0399, 0.04 * (1 - 1e-6)):

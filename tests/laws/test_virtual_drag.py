@@ -16,7 +16,7 @@ from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
 from pretouch.config import load_scenario
 from pretouch.design import HertzImpact, SpringImpact, design_drag, design_gain
-from pretouch.design.drag import DragRails, drag_by, drag_trade_off, predict_drag
+from pretouch.design.drag import DragLimits, drag_by, drag_trade_off, predict_drag
 from pretouch.motion import DRAG, Admittance, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import InversePower, SensorModel, Table
@@ -422,7 +422,7 @@ def test_the_bound_of_a_design_is_the_formula(
 
 def test_rails_speak_of_two_designs_of_one_encounter() -> None:
     weak, strong = (drag_by(POWER, 0.0422, 1.0, ratio=r) for r in (0.3, 0.1))
-    rails = DragRails(weak=weak, strong=strong)
+    rails = DragLimits(weak=weak, strong=strong)
     assert rails.ratio == pytest.approx((0.1, 0.3))
     assert rails.excursion == (weak.excursion, strong.excursion)
     grid = np.linspace(0, 0.0422, 2001)
@@ -432,9 +432,9 @@ def test_rails_speak_of_two_designs_of_one_encounter() -> None:
     assert rails.peak >= max(weak.peak, strong.peak) * (1 - 1e-12)
     assert rails.contact_speed_bound(0.3, 1.0) == weak.contact_speed_bound(0.3, 1.0)
     with pytest.raises(InvalidInputError, match="the weak one first"):
-        DragRails(weak=strong, strong=weak)
+        DragLimits(weak=strong, strong=weak)
     with pytest.raises(InvalidInputError, match="differ only in their drag"):
-        DragRails(weak=weak, strong=strong.seen_from(0.05))
+        DragLimits(weak=weak, strong=strong.seen_from(0.05))
 
 
 def test_the_equation_and_its_integrals_symbolically() -> None:

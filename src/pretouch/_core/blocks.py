@@ -29,13 +29,13 @@ class Measured(Value):
         value: the number in SI; None or NaN if there is none.
         unit: its SI unit.
         digits: number of significant digits.
-        beside: text that follows the number, such as a confidence interval.
+        suffix: text that follows the number, such as a confidence interval.
     """
 
     value: float | None
     unit: str = ""
     digits: int = 4
-    beside: str = ""
+    suffix: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +50,8 @@ Cell: TypeAlias = str | Measured | Named
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rows(Value):
-    """Rows of cells; the first cell of a row names it.
+class PageTable(Value):
+    """Table of cells; the first cell of a row names it.
 
     Args:
         rows: the rows, all with the same number of cells.
@@ -137,7 +137,7 @@ class Download(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Chapter(Value):
+class PageSection(Value):
     """A section: blocks under a title. The short text contains only its brief blocks.
 
     Args:
@@ -169,11 +169,11 @@ class LazyBlock(Value):
         make: returns the block; None if there is nothing to show.
     """
 
-    make: Callable[[], Chapter | Rows | None]
+    make: Callable[[], PageSection | PageTable | None]
     brief: ClassVar[bool] = False
 
 
-Block: TypeAlias = Chapter | Rows | Paragraph | Listing | Picture | Code | Download | LazyBlock
+Block: TypeAlias = PageSection | PageTable | Paragraph | Listing | Picture | Code | Download | LazyBlock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,7 +186,7 @@ class Page(Value):
         status: how the computation ended, in words.
         good: whether the answer is a positive one.
         key_figures: the most important numbers, with their names.
-        open: sentences above the headline, about results that no data support.
+        reservations: sentences above the headline, about results that no data support.
         warnings: sentences to read before relying on the answer.
         findings: short sentences on limits and reasons, for the short text of a terminal.
         next_step: what to do next, in one sentence, for the same text.
@@ -200,7 +200,7 @@ class Page(Value):
     status: str = ""
     good: bool = True
     key_figures: tuple[tuple[str, Cell], ...] = ()
-    open: tuple[str, ...] = ()
+    reservations: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
     next_step: str = ""
@@ -222,12 +222,12 @@ def named(name: str, *, magnitude: bool = False) -> Named:
     return Named(q.words, f"|{q.symbol}|" if magnitude and "|" not in q.symbol else q.symbol)
 
 
-def tables_of(blocks: Iterable[Block]) -> Iterator[Rows]:
+def tables_of(blocks: Iterable[Block]) -> Iterator[PageTable]:
     """Yield all tables among blocks, including those inside sections."""
     for block in blocks:
-        if isinstance(block, Rows):
+        if isinstance(block, PageTable):
             yield block
-        elif isinstance(block, Chapter):
+        elif isinstance(block, PageSection):
             yield from tables_of(block.blocks)
 
 
@@ -264,7 +264,7 @@ def page_as_text(page: Page) -> str:
     Returns:
         The text, without a line end after the last line.
     """
-    parts = ["\n".join([page.headline, *page.open])]
+    parts = ["\n".join([page.headline, *page.reservations])]
     if page.warnings:
         parts.append("\n".join(f"warning: {plain_text(text)}" for text in page.warnings))
     return "\n\n".join([*parts, *_parts(page.blocks)])
@@ -275,10 +275,10 @@ def _parts(blocks: Iterable[Block]) -> Iterator[str]:
     for block in blocks:
         if not block.brief:
             continue
-        if isinstance(block, Chapter):
+        if isinstance(block, PageSection):
             inner = "\n\n".join(_parts(block.blocks))
             yield f"{block.title[0].lower()}{block.title[1:]}\n{inner}" if block.titled else inner
-        elif isinstance(block, Rows):
+        elif isinstance(block, PageTable):
             rows = [block.head, *block.rows] if block.head else list(block.rows)
             yield "\n".join(aligned([[cell_as_text(cell) for cell in row] for row in rows], left=block.wraps))
         elif isinstance(block, Listing):
@@ -300,7 +300,7 @@ def cell_as_text(cell: Cell) -> str:
         return plain_text(cell)
     if cell.value is None or math.isnan(cell.value):
         return "-"
-    return format_quantity(cell.value, cell.unit, cell.digits) + cell.beside
+    return format_quantity(cell.value, cell.unit, cell.digits) + cell.suffix
 
 
 class InNotebooks:

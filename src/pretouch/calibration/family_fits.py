@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
-from pretouch.sensors import Family, known_curves
+from pretouch.sensors import Family, sensor_curves
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, two_components
 from .least_squares import Fits, minimize_many
@@ -92,7 +92,7 @@ def lowest_offset(curve: AveragedCurve) -> float:
 def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
     """Return the families that are fitted to determine offset and noise, quick ones first, for the range of a curve."""
     first, last = float(curve.distance[0]), float(curve.distance[-1])
-    curves = sorted(known_curves().values(), key=lambda curve: curve.name, reverse=True)
+    curves = sorted(sensor_curves().values(), key=lambda curve: curve.name, reverse=True)
     ordered = [c for c in curves if c.family.quick] + [c for c in curves if not c.family.quick]
     return tuple(c.family.at_large(c, first, last) for c in ordered if c.family.informs)
 

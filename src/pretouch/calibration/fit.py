@@ -11,7 +11,7 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch.sensors import Family, SensorModel, Table, known_curves
+from pretouch.sensors import Family, SensorModel, Table, sensor_curves
 from pretouch.sensors.conformance import refuse_invalid_curve
 from pretouch.sensors.model import is_built_in
 
@@ -122,7 +122,7 @@ def estimates(
         "covariance": covariance,
         "middle_slope": middle,
         "slope_shift": shift,
-        "identifiable": family.identifiability_remarks(parameters, middle, runaway=runaway),
+        "unidentifiable": family.identifiability_remarks(parameters, middle, runaway=runaway),
         "warnings": warnings,
     }
 
@@ -238,7 +238,7 @@ def fit_sensor(
 def check_models(models: tuple[str, ...]) -> None:
     """Refuse an empty list of models, and unknown names."""
     for model in models:
-        if model not in model_names() and model not in known_curves(fitted=True, foreign=True):
+        if model not in model_names() and model not in sensor_curves(fitted=True, foreign=True):
             raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join(model_names())}")
     if not models:
         raise InvalidInputError(f"models: found none, expected one or more of {', '.join(model_names())}")
@@ -261,11 +261,11 @@ def why_not(model: str, prepared: Prepared) -> str:
 
 def model_names() -> tuple[str, ...]:
     """Return the names of the models that are ranked by default."""
-    return (*sorted(known_curves(fitted=True)), _TABLE)
+    return (*sorted(sensor_curves(fitted=True)), _TABLE)
 
 
 def _family(model: str, used: AveragedCurve) -> Family:
-    curve = known_curves(foreign=True)[model]
+    curve = sensor_curves(foreign=True)[model]
     return curve.family(curve=curve, first=float(used.distance[0]), last=float(used.distance[-1]))
 
 

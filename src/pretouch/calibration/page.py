@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from pretouch._core.blocks import Cell, Chapter, Code, Listing, Measured, Page, Paragraph, Picture, Rows
+from pretouch._core.blocks import Cell, Code, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 
@@ -28,8 +28,8 @@ def calibration_page(report: CalibrationReport) -> Page:
         )
         blocks = (
             _ranking(report),
-            Chapter(title="Parameters", titled=True, blocks=parameters),
-            Chapter(title="For the scenario file", blocks=(Code(text=_scenario_text(best)), note)),
+            PageSection(title="Parameters", titled=True, blocks=parameters),
+            PageSection(title="For the scenario file", blocks=(Code(text=_scenario_text(best)), note)),
         )
     return Page(
         kind="Sensor calibration",
@@ -42,7 +42,7 @@ def calibration_page(report: CalibrationReport) -> Page:
         findings=tuple(f"left out: {text}" for text in report.left_out),
         next_step="" if best is None else f'add calibration = "{name}" to the section [sensor] of a scenario file',
         lead="calibration",
-        blocks=(_picture(report), *first, *blocks, Chapter(title="Provenance", blocks=tuple(_provenance(report)))),
+        blocks=(_picture(report), *first, *blocks, PageSection(title="Provenance", blocks=tuple(_provenance(report)))),
     )
 
 
@@ -114,10 +114,10 @@ def _picture(report: CalibrationReport) -> Picture:
     return Picture(figure="calibration", of=report, name=name, caption=caption)
 
 
-def _readings(report: CalibrationReport) -> Chapter:
+def _readings(report: CalibrationReport) -> PageSection:
     head = ("", "value", "reason, source or meaning")
-    table = Rows(head=head, rows=tuple(_reading_rows(report)), wraps=True, brief=True)
-    return Chapter(title="Window, offset and noise", blocks=(table,))
+    table = PageTable(head=head, rows=tuple(_reading_rows(report)), wraps=True, brief=True)
+    return PageSection(title="Window, offset and noise", blocks=(table,))
 
 
 def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
@@ -174,7 +174,7 @@ def _given_offset(report: CalibrationReport) -> str:
     return f"{given}; larger elsewhere in its 95 % interval" if offset.is_wide else f"{given}, over all curves that fit"
 
 
-def _ranking(report: CalibrationReport) -> Chapter:
+def _ranking(report: CalibrationReport) -> PageSection:
     head = ("model", "RMSE ln \u03be", "RMSE g [1/m]", "left out, ln \u03be", "AICc", "runs p", "R\u00b2 on \u03be")
     note = (
         "Ranked by AICc. The virtual force follows from ln \u03be and its slope, so their RMS errors show how good a "
@@ -182,10 +182,10 @@ def _ranking(report: CalibrationReport) -> Chapter:
         "\u03be is for comparison with the letter; it hides a wrong offset. A small p of the runs test means that the "
         "residuals have a pattern that the curve does not follow."
     )
-    table = Rows(head=head, rows=tuple(map(_ranking_row, report.fits)), note=note, brief=True)
+    table = PageTable(head=head, rows=tuple(map(_ranking_row, report.fits)), note=note, brief=True)
     missing = tuple(f"{model}: not fitted. {reason}" for model, reason in report.not_fitted.items())
     others = Listing(items=missing, brief=True) if missing else None
-    return Chapter(title="Ranking", blocks=(table if report.fits else None, others))
+    return PageSection(title="Ranking", blocks=(table if report.fits else None, others))
 
 
 def _ranking_row(fit: SensorFit) -> Row:
@@ -200,8 +200,8 @@ def _parameters(fit: SensorFit, report: CalibrationReport | None) -> tuple[Any, 
     unit, first = "" if report is None else report.calibration.unit, report is None or fit is report.best
     rows = [_parameter_row(name, estimate, unit) for name, estimate in fit.parameters.items()]
     rows.append(_parameter_row("slope g in the middle of the window", fit.middle_slope, ""))
-    table = Rows(head=(fit.model, "value", "standard error", "95 % interval"), rows=tuple(rows), brief=first)
-    notes = (*fit.identifiable, *(w for w in fit.warnings if w not in fit.identifiable))
+    table = PageTable(head=(fit.model, "value", "standard error", "95 % interval"), rows=tuple(rows), brief=first)
+    notes = (*fit.unidentifiable, *(w for w in fit.warnings if w not in fit.unidentifiable))
     return (table, Listing(items=notes, brief=first)) if notes else (table,)
 
 
@@ -233,7 +233,7 @@ def _scenario_text(fit: SensorFit) -> str:
 
 def _provenance(report: CalibrationReport) -> Iterator[Any]:
     source = report.calibration.source
-    yield Rows(rows=tuple(_source_rows(report)), wraps=True)
+    yield PageTable(rows=tuple(_source_rows(report)), wraps=True)
     if source is not None and source.notes:
         yield Listing(items=tuple(source.notes))
 

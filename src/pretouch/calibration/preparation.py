@@ -198,7 +198,7 @@ def _reports_distance(calibration: Calibration) -> str:
     """Return the message for a sensor whose output is the distance."""
     return (
         f"The output is a distance in {calibration.unit}: this sensor reports a distance, not a signal that falls with "
-        "it. No curve is fitted: enter the curve of the law by hand, and set chain.reports_distance = true."
+        "it. No curve is fitted: enter the curve of the law by hand, and set chain.measures_distance = true."
     )
 
 
@@ -207,7 +207,7 @@ def _rising(calibration: Calibration) -> str:
     top = float(max([calibration.outputs.max(), *calibration.no_object]))
     return (
         "The output rises with distance, but a proximity signal falls. For a sensor that reports a distance, enter "
-        "its curve by hand and set chain.reports_distance = true. For inverting electronics, invert the output, for "
+        "its curve by hand and set chain.measures_distance = true. For inverting electronics, invert the output, for "
         f"example {top:g} {calibration.unit}".rstrip()
         + " minus the reading."
     )

@@ -18,7 +18,7 @@ from .data import Calibration
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SlopeKnowledge(Value):
+class SlopeUncertainty(Value):
     """The slope g and its uncertainty over all curves that fit the readings, where most of the virtual force acts.
 
     Args:
@@ -221,7 +221,7 @@ class SensorFit(Described, Value):
         runs_p_value: p-value of the runs test: chance of as few runs of equal signs in independent residuals; None if
             all have one sign.
         outliers: indices of the readings that were left out as outliers.
-        identifiable: parameters that the readings cannot distinguish, in sentences.
+        unidentifiable: parameters that the readings cannot distinguish, in sentences.
         warnings: cautions for using this fit, in sentences.
     """
 
@@ -243,7 +243,7 @@ class SensorFit(Described, Value):
     runs_p_value: float | None
     slope_shift: float = 0.0
     outliers: tuple[int, ...] = ()
-    identifiable: tuple[str, ...] = ()
+    unidentifiable: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
     page: ClassVar[str] = "pretouch.calibration.page:fit_page"
@@ -252,7 +252,7 @@ class SensorFit(Described, Value):
         """Return the fit as one JSON object: numbers in SI, None for missing values."""
         estimates = self.parameters.items()
         names = ("covariance", "middle_slope", "r_squared", "rmse_log_output", "rmse_log_slope", "aicc")
-        more = ("cross_validation", "runs_p_value", "slope_shift", "outliers", "identifiable", "warnings")
+        more = ("cross_validation", "runs_p_value", "slope_shift", "outliers", "unidentifiable", "warnings")
         fields = {
             "name": self.model,
             "parameters": {name: e.value for name, e in estimates},
@@ -295,7 +295,7 @@ class CalibrationReport(Described, Value):
     verdict: str
     reasons: tuple[str, ...]
     not_fitted: dict[str, str] = field(default_factory=dict)
-    slope: SlopeKnowledge | None = None
+    slope: SlopeUncertainty | None = None
     left_out: tuple[str, ...] = ()
     curves: AllowedCurves | None = None
 

@@ -16,7 +16,7 @@ from pretouch._core.units import format_quantity
 
 from .averaging import slope_weights
 from .preparation import Prepared
-from .result import SensorFit, SlopeKnowledge
+from .result import SensorFit, SlopeUncertainty
 
 _ALLOWED: Final = 0.15  # largest relative uncertainty of g with which a sensor is usable without reservation
 _DECISIVE: Final = 0.1  # share of the signal at the nearest distance down to which g is judged
@@ -27,7 +27,7 @@ _SURE: Final = 4.0  # standard errors of a difference that is significant
 _NORMAL: Final = 1.959964  # standard deviations from the mean to the end of a 95 % interval
 
 
-def slope_knowledge(prepared: Prepared) -> SlopeKnowledge | None:
+def slope_knowledge(prepared: Prepared) -> SlopeUncertainty | None:
     """Return the mean and the uncertainty of g over all curves that fit the readings; None with too few readings."""
     curves, used, offset = prepared.possible_curves, prepared.used, prepared.offset
     if curves is None or offset is None:
@@ -38,7 +38,7 @@ def slope_knowledge(prepared: Prepared) -> SlopeKnowledge | None:
     places = np.linspace(float(used.distance[0]), last, _PLACES)
     log_slope, error = curves.slope(places)
     worst = int(error.argmax())
-    return SlopeKnowledge(
+    return SlopeUncertainty(
         distances=places,
         slope=-np.exp(log_slope),
         uncertainty=np.expm1(_NORMAL * np.minimum(error, 10.0)),
@@ -46,7 +46,7 @@ def slope_knowledge(prepared: Prepared) -> SlopeKnowledge | None:
     )
 
 
-def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeKnowledge | None) -> list[str]:
+def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertainty | None) -> list[str]:
     """Return warnings where g is too uncertain or differs from the best model, each with what to measure."""
     if slope is None:
         return []

@@ -12,7 +12,7 @@ from pretouch._core.units import format_quantity
 from .averaging import average
 from .data import Calibration
 from .preparation import Prepared
-from .result import SensorFit, SlopeKnowledge
+from .result import SensorFit, SlopeUncertainty
 from .slope_uncertainty import slope_reservations
 
 _FEW_POINTS = 6  # number of distances below which a reservation is made
@@ -71,7 +71,7 @@ def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
     )
 
 
-def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeKnowledge | None) -> list[str]:
+def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None) -> list[str]:
     """Return the reservations about a usable signal, each with what to do about it."""
     calibration, window, used = prepared.calibration, prepared.window, prepared.used
     low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))

@@ -51,7 +51,7 @@ def sampled_drag(file: Reading, chain: SensorChain) -> VirtualDrag | None:
     values = file.values("law")
     if values is None:
         return None
-    if chain.reports_distance and chain.distance_noise > 0 and "noise" not in values:
+    if chain.measures_distance and chain.distance_noise > 0 and "noise" not in values:
         file.refuse(
             ("law", "noise"),
             "missing, expected a sensor output, because [chain] has a noise of distances, not of readings",

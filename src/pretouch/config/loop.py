@@ -65,7 +65,7 @@ def loop_fields(
         return {}
     if sensor is not None:
         refuse_curve_below_floor(file, sensor, controller.conditioning, part)
-    options = {name: settings.pop(name) for name in ("seed", "horizon", "follow")}
+    options = {name: settings.pop(name) for name in ("seed", "horizon", "follow_time")}
     loop = ClosedLoop(law=controller, chain=chain, plant=plant, contact=contact, **options)
     return {"loop": loop, "gain": values.get("gain"), "part": part, **settings}
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 from pretouch._core.units import written_unit
 from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.motion.scenario import SCENARIO_INPUTS
-from pretouch.sensors import known_curves
+from pretouch.sensors import sensor_curves
 from pretouch.uncertainty.ensemble import SAMPLINGS
 
 from .quantities import Quantity, UnfitValueError, shown
@@ -98,7 +98,7 @@ def _inputs(part: str) -> dict[str, str]:
     if part != "sensor":
         units = {tuple(name.split(".")): unit for name, unit in SCENARIO_INPUTS.items()}
         return {name: unit for (of, name), unit in units.items() if of == part}
-    parameters = [f for curve in known_curves(foreign=True).values() for f in fields(curve) if "unit" in f.metadata]
+    parameters = [f for curve in sensor_curves(foreign=True).values() for f in fields(curve) if "unit" in f.metadata]
     return {f.name: f.metadata["unit"] for f in parameters if f.metadata["of_output"] is None} | {"recess": "m"}
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from pretouch._core.errors import CalibrationDataError, InvalidInputError, PretouchError, UnitError
 from pretouch._core.units import read_quantity
-from pretouch.sensors import SensorModel, known_curves
+from pretouch.sensors import SensorModel, sensor_curves
 
 from .quantities import Quantity, UnfitValueError, output_unit
 from .section import LENGTH, REQUIRED, TAG, Key, Section, checked, declared_keys, list_of, one_of, text
@@ -40,7 +40,7 @@ def section_of_curve(curve: type[SensorModel]) -> Section:
 
 def sensor_variants(*, foreign: bool = False) -> dict[str, Section]:
     """Return the variants of [sensor]: each curve, with `foreign` also user-defined ones, and a calibration."""
-    return {name: section_of_curve(curve) for name, curve in known_curves(foreign=foreign).items()} | {
+    return {name: section_of_curve(curve) for name, curve in sensor_curves(foreign=foreign).items()} | {
         CALIBRATION: _CALIBRATED
     }
 
@@ -66,8 +66,8 @@ def _all_of_type(values: Iterable[Any], *types: type) -> bool:
 
 
 def _model(value: Any) -> str:
-    if not isinstance(value, str) or value not in known_curves(foreign=True):
-        raise UnfitValueError(one_of(value, tuple(known_curves())))
+    if not isinstance(value, str) or value not in sensor_curves(foreign=True):
+        raise UnfitValueError(one_of(value, tuple(sensor_curves())))
     return value
 
 

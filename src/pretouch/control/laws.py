@@ -188,7 +188,7 @@ def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tup
 
 
 def push_by_drag(
-    numbers: DragNumbers, state: DragState, seen: Observation, driven: DriveState
+    numbers: DragNumbers, state: DragState, observation: Observation, drive_state: DriveState
 ) -> tuple[DragState, Push]:
     """Compute the force of a virtual drag, after `observe` and before `drive`, for custom laws based on a drag.
 
@@ -198,19 +198,19 @@ def push_by_drag(
     Args:
         numbers: the result of `VirtualDrag.numbers`.
         state: the result of `VirtualDrag.start` or of the last call; it is not changed.
-        seen: the result of `observe`.
-        driven: `state.drive` before this step.
+        observation: the result of `observe`.
+        drive_state: `state.drive` before this step.
 
     Returns:
         The next state, whose `rate` is the smoothed s' [1/s], and the push of the drag.
     """
     after, push = copy_of(state), Push()
-    _drag(byref(numbers), byref(after), byref(seen), byref(driven), byref(push))
+    _drag(byref(numbers), byref(after), byref(observation), byref(drive_state), byref(push))
     return after, push
 
 
 def drive(
-    numbers: DriveNumbers, state: DriveState, seen: Observation, push: Push, sample: Sample
+    numbers: DriveNumbers, state: DriveState, observation: Observation, push: Push, sample: Sample
 ) -> tuple[DriveState, Output]:
     """Move the virtual object over one period: deliver the impulse, limit the force, integrate L(1).
 
@@ -219,7 +219,7 @@ def drive(
     Args:
         numbers: `parameters.drive` of the controller.
         state: `state.drive`; it is not changed.
-        seen: the result of `observe` in this step.
+        observation: the result of `observe` in this step.
         push: the push of the law.
         sample: the sample of this step.
 
@@ -227,7 +227,7 @@ def drive(
         The next state and the output.
     """
     after, out = copy_of(state), RawOutput()
-    _drive(byref(numbers), byref(after), byref(seen), byref(push), byref(raw_sample(sample)), byref(out))
+    _drive(byref(numbers), byref(after), byref(observation), byref(push), byref(raw_sample(sample)), byref(out))
     return after, output_of(out)
 
 

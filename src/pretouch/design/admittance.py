@@ -70,7 +70,7 @@ def design_admittance(task: Task) -> AdmittanceDesign:
         >>> design = design_admittance(task)
         >>> round(design.gain, 3), design.damping_ratio
         (-1.256, 2.0)
-        >>> round(design.objective, 4), round(design.as_it_is.objective, 4)
+        >>> round(design.objective, 4), round(design.unchanged.objective, 4)
         (0.1441, 0.1564)
     """
     if not task.is_admittance_free:
@@ -198,7 +198,7 @@ class _AdmittanceSearch:
             return None
         return float(worst.min()) if worst.min() > HELD else None
 
-    def answer(self, as_it_is: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
+    def answer(self, unchanged: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
         """Return the result from the gain designs with the unchanged and with the optimal admittance."""
         freedom, certificate = self.trials.freedom, None
         status = DesignStatus.INFEASIBLE if np.isfinite(self.rows).all(axis=1).any() else DesignStatus.NO_CONTACT
@@ -219,7 +219,7 @@ class _AdmittanceSearch:
             natural_frequency_bounds=freedom.natural_frequency,
             damping_ratio_bounds=freedom.damping_ratio,
             gain_design=chosen if status is DesignStatus.OPTIMAL else None,
-            as_it_is=as_it_is,
+            unchanged=unchanged,
             certificate=certificate,
             map=self.map(),
             best_ratio=self.best_ratio(),

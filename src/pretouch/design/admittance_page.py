@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from pretouch._core.blocks import Cell, Chapter, Measured, Page, Paragraph, Picture, Rows
+from pretouch._core.blocks import Cell, Measured, Page, PageSection, PageTable, Paragraph, Picture
 
 from .admittance_result import AdmittanceDesign
 from .page import gain_page
@@ -16,7 +16,7 @@ Row = tuple[Cell, ...]
 def admittance_page(design: AdmittanceDesign) -> Page:
     """Return the page of a design of any status: the admittance, then the page of its gain."""
     chosen = design.gain_design is not None
-    page = gain_page(design.gain_design or design.as_it_is)
+    page = gain_page(design.gain_design or design.unchanged)
     head = ("", "natural frequency", "damping ratio", design.number.label, "objective")
     evidence = tuple(_evidence(design))
     follows = Paragraph(
@@ -29,12 +29,12 @@ def admittance_page(design: AdmittanceDesign) -> Page:
         caption="The best objective over the gains for each admittance of the search grid, and the optimum, which was "
         "refined from the grid.",
     )
-    admittance = Chapter(
+    admittance = PageSection(
         title="The admittance",
         blocks=(
-            Rows(head=head, rows=tuple(_rows(design)), brief=True),
+            PageTable(head=head, rows=tuple(_rows(design)), brief=True),
             picture if design.certificate is not None else None,
-            Rows(rows=evidence, wraps=True, brief=True) if evidence else None,
+            PageTable(rows=evidence, wraps=True, brief=True) if evidence else None,
             follows,
         ),
     )
@@ -45,7 +45,7 @@ def _rows(design: AdmittanceDesign) -> Iterator[Row]:
     for i, m in enumerate(() if design.certificate is None else design.certificate.local_minima):
         cells = (Measured(m.damping_ratio), Measured(m.gain, design.number.unit), Measured(m.objective))
         yield "local minimum" if i else "optimal", Measured(m.natural_frequency, "rad/s"), *cells
-    before = design.as_it_is
+    before = design.unchanged
     unchanged = before.scenario.admittance
     ratio = Measured(float(unchanged.damping_ratio) if unchanged.stiffness > 0 else None)
     cells = (ratio, Measured(before.gain, design.number.unit), Measured(before.objective))

@@ -92,7 +92,7 @@ class AdmittanceDesign(Answer):
         natural_frequency_bounds: bounds of the natural frequency [rad/s]; None if it is not free.
         damping_ratio_bounds: bounds of the damping ratio; None if it is not free.
         gain_design: the design of the gain at the optimal admittance, with its evidence; None unless optimal.
-        as_it_is: the design of the gain with the admittance of the scenario.
+        unchanged: the design of the gain with the admittance of the scenario.
         certificate: evidence that the design is the global optimum; None unless optimal.
         map: the best objective over admittances.
         best_ratio: if infeasible, the smallest value on the grid of the largest ratio |quantity| / limit; else None.
@@ -103,7 +103,7 @@ class AdmittanceDesign(Answer):
     natural_frequency_bounds: tuple[float, float] | None
     damping_ratio_bounds: tuple[float, float] | None
     gain_design: GainDesign | None
-    as_it_is: GainDesign
+    unchanged: GainDesign
     certificate: AdmittanceCertificate | None
     map: AdmittanceMap
     best_ratio: float | None
@@ -155,11 +155,11 @@ class AdmittanceDesign(Answer):
         document = {
             **{name: getattr(self, name) for name in (*names, "best_ratio")},
             **{name: getattr(chosen, name, None) for name in ("mass", "damping", "stiffness")},
-            "as_it_is": {"gain": self.as_it_is.gain, "objective": self.as_it_is.objective},
+            "unchanged": {"gain": self.unchanged.gain, "objective": self.unchanged.objective},
             "certificate": self.certificate,
             "map": {f.name: getattr(self.map, f.name).reshape(-1) for f in fields(self.map)},
         }
-        gain = (self.gain_design or self.as_it_is).to_dict()
+        gain = (self.gain_design or self.unchanged).to_dict()
         return {**gain, "status": self.status.value, "admittance": plain(document)}
 
     @property
@@ -176,8 +176,8 @@ class AdmittanceDesign(Answer):
             f"Optimal admittance: natural frequency {format_quantity(self.natural_frequency or 0.0, 'rad/s')}, damping "
             f"ratio {self.damping_ratio:.4g}, with {self.number.equals(self.gain or 0.0)}."
         )
-        if self.as_it_is.objective is not None:
-            change = 100 * (self.objective / self.as_it_is.objective - 1)
+        if self.unchanged.objective is not None:
+            change = 100 * (self.objective / self.unchanged.objective - 1)
             than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
             return f"{text} The objective {self.objective:.4g} is {than} with the unchanged admittance."
         return f"{text} The objective is {self.objective:.4g}; with the unchanged admittance no gain is feasible."

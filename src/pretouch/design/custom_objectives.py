@@ -31,7 +31,7 @@ AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OwnObjective(Objective):
+class CustomObjective(Objective):
     """Wrapper of a user-defined objective: an object with `value`, or a function of the state at contact.
 
     Its parts are those that the object's method `parts` returns, if they add up to the value; otherwise it has none.
@@ -88,7 +88,7 @@ def as_objective(given: AnyObjective) -> Objective:
             same arguments for reports; or a function of the state at contact.
 
     Returns:
-        The objective itself if it is a plain sum of terms, otherwise an OwnObjective that wraps it.
+        The objective itself if it is a plain sum of terms, otherwise a CustomObjective that wraps it.
 
     Raises:
         InvalidInputError: the argument is none of these.
@@ -99,14 +99,14 @@ def as_objective(given: AnyObjective) -> Objective:
         >>> as_objective(gentle).name
         'gentle'
     """
-    if type(given) is OwnObjective or (type(given) is Objective and all(type(t) is Term for t in given.terms)):
+    if type(given) is CustomObjective or (type(given) is Objective and all(type(t) is Term for t in given.terms)):
         return given
     if isinstance(given, type) or not (callable(getattr(given, "value", None)) or callable(given)):
         raise InvalidInputError(
             f"objective: found {given!r}, expected an Objective, an object with value(state, obstacle_speed, impact), "
             "or a function of the state at contact"
         )
-    return OwnObjective(name=_name_of(given), given=given)
+    return CustomObjective(name=_name_of(given), given=given)
 
 
 def appraise(
@@ -118,7 +118,7 @@ def appraise(
 ) -> FloatArray:
     """Evaluate an objective, infinite without contact; raise an error if a user-defined one is negative or NaN."""
     value = objective.value(state, obstacle_speed, impact)
-    if type(objective) is OwnObjective:
+    if type(objective) is CustomObjective:
         wrong = np.asarray(reached) & ~(value >= 0)
         if wrong.any():
             time = np.broadcast_to(np.asarray(state.time), wrong.shape)[wrong]

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Chapter, Measured, Paragraph, Picture, Rows
+from pretouch._core.blocks import Cell, Measured, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.units import format_range, pretty_unit
 from pretouch.motion import LawNumber
 from pretouch.motion.page_sections import solved_on
@@ -28,7 +28,7 @@ _PLACES: Final = {
 }
 
 
-def evidence_section(design: GainDesign) -> Chapter:
+def evidence_section(design: GainDesign) -> PageSection:
     """Return the section with the evidence that a gain is optimal."""
     certificate = design.certificate
     note = "The scan covers the whole range, so the optimum does not depend on a starting point."
@@ -37,13 +37,13 @@ def evidence_section(design: GainDesign) -> Chapter:
             " The impulse balance is an identity of the equations of motion L(1) and L(2) for every sensor curve: it "
             "certifies the motion."
         )
-    table = Rows(rows=tuple(_certificate_rows(design)), wraps=True, brief=certificate is not None, note=note)
+    table = PageTable(rows=tuple(_certificate_rows(design)), wraps=True, brief=certificate is not None, note=note)
     minima = () if certificate is None or len(certificate.local_minima) < 2 else certificate.local_minima
-    others = Rows(
+    others = PageTable(
         head=(f"local minimum at {design.number.symbol}", "objective"),
         rows=tuple((Measured(gain, design.number.unit), Measured(value, "", 5)) for gain, value in minima),
     )
-    return Chapter(title="Evidence", titled=True, blocks=(table, others if minima else None))
+    return PageSection(title="Evidence", titled=True, blocks=(table, others if minima else None))
 
 
 def _certificate_rows(design: GainDesign) -> Iterator[Row]:
@@ -83,7 +83,7 @@ def ideal_in_words(ideal: IdealDesign, number: LawNumber) -> str:
     return text if ideal.feasible else text + " and exceeds a limit"
 
 
-def sensitivity_section(design: GainDesign) -> Chapter:
+def sensitivity_section(design: GainDesign) -> PageSection:
     """Return the section with the sensitivities of the optimal gain, largest first."""
     ranked = sorted(design.sensitivities, key=lambda s: abs(s.gain_change_per_percent), reverse=True)
     largest = max(abs(s.gain_change_per_percent) for s in ranked)
@@ -96,11 +96,11 @@ def sensitivity_section(design: GainDesign) -> Chapter:
             derivative = f"{s.gain_derivative:.4g} {per_unit}".replace("*", " ").replace("^2", "\u00b2")
             rows.append((f"`{s.name}`", Measured(s.value, s.unit), change, derivative))
     if not rows:
-        return Chapter(title=_SENSITIVITY, titled=True, blocks=(Paragraph(text=_INSENSITIVE, brief=True),))
+        return PageSection(title=_SENSITIVITY, titled=True, blocks=(Paragraph(text=_INSENSITIVE, brief=True),))
     note = "Inputs without influence are omitted. One is the scale of the sensor, which cancels in \u03be\u2032/\u03be."
     caption = f"Change of the optimal {n.name} if the magnitude of an input grows by 1 %; striped: "
     caption += "less negative." if n.sign < 0 else "more positive."
     picture = Picture(figure="sensitivity", of=design, name=f"Sensitivity of the optimal {n.name}", caption=caption)
     head = ("input", "value", f"{n.name} change per +1 %", f"d{n.symbol} / d input")
-    table = Rows(head=head, rows=tuple(rows), note=note, brief=True)
-    return Chapter(title=_SENSITIVITY, titled=True, blocks=(picture, table))
+    table = PageTable(head=head, rows=tuple(rows), note=note, brief=True)
+    return PageSection(title=_SENSITIVITY, titled=True, blocks=(picture, table))

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Chapter, Measured, Named, Page, Paragraph, Picture, Rows, named
+from pretouch._core.blocks import Cell, Measured, Named, Page, PageSection, PageTable, Paragraph, Picture, named
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import QUANTITIES, words_for
@@ -16,7 +16,7 @@ from pretouch.motion.contact import ContactState
 from pretouch.motion.page_sections import inputs_section, method_section, scenario_rows, sensor_rows, solved_on
 
 from .certificate import ACTIVE, ConstraintOutcome, DesignStatus
-from .custom_objectives import OwnObjective
+from .custom_objectives import CustomObjective
 from .drag.alternative import drag_alternative
 from .evidence_page import evidence_section, sensitivity_section
 from .gain import GainDesign
@@ -62,7 +62,7 @@ def task_page(task: Task) -> Page:
     if task.bounds is not None:
         rows.append((f"bounds of {number.label}", format_range(task.bounds, number.unit)))
     rows += [(f"limit: {words_for(c.quantity)}", Measured(c.limit, c.unit)) for c in task.limits]
-    table = Rows(rows=(*rows, *scenario_rows(task.scenario), *sensor_rows(task.sensor)), brief=True)
+    table = PageTable(rows=(*rows, *scenario_rows(task.scenario), *sensor_rows(task.sensor)), brief=True)
     loop = "" if task.loop is None else ", on a sampled loop"
     return Page(kind="Task", headline=f"Task for one encounter{loop}", blocks=(table,))
 
@@ -137,7 +137,7 @@ def _next_step(design: GainDesign) -> str:
     return f"{describe}run `pretouch verify` to check the gain on the sampled loop"
 
 
-def _contact(design: GainDesign) -> Chapter:
+def _contact(design: GainDesign) -> PageSection:
     run = _displayed_result(design)
     runs = [r for r in (design.no_mitigation, run) if r is not None]
     head: Row = ("", "without mitigation")
@@ -149,8 +149,8 @@ def _contact(design: GainDesign) -> Chapter:
         'l\u2032, and mitigation moves the plant toward negative x. "Largest" means over the whole motion until '
         "contact. Changes compare magnitudes."
     )
-    table = Rows(head=head, rows=tuple(_contact_rows(runs, design.impact)), note=note, brief=True)
-    return Chapter(title="The contact", blocks=(table,))
+    table = PageTable(head=head, rows=tuple(_contact_rows(runs, design.impact)), note=note, brief=True)
+    return PageSection(title="The contact", blocks=(table,))
 
 
 def _contact_rows(runs: list[ContactResult], impact: ImpactModel | None) -> Iterator[Row]:
@@ -180,10 +180,10 @@ def _change(before: float, value: float) -> str:
     return f"{100 * (abs(value) / abs(before) - 1):+.1f} %"
 
 
-def _constraints(design: GainDesign) -> Chapter:
+def _constraints(design: GainDesign) -> PageSection:
     head = ("constraint", "value", "limit", "margin", "state", "smallest value of any gain")
     rows = tuple(_constraint_row(o, design.number) for o in design.constraints)
-    return Chapter(title="Constraints", blocks=(Rows(head=head, rows=rows, brief=True),))
+    return PageSection(title="Constraints", blocks=(PageTable(head=head, rows=rows, brief=True),))
 
 
 def _constraint_row(o: ConstraintOutcome, number: LawNumber) -> Row:
@@ -197,8 +197,8 @@ def _constraint_row(o: ConstraintOutcome, number: LawNumber) -> Row:
     return o.name, *(Measured(v, o.unit) for v in (o.value, o.limit, o.margin)), state, least
 
 
-def _trade_off(design: GainDesign) -> Chapter:
-    itemized = bool(design.objective_parts or not isinstance(design.definition, OwnObjective))
+def _trade_off(design: GainDesign) -> PageSection:
+    itemized = bool(design.objective_parts or not isinstance(design.definition, CustomObjective))
     caption = (
         f"Left: {'the objective and its terms' if itemized else 'the objective'} over the searched range of gains; "
         "hatched gains exceed the named limit or end without contact. Right: the resulting contact of each gain."
@@ -211,12 +211,12 @@ def _trade_off(design: GainDesign) -> Chapter:
     if not design.trade_off.reached.any():
         caption = "Closest distance over the gain."
     name = "Objective over the gain, and relative velocity at contact over the quantity it is traded for"
-    custom = isinstance(design.definition, OwnObjective)
+    custom = isinstance(design.definition, CustomObjective)
     formula = (
         "Each term is weight \u00d7 (quantity / typical value)\u00b2, as in the letter's objectives L(20) and L(22)."
     )
     note = _CUSTOM_OBJECTIVE if custom else formula
-    terms = Rows(
+    terms = PageTable(
         head=("term of the objective", "typical value", "weight", "value"),
         rows=(
             *_valued_terms(design),
@@ -226,12 +226,12 @@ def _trade_off(design: GainDesign) -> Chapter:
         brief=design.objective is not None,
     )
     picture = Picture(figure="trade_off", of=design, name=name, caption=caption)
-    return Chapter(title="The trade-off", blocks=(picture, terms))
+    return PageSection(title="The trade-off", blocks=(picture, terms))
 
 
 def _valued_terms(design: GainDesign) -> Iterator[Row]:
     definition, result = design.definition, design.result
-    if isinstance(definition, OwnObjective):
+    if isinstance(definition, CustomObjective):
         for name, part in design.objective_parts.items():
             yield words_for(name), "", "", Measured(part)
         return
@@ -242,7 +242,7 @@ def _valued_terms(design: GainDesign) -> Iterator[Row]:
 
 def objective_rows(objective: Objective) -> Iterator[Row]:
     """Yield quantity, typical value and weight of each term; one row for a user-defined objective."""
-    if isinstance(objective, OwnObjective):
+    if isinstance(objective, CustomObjective):
         yield f"{objective.name}: a user-defined objective", "", ""
         return
     for term in objective.terms:
@@ -265,11 +265,11 @@ def shows_equals(design: GainDesign) -> bool:
     return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
 
 
-def _motion(design: GainDesign) -> Chapter:
+def _motion(design: GainDesign) -> PageSection:
     caption = "The motion until contact (dot), with the optimal gain and without mitigation. Dotted lines are limits."
     name = "Distance, position, relative velocity and virtual force over time"
     caption += _MOTION_NOTES.get(solved_on(design), "")
-    return Chapter(title="The motion", blocks=(Picture(figure="motion", of=design, name=name, caption=caption),))
+    return PageSection(title="The motion", blocks=(Picture(figure="motion", of=design, name=name, caption=caption),))
 
 
 _FORCE_LAWS: Final = {
@@ -288,7 +288,7 @@ _FORCE_LAWS: Final = {
 """By the law's power of s' = g l': the force law, the name of its coefficient, the factor on the gain at half slope."""
 
 
-def _gain_and_sensor(design: GainDesign) -> Chapter | None:
+def _gain_and_sensor(design: GainDesign) -> PageSection | None:
     """Return the section with the coefficient of the force law, the product of gain and sensor slope."""
     run, n, power = _displayed_result(design), design.number, design.problem.task.law.degree
     if run is None or power not in _FORCE_LAWS:
@@ -307,8 +307,8 @@ def _gain_and_sensor(design: GainDesign) -> Chapter | None:
         "the output lowers g and weakens the force."
     )
     head = ("distance", n.label, "sensor slope g", coefficient)
-    table = Rows(head=head, rows=tuple(rows), note=note, brief=True)
-    return Chapter(title="Gain and sensor together", blocks=(table,)) if rows else None
+    table = PageTable(head=head, rows=tuple(rows), note=note, brief=True)
+    return PageSection(title="Gain and sensor together", blocks=(table,)) if rows else None
 
 
 def _searched(design: GainDesign) -> Iterator[Row]:

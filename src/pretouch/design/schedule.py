@@ -27,7 +27,7 @@ from pretouch._core.values import Value
 from pretouch.motion.drag_path import NODES, WEIGHTS, so_far
 from pretouch.sensors import SensorModel
 
-from .drag import DragDesign, DragRails, drag_by, predict_drag
+from .drag import DragDesign, DragLimits, drag_by, predict_drag
 
 _PIECES: Final = 48  # smallest number of quadrature intervals over the range of s
 _BETWEEN: Final = 4  # reflectance intervals between two kinks; at a kink, a step's border is at detection or contact
@@ -69,7 +69,7 @@ class DragSchedule(Value):
     excursion: FloatArray
     peak: FloatArray
     constant: DragDesign
-    rails: DragRails
+    rails: DragLimits
     lower_bound: float
 
     @property
@@ -117,7 +117,7 @@ def schedule_drag(
     ratio: float,
     reflectance: tuple[float, float] = (0.5, 2.0),
     monotone: bool = True,
-    rails: DragRails | tuple[float, float] = (0.5, 2.0),
+    rails: DragLimits | tuple[float, float] = (0.5, 2.0),
     steps: int = 48,
 ) -> DragSchedule:
     """Find the schedule phi(s), s = ln xi, that minimizes the largest excursion over a range of reflectance.
@@ -184,12 +184,12 @@ def _pair(value: tuple[float, float], name: str) -> FloatArray:
     return pair
 
 
-def _rails(constant: DragDesign, rails: DragRails | tuple[float, float]) -> DragRails:
+def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> DragLimits:
     """Return the rails; raise an error unless the constant drag lies between them."""
-    if not isinstance(rails, DragRails):
+    if not isinstance(rails, DragLimits):
         drags = [float(factor * constant.drag) for factor in _pair(rails, "rails")]
         weak, strong = (predict_drag(constant.sensor, constant.detection_distance, constant.mass, d) for d in drags)
-        rails = DragRails(weak=weak, strong=strong)
+        rails = DragLimits(weak=weak, strong=strong)
     rail, design = ((d.sensor, d.mass, d.detection_distance) for d in (rails.weak, constant))
     if rail != design:
         raise InvalidInputError(
@@ -267,7 +267,7 @@ def _split_paths(constant: DragDesign, borders: FloatArray, offsets: FloatArray)
     return _Paths(step, width / 2, strength, _by_step(step, whole, steps))
 
 
-def _search(paths: _Paths, rails: DragRails, constant: DragDesign, *, monotone: bool) -> tuple[FloatArray, float]:
+def _search(paths: _Paths, rails: DragLimits, constant: DragDesign, *, monotone: bool) -> tuple[FloatArray, float]:
     """Return phi on the steps relative to the constant drag, and the lower bound of the largest excursion [m]."""
     from scipy.optimize import linprog  # noqa: PLC0415 - keeps `import pretouch` fast
 

@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import Any, ClassVar, Final, TypeAlias
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Chapter, Described, Rows
+from pretouch._core.blocks import Described, PageSection, PageTable
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
 
@@ -125,7 +125,7 @@ class Reproduction(Value):
     parameters: tuple[Parameter, ...]
     comparisons: tuple[Printed, ...] = ()
     findings: tuple[Finding, ...] = ()
-    tables: tuple[Chapter, ...] = ()
+    tables: tuple[PageSection, ...] = ()
     caption: str
     numbers: Mapping[str, Any]
     id: str = ""
@@ -241,10 +241,12 @@ def finding(number: int, title: str, place: str, statement: str, *steps: tuple[A
     return Finding(number, title, place, statement, tuple(Step(*step) for step in steps))
 
 
-def readings(title: str, columns: Mapping[str, tuple[Iterable[Any], str]], note: str = "") -> Chapter:
+def readings(title: str, columns: Mapping[str, tuple[Iterable[Any], str]], note: str = "") -> PageSection:
     """Make a table of numbers; each column has a head, its values and their format."""
     cells = ([format(value, form) for value in values] for values, form in columns.values())
-    return Chapter(title=title, blocks=(Rows(head=tuple(columns), rows=tuple(zip(*cells, strict=True)), note=note),))
+    return PageSection(
+        title=title, blocks=(PageTable(head=tuple(columns), rows=tuple(zip(*cells, strict=True)), note=note),)
+    )
 
 
 def _fields(thing: object, *names: str) -> dict[str, Any]:

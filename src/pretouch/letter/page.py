@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from pretouch._core.blocks import Cell, Chapter, Code, Download, Listing, Page, Paragraph, Picture, Rows
+from pretouch._core.blocks import Cell, Code, Download, Listing, Page, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.files import as_json
 from pretouch._core.units import pretty_unit
 from pretouch.motion.page_sections import method_section
@@ -57,23 +57,23 @@ def letter_page(report: LetterReport) -> Page:
         warnings=tuple(_failures(report)),
         blocks=(
             _overview(report) if parts else None,
-            Chapter(title="Findings", anchor="findings", titled=True, blocks=chapters) if findings else None,
-            Chapter(title="Printed numbers that disagree", titled=True, blocks=(disagreements,)) if off else None,
+            PageSection(title="Findings", anchor="findings", titled=True, blocks=chapters) if findings else None,
+            PageSection(title="Printed numbers that disagree", titled=True, blocks=(disagreements,)) if off else None,
             *map(_part, parts),
-            Chapter(title="All numbers", anchor="all-numbers", blocks=(numbers, Paragraph(text=_DATA))),
+            PageSection(title="All numbers", anchor="all-numbers", blocks=(numbers, Paragraph(text=_DATA))),
             method_section(_METHOD, others=legend),
         ),
     )
 
 
-def _overview(report: LetterReport) -> Rows:
+def _overview(report: LetterReport) -> PageTable:
     """Return a table that counts the verdicts of each part, with links; zeros are omitted."""
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
         for r in report.reproductions
     ]
     total = ("all", *(str(count or "") for count in report.counts.values()))
-    return Rows(head=("", *(a.words for a in Agreement)), rows=(*rows, total), brief=True)
+    return PageTable(head=("", *(a.words for a in Agreement)), rows=(*rows, total), brief=True)
 
 
 def _title(finding: Finding) -> str:
@@ -109,17 +109,17 @@ def _disagreement(part: Reproduction, c: Printed) -> str:
     return f"[{part.id}](#part-{part.id}), {c.name} ({c.place}): {numbers}: {c.reason or 'NO REASON KNOWN'}"
 
 
-def _finding(finding: Finding, part: Reproduction) -> Chapter:
+def _finding(finding: Finding, part: Reproduction) -> PageSection:
     state = Agreement.AGREES if finding.holds else Agreement.DISAGREES
     origin = f"{state.shape} {_state(finding)}. {finding.place}; computed with [{part.title}](#part-{part.id})."
-    steps = Rows(rows=tuple((step.name, str(step)) for step in finding.evidence), wraps=True)
+    steps = PageTable(rows=tuple((step.name, str(step)) for step in finding.evidence), wraps=True)
     blocks = (Paragraph(text=finding.statement), Paragraph(text=origin, quiet=True), steps)
-    return Chapter(title=f"{finding.id}. {_title(finding)}", anchor=f"finding-{finding.id}", blocks=blocks)
+    return PageSection(title=f"{finding.id}. {_title(finding)}", anchor=f"finding-{finding.id}", blocks=blocks)
 
 
-def _part(part: Reproduction) -> Chapter:
+def _part(part: Reproduction) -> PageSection:
     links = "; ".join(f"[{f.id}. {_title(f)}](#finding-{f.id})" for f in part.findings)
-    inputs = Rows(
+    inputs = PageTable(
         head=("input", "symbol", "value", "place"),
         rows=tuple(
             (p.name.replace("_", " "), p.symbol, f"{p.printed} {pretty_unit(p.unit)}".strip(), p.place)
@@ -130,18 +130,18 @@ def _part(part: Reproduction) -> Chapter:
     blocks = (
         Paragraph(text=part.summary),
         Paragraph(text=f"Findings: {links}", quiet=True) if links else None,
-        Chapter(title="Inputs, as printed in the letter", blocks=(inputs,)) if part.parameters else None,
-        Chapter(title="Printed and computed numbers", blocks=tuple(_comparison_blocks(part)))
+        PageSection(title="Inputs, as printed in the letter", blocks=(inputs,)) if part.parameters else None,
+        PageSection(title="Printed and computed numbers", blocks=tuple(_comparison_blocks(part)))
         if part.comparisons
         else None,
         *part.tables,
         picture,
         Code(text=part.code, title="Complete program of this figure"),
     )
-    return Chapter(title=f"{part.place}: {part.title}", anchor=f"part-{part.id}", blocks=blocks)
+    return PageSection(title=f"{part.place}: {part.title}", anchor=f"part-{part.id}", blocks=blocks)
 
 
-def _comparison_blocks(part: Reproduction) -> Iterator[Rows | Listing | Paragraph]:
+def _comparison_blocks(part: Reproduction) -> Iterator[PageTable | Listing | Paragraph]:
     """Yield the table of printed and computed numbers, then each reason with the numbers that it explains."""
     head = ("number", "place", "printed", "computed", "difference", "range over input rounding", "verdict")
     rows = [
@@ -152,7 +152,7 @@ def _comparison_blocks(part: Reproduction) -> Iterator[Rows | Listing | Paragrap
         for c in part.comparisons
     ]
     shown = [i for i in range(len(head)) if i != 5 or any(c.over_inputs for c in part.comparisons)]
-    yield Rows(head=tuple(head[i] for i in shown), rows=tuple(tuple(row[i] for i in shown) for row in rows))
+    yield PageTable(head=tuple(head[i] for i in shown), rows=tuple(tuple(row[i] for i in shown) for row in rows))
     names: dict[str, list[str]] = {}
     for c in part.comparisons:
         if c.reason or c.unexplained:

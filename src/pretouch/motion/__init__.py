@@ -2,7 +2,7 @@
 
 from .bodies import Obstacle, Plant, Reference, Stretch
 from .contact import ContactResult, ContactState, Motion
-from .custom_law import OwnLaw
+from .custom_law import CustomLaw
 from .evaluator import find_contact, solve_motion
 from .gradients import ContactGradients
 from .laws import DAMPER, DRAG, ContinuousLaw, LawNumber
@@ -20,10 +20,10 @@ __all__ = [
     "ContactState",
     "ContactStatus",
     "ContinuousLaw",
+    "CustomLaw",
     "LawNumber",
     "Motion",
     "Obstacle",
-    "OwnLaw",
     "Plant",
     "Reference",
     "Scenario",

@@ -37,7 +37,7 @@ def _unknown_damping(value: Any, slope: Any, relative_velocity: Any) -> Any:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OwnLaw(Value):
+class CustomLaw(Value):
     """A custom `ContinuousLaw`: any force F of s = ln xi, its rate s' = g(l) l' and one number.
 
     The motion of the admittance L(1), M x~'' + D x~' + K x~ = F, is integrated in time by SciPy's LSODA, which handles
@@ -46,18 +46,18 @@ class OwnLaw(Value):
     |M dx~' + D dx~ + K int x~ dt - int F dt - int H dt| relative to the largest of these terms. H is the part of the
     pull that is switched off. The integrals are computed independently of the integration.
 
-    A run ends as `NEVER` if everything is at rest. With `holds_off` it also ends as `NEVER` if no later approach is
-    possible: the object does not approach, a_o >= 0, and F at s' = 0 is at most M a_o at all tested larger distances.
-    Other runs without contact end at the horizon. `settling_distance` is NaN if it is unknown.
+    A run ends as `NEVER` if everything is at rest. With `suspends_admittance` it also ends as `NEVER` if no later
+    approach is possible: the object does not approach, a_o >= 0, and F at s' = 0 is at most M a_o at all
+    tested larger distances. Other runs without contact end at the horizon. `settling_distance` is NaN if it is unknown.
 
     Args:
         kind: its name in files and on pages.
         number: description of the number that a design chooses.
         force: function of a value of the number, s, and s' [1/s], all floats, that returns F [N].
         damping: function of a value, g [1/m] and l' [m/s], floats or arrays, that returns dF/dl' [N s/m], or None.
-        holds_off: whether the admittance's pull toward the object is switched off while the object approaches, as for a
-            virtual drag (docs/drag.md). Then M x~'' = F - max(K x~ + D x~', 0) for l' < 0. If the pull would cause a
-            new approach as soon as it acts again, the plant keeps the distance, l' = 0.
+        suspends_admittance: whether the admittance's pull toward the object is switched off while the object
+            approaches, as for a virtual drag (docs/drag.md). Then M x~'' = F - max(K x~ + D x~', 0) for l' < 0. If the
+            pull would cause a new approach as soon as it acts again, the plant keeps the distance, l' = 0.
 
     Valid for:
         A plant that follows the virtual object exactly and a sensor without delay. If an integration step needs the
@@ -65,11 +65,12 @@ class OwnLaw(Value):
         passes; a run that would have to stay at a jump is `UNRESOLVED`.
 
     Examples:
-        >>> from pretouch.motion import Admittance, LawNumber, Obstacle, OwnLaw, find_contact
+        >>> from pretouch.motion import Admittance, LawNumber, Obstacle, CustomLaw, find_contact
         >>> from pretouch.sensors import InversePower
         >>> def cubic(value, s, rate):
         ...     return -value * max(rate, 0.0) ** 3
-        >>> law = OwnLaw(kind="cubic", number=LawNumber("cube", "c", "N*s^3", 1), force=cubic, holds_off=True)
+        >>> cube = LawNumber("cube", "c", "N*s^3", 1)
+        >>> law = CustomLaw(kind="cubic", number=cube, force=cubic, suspends_admittance=True)
         >>> scenario = Scenario(
         ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         ...     obstacle=Obstacle(position=0.0422, velocity=np.array([-0.1, -0.3])),
@@ -84,7 +85,7 @@ class OwnLaw(Value):
     degree: ClassVar[int | None] = None
     force: Callable[[float, float, float], float]
     damping: Any = field(default=None, metadata={"takes": "Callable | None"})
-    holds_off: bool = False
+    suspends_admittance: bool = False
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -136,7 +137,7 @@ class OwnLaw(Value):
         columns, values = request.part(slice(None))
         reference = np.broadcast_to(request.scenario.reference.position, request.shape).reshape(-1)
         encounters = np.column_stack([columns, reference, values]).tolist()
-        options: Any = {"holds_off": self.holds_off, "horizon": request.horizon}
+        options: Any = {"suspends_admittance": self.suspends_admittance, "horizon": request.horizon}
         return [
             CustomLawRun(RelativeEncounter(*row), request.sensor, self.force, self.kind, **options)
             for row in encounters

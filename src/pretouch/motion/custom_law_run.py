@@ -74,7 +74,7 @@ class CustomLawRun:
         sensor: the sensor curve.
         force: function of the law's number, s and s' that returns F [N].
         kind: name of the law, for messages.
-        holds_off: whether the admittance's pull is switched off in an approach.
+        suspends_admittance: whether the admittance's pull is switched off in an approach.
         horizon: longest time that is integrated [s].
 
     Attributes:
@@ -88,10 +88,16 @@ class CustomLawRun:
         force: Callable[[float, float, float], Any],
         kind: str,
         *,
-        holds_off: bool,
+        suspends_admittance: bool,
         horizon: float,
     ) -> None:
-        self.encounter, self.sensor, self.force, self.kind, self.holds_off = encounter, sensor, force, kind, holds_off
+        self.encounter, self.sensor, self.force, self.kind, self.suspends_admittance = (
+            encounter,
+            sensor,
+            force,
+            kind,
+            suspends_admittance,
+        )
         low, high = sensor.valid_range
         self.low, self.high = max(low, 0.0), high
         self.borders = (self.low, *(k for k in sensor.knots if k > self.low), self.high)
@@ -134,7 +140,7 @@ class CustomLawRun:
         """Return the part of the pull K x~ + D x~' that acts [N]."""
         if course == _ALONG:
             return force - self.encounter.mass * self.encounter.a
-        return np.maximum(pull, 0.0) if self.holds_off and course == _APPROACH else pull
+        return np.maximum(pull, 0.0) if self.suspends_admittance and course == _APPROACH else pull
 
     def _integrate(self, horizon: float) -> ContactStatus:
         """Integrate piece by piece and return the status at the end."""
@@ -192,7 +198,7 @@ class CustomLawRun:
         if course == _ALONG and g.v == g.a == u == 0:
             self.settling = distance
             return True
-        if not self.holds_off or g.a < 0:
+        if not self.suspends_admittance or g.a < 0:
             return False
         probes = np.geomspace(distance, max(min(self.high, _AHEAD * distance), distance), _PROBES)
         if (self._forces(probes, np.zeros(_PROBES)) > g.mass * g.a).any():
@@ -236,7 +242,7 @@ class CustomLawRun:
             if course == _ALONG:
                 return u, g.a
             force, pull = self._force(self._distance(t, x), self._speed(t, u)), g.stiffness * x + g.damping * u
-            return u, (force - (max(pull, 0.0) if self.holds_off and course == _APPROACH else pull)) / g.mass
+            return u, (force - (max(pull, 0.0) if self.suspends_admittance and course == _APPROACH else pull)) / g.mass
 
         options = {"rtol": _TOLERANCE, "atol": _TOLERANCE / 100 * (g.p - g.x0), "dense_output": True}
         try:

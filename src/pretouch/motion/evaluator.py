@@ -72,7 +72,7 @@ def find_contact(
         sensor: the sensor curve; its scale has no effect.
         gain: the law's number, such as D_p [N s] of the virtual damper, where negative gains mitigate; it broadcasts
             with the scenario. Or a sampled law such as `pretouch.control.VirtualDrag(...)`, which contains its number.
-        law: the law in continuous time, or its name: "virtual-damper" (L(2)), "virtual-drag" (`Drag`), or an OwnLaw.
+        law: the law in continuous time, or its name: "virtual-damper" (L(2)), "virtual-drag" (`Drag`), or a CustomLaw.
         method: for the virtual damper: "closed-form" (L(10), constant slope only), "integration" (any curve),
             "uniform-motion" (L(16)-(19)), or "auto": the closed form for a constant slope, else integration. The
             uniform motion is one particular motion of the second-order exponential curve. It does not start from the

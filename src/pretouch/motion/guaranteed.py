@@ -35,7 +35,7 @@ def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[F
     """Solve m encounters of a request, selected by indices, or all of them, by its method.
 
     Returns:
-        Rows of layout.COLUMNS, shape (m, 15), and the numbers of ContactStatus, shape (m,).
+        PageTable of layout.COLUMNS, shape (m, 15), and the numbers of ContactStatus, shape (m,).
     """
     if request.many is not None:
         return _curve_by_curve(request, request.many, np.arange(request.size) if which is None else which)

@@ -54,11 +54,11 @@ class LawNumber(NamedTuple):
         return "positive" if self.sign > 0 else "negative"
 
     @property
-    def glyph(self) -> str:
+    def plot_symbol(self) -> str:
         """The symbol in a plot, such as "D\u209a"."""
         return self.symbol.replace("_p", "\u209a")
 
-    def drawn(self, value: float, digits: str = ".4g") -> str:
+    def plot_text(self, value: float, digits: str = ".4g") -> str:
         """Return a value with its unit for a plot, such as "-0.7 N s"."""
         return f"{value:{digits}} {pretty_unit(self.unit)}"
 
@@ -67,14 +67,15 @@ class LawNumber(NamedTuple):
 class ContinuousLaw(Protocol):
     """A law in continuous time, without sampling, for designs and predictions.
 
-    `DAMPER` and `DRAG` are the built-in laws; `OwnLaw` makes a law of any force.
+    `DAMPER` and `DRAG` are the built-in laws; `CustomLaw` makes a law of any force.
 
     Attributes:
         kind: its name in files and on pages.
         number: description of the number that a design chooses.
         degree: d if the force is proportional to the number times s'^d, with s' = d(ln xi)/dt; else None.
 
-    A law that switches off the admittance's pull during an approach, such as the drag, has the attribute `holds_off`.
+    A law that switches off the admittance's pull during an approach, such as the drag, has the attribute
+    `suspends_admittance`.
     """
 
     @property
@@ -199,7 +200,7 @@ class Drag:
     kind: ClassVar[str] = "virtual-drag"
     number: ClassVar[LawNumber] = LawNumber("drag", "\u03c6", "N*s^2", 1)
     degree: ClassVar[int] = 2
-    holds_off: ClassVar[bool] = True
+    suspends_admittance: ClassVar[bool] = True
 
     def __reduce__(self) -> str:
         return "DRAG"
@@ -269,6 +270,6 @@ def continuous_law(law: Any) -> ContinuousLaw:
         name = repr(law) if isinstance(law, str) else type(law).__name__
         raise InvalidInputError(
             f"law: found {name}, which is no law in continuous time, expected one of "
-            f"{', '.join(LAWS)}, an OwnLaw, or a sampled law whose attribute `continuous` names one of these"
+            f"{', '.join(LAWS)}, a CustomLaw, or a sampled law whose attribute `continuous` names one of these"
         )
     return continuous_law(sampled)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pretouch._core.blocks import Measured, Page, Picture, Rows, named
+from pretouch._core.blocks import Measured, Page, PageTable, Picture, named
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import QUANTITIES
 
@@ -22,7 +22,9 @@ def scenario_page(scenario: Scenario) -> Page:
     speed, distance = float(scenario.relative_velocity), format_quantity(float(scenario.distance), "m")
     verb = "approaches" if speed < 0 else "recedes" if speed > 0 else "rests"
     headline = f"An object {verb} at {format_quantity(abs(speed), 'm/s')}, starting at a distance of {distance}"
-    return Page(kind="Encounter", headline=headline, blocks=(Rows(rows=tuple(scenario_rows(scenario)), brief=True),))
+    return Page(
+        kind="Encounter", headline=headline, blocks=(PageTable(rows=tuple(scenario_rows(scenario)), brief=True),)
+    )
 
 
 def contact_page(result: ContactResult) -> Page:
@@ -32,7 +34,7 @@ def contact_page(result: ContactResult) -> Page:
         count, total = int(result.reached.sum()), result.reached.size
         return Page(kind="Contacts", headline=f"{count} of {total} encounters end in contact ({result.method})")
     rows = tuple((named(name), Measured(float(getattr(result.end, name)), QUANTITIES[name].unit)) for name in _SHOWN)
-    table = Rows(rows=rows, brief=True)
+    table = PageTable(rows=rows, brief=True)
     return Page(kind="Contact", headline=f"{status.meaning} ({result.method})", blocks=(table,))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from operator import attrgetter
 from typing import Any, Final, Protocol
 
-from pretouch._core.blocks import Block, Cell, Chapter, Listing, Measured, Paragraph, Rows
+from pretouch._core.blocks import Block, Cell, Listing, Measured, PageSection, PageTable, Paragraph
 from pretouch._core.vocabulary import words_for
 from pretouch.sensors import SensorModel
 
@@ -109,15 +109,15 @@ def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
     yield "valid to", Measured(high, "m")
 
 
-def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Chapter:
+def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> PageSection:
     """Return the section that lists the inputs of a page: encounter, sensor, and further rows."""
-    encounter = Rows(rows=(*scenario_rows(scenario), *others))
-    curve = Rows(rows=tuple(sensor_rows(sensor)), wraps=True)
-    blocks = (Chapter(title="Encounter", blocks=(encounter,)), Chapter(title="Sensor", blocks=(curve,)))
-    return Chapter(title="Inputs", blocks=blocks)
+    encounter = PageTable(rows=(*scenario_rows(scenario), *others))
+    curve = PageTable(rows=tuple(sensor_rows(sensor)), wraps=True)
+    blocks = (PageSection(title="Encounter", blocks=(encounter,)), PageSection(title="Sensor", blocks=(curve,)))
+    return PageSection(title="Inputs", blocks=blocks)
 
 
-def method_section(method: str, *, solved_on: str = "motion", others: Iterable[Block] = ()) -> Chapter:
+def method_section(method: str, *, solved_on: str = "motion", others: Iterable[Block] = ()) -> PageSection:
     """Return the section that describes how encounters were solved and which assumptions apply.
 
     Args:
@@ -131,4 +131,4 @@ def method_section(method: str, *, solved_on: str = "motion", others: Iterable[B
     assumptions = {"motion": _OF_THE_MOTION, "loop": _OF_THE_LOOP}.get(solved_on, _OF_A_FUNCTION)
     description = Paragraph(text=METHODS.get(method, method))
     blocks = (*others, description, Listing(items=(*assumptions, *_OF_ALL)), Paragraph(text=_INTEGRATOR, quiet=True))
-    return Chapter(title="Method and assumptions", blocks=blocks)
+    return PageSection(title="Method and assumptions", blocks=blocks)

@@ -14,7 +14,6 @@ from pretouch._core.blocks import (
     LINK,
     Block,
     Cell,
-    Chapter,
     Code,
     Download,
     LazyBlock,
@@ -22,9 +21,10 @@ from pretouch._core.blocks import (
     Measured,
     Named,
     Page,
+    PageSection,
+    PageTable,
     Paragraph,
     Picture,
-    Rows,
     tables_of,
 )
 from pretouch._core.units import format_quantity, pretty_unit
@@ -62,9 +62,9 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
     """
     computed = (block.make() if isinstance(block, LazyBlock) else block for block in page.blocks)
     lead, blocks = _without_lead((block for block in computed if block is not None), page.lead)
-    sections = [block for block in blocks if isinstance(block, Chapter)]
+    sections = [block for block in blocks if isinstance(block, PageSection)]
     parts = [page_top(page, "" if lead is None else "\n".join(blocks_as_html((lead,), draw)))]
-    parts += blocks_as_html((block for block in blocks if not isinstance(block, Chapter)), draw)
+    parts += blocks_as_html((block for block in blocks if not isinstance(block, PageSection)), draw)
     links, folded = [], []
     for number, section in enumerate(sections, 1):
         anchor, title = section.anchor or f"section-{number}", _inline(section.title)
@@ -82,7 +82,7 @@ def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, l
     for block in blocks:
         if lead is None and isinstance(block, Picture) and block.figure == name:
             lead = block
-        elif lead is None and isinstance(block, Chapter):
+        elif lead is None and isinstance(block, PageSection):
             lead, inner = _without_lead(block.blocks, name)
             if lead is None or inner:
                 others.append(replace(block, blocks=tuple(inner)))
@@ -94,7 +94,7 @@ def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, l
 def page_top(page: Page, figure: str = "") -> str:
     """Write the top of a report: status, answer, a figure, key figures, findings and warnings."""
     parts = [f'<p class="state{"" if page.good else " bad"}">{escape(page.status)}</p>'] if page.status else []
-    parts += [f'<p class="warning">{_inline(text)}</p>' for text in page.open]
+    parts += [f'<p class="warning">{_inline(text)}</p>' for text in page.reservations]
     parts.append(f'<p class="answer">{escape(page.headline)}</p>')
     if figure:
         parts.append(figure)
@@ -121,10 +121,10 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
         The elements, from top to bottom.
     """
     for block in blocks:
-        if isinstance(block, Chapter):
+        if isinstance(block, PageSection):
             yield f"<h{level}{_id(block.anchor)}>{_inline(block.title)}</h{level}>"
             yield from blocks_as_html(block.blocks, draw, min(level + 1, 4))
-        elif isinstance(block, Rows):
+        elif isinstance(block, PageTable):
             if block.rows:
                 yield f'<div class="scroll">{_table(block)}</div>'
             if block.note:
@@ -150,7 +150,7 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
             yield f"<figcaption>{_inline(block.caption)}</figcaption>\n</figure>"
 
 
-def _table(table: Rows) -> str:
+def _table(table: PageTable) -> str:
     kind = ' class="text"' if table.wraps else ""
     titles = [cell_as_html(c) for c in table.head]
     head = "".join(f'<th scope="col">{title}</th>' for title in titles)
@@ -179,7 +179,7 @@ def cell_as_html(cell: Cell) -> str:
         return "\u2013"
     if math.isinf(value):
         return "\u221e" if value > 0 else "-\u221e"
-    return escape(pretty_unit(format_quantity(value, cell.unit, cell.digits)) + cell.beside)
+    return escape(pretty_unit(format_quantity(value, cell.unit, cell.digits)) + cell.suffix)
 
 
 def _id(anchor: str) -> str:

@@ -83,7 +83,7 @@ def _objective(design: GainDesign) -> Panel:
     marks = []
     if design.gain is not None and design.objective is not None:
         n = design.number
-        text = f"optimum {n.glyph} = {minus(n.drawn(design.gain, '#.4g'))}\nf = {design.objective:#.4g}"
+        text = f"optimum {n.plot_symbol} = {minus(n.plot_text(design.gain, '#.4g'))}\nf = {design.objective:#.4g}"
         marks = [Mark(x=float(_shown_gain(design, design.gain)), y=design.objective, label=text, style=0)]
     return Panel(
         **_gain_axis(design),
@@ -230,7 +230,7 @@ def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[M
         here = np.array([np.interp(gain, design.trade_off.gain[order], values[order]) for values in (x, y)])
         apart = [np.abs((here - [mark.x, mark.y]) / size).max() for mark in (*marks, *new_marks)]
         if np.isfinite(here).all() and min(apart, default=1.0) > _CLOSE:
-            label = minus(design.number.drawn(gain, "g"))
+            label = minus(design.number.plot_text(gain, "g"))
             new_marks.append(Mark(x=float(here[0]), y=float(here[1]), label=label, shape="ring"))
     return new_marks
 
@@ -261,7 +261,7 @@ def sensitivity(design: GainDesign) -> Figure:
             _draw_bars(axes, ranked, scale_for(design.number.unit, largest), design.number)
         else:
             n = design.number
-            axes.set_xlabel(f"change of the optimal {n.name} {n.glyph} [{pretty_unit(n.unit)}]")
+            axes.set_xlabel(f"change of the optimal {n.name} {n.plot_symbol} [{pretty_unit(n.unit)}]")
             axes.set(xlim=(-1, 1), ylim=(-1, 1), xticks=[], yticks=[])
             text = "no gain was chosen" if design.gain is None else "no input changes the optimal gain"
             axes.text(0, 0, text, ha="center", va="center", color=QUIET)
@@ -269,7 +269,7 @@ def sensitivity(design: GainDesign) -> Figure:
 
 
 def _draw_bars(axes: Axes, ranked: list[Sensitivity], scale: Scale, number: LawNumber) -> None:
-    axes.set_xlabel(f"change of the optimal {number.name} {number.glyph} [{scale.unit}]")
+    axes.set_xlabel(f"change of the optimal {number.name} {number.plot_symbol} [{scale.unit}]")
     changes = [s.gain_change_per_percent / scale.factor for s in ranked]
     reach = 1.4 * max(abs(c) for c in changes)
     rows = range(len(ranked))

@@ -17,7 +17,7 @@ from string import Template
 from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Chapter, Code, Described, Page, Paragraph, Picture, page_of
+from pretouch._core.blocks import Code, Described, Page, PageSection, Paragraph, Picture, page_of
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import refuse_input, sign, write_text
 
@@ -123,21 +123,21 @@ def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -
 
     reservations = None if calibration.best is None else reservations_of(calibration, answer)
     blocks = fitted_blocks(calibration, () if reservations is None else reservations.lines)
-    section = Chapter(title=f"Sensor calibration: {calibration.calibration.name}", blocks=blocks)
+    section = PageSection(title=f"Sensor calibration: {calibration.calibration.name}", blocks=blocks)
     opening = (reservations.headline,) if reservations is not None and reservations.headline else ()
-    page = replace(page.with_blocks(section), open=(*opening, *page.open))
+    page = replace(page.with_blocks(section), reservations=(*opening, *page.reservations))
     if reservations is not None and reservations.is_refuted:
         return replace(page, status=f"status: not supported by the readings ({page.status})", good=False)
     return page
 
 
-def _provenance(file: dict[str, str] | None) -> Chapter:
+def _provenance(file: dict[str, str] | None) -> PageSection:
     """Return the section with the method and the scenario file."""
     blocks: tuple[Any, ...] = ()
     if file is not None:
         name = Paragraph(text=f"Scenario file `{file['name']}`, SHA-256 `{file['sha256']}`")
         blocks = (name, Code(text=file["text"]) if file["text"] else None)
-    return Chapter(title="Provenance", blocks=(Paragraph(text=_METHOD, quiet=True), *blocks))
+    return PageSection(title="Provenance", blocks=(Paragraph(text=_METHOD, quiet=True), *blocks))
 
 
 @lru_cache(maxsize=1)

@@ -153,7 +153,7 @@ def runs_of(design: GainDesign) -> list[DrawnMotion]:
     still = _solve(design, 0.0, design.no_mitigation.method, horizon)
     return [
         DrawnMotion("no mitigation", still, 1),
-        DrawnMotion(minus(f"{label}{number.glyph} = {number.drawn(gain, '#.4g')}"), chosen, 0),
+        DrawnMotion(minus(f"{label}{number.plot_symbol} = {number.plot_text(gain, '#.4g')}"), chosen, 0),
     ]
 
 

@@ -87,7 +87,7 @@ def admittance(design: AdmittanceDesign) -> Figure:
             if np.isfinite(value[:, j]).any()
         ]
     marks = []
-    best, before = design.certificate, design.as_it_is
+    best, before = design.certificate, design.unchanged
     if best is not None:
         at = best.local_minima[0]
         x = at.damping_ratio if only_ratio else at.natural_frequency
@@ -181,7 +181,7 @@ def _parameters(front: ParetoFront) -> Iterator[Panel]:
     order = np.argsort(x, kind="stable")
     sign, minus = (-1.0, "\u2212") if front.bounds[1] <= 0 else (1.0, "")
     n = front.number
-    rows = [("gain", f"{n.name} {minus}{n.glyph}", pretty_unit(n.unit), sign)]
+    rows = [("gain", f"{n.name} {minus}{n.plot_symbol}", pretty_unit(n.unit), sign)]
     rows += [(free, *_CHOSEN[free], 1.0) for free in front.free[1:]]
     for chosen, label, unit, factor in rows:
         values = factor * getattr(front, chosen)

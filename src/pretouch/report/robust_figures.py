@@ -134,12 +134,12 @@ def _nominal_objective(design: RobustDesign, gains: FloatArray) -> FloatArray:
 
 def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: FloatArray) -> Iterator[Mark]:
     if design.gain is not None and design.value is not None:
-        text = f"robust {design.number.drawn(design.gain)}"
+        text = f"robust {design.number.plot_text(design.gain)}"
         yield Mark(x=sign * design.gain, y=design.value, label=text, style=_ROBUST)
     if design.nominal_gain is not None:
         at = float(np.interp(design.nominal_gain, gains, nominal))
         if np.isfinite(at):
-            text = f"{_kind(design)} {design.number.drawn(design.nominal_gain)}"
+            text = f"{_kind(design)} {design.number.plot_text(design.nominal_gain)}"
             yield Mark(x=sign * design.nominal_gain, y=at, label=text, style=_NOMINAL, shape="square")
 
 

@@ -144,7 +144,7 @@ def gain_axis(bounds: tuple[float, float], number: LawNumber, *, magnitude: bool
     low, high = bounds
     name = "virtual force gain" if number.name == "gain" else f"virtual {number.name}"
     sign = "\u2212" if high <= 0 else ""
-    shown = f"|{number.glyph}|" if magnitude else f"{sign}{number.glyph}"
+    shown = f"|{number.plot_symbol}|" if magnitude else f"{sign}{number.plot_symbol}"
     return -1.0 if sign else 1.0, f"{name} {shown} [{pretty_unit(number.unit)}]", high < 0 or low > 0
 
 

@@ -67,7 +67,7 @@ def verdict_stability(verdict: Verdict) -> Figure:
 
 
 def _weakest_place(check: StabilityCheck, scale: Scale) -> Mark:
-    text = check.limit.law.number.drawn(abs(check.strongest))
+    text = check.limit.law.number.plot_text(abs(check.strongest))
     return Mark(x=check.critical_distance / scale.factor, y=abs(check.strongest), label=text, style=_STRONGEST)
 
 
@@ -147,16 +147,16 @@ def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
     """Yield marks at the ideal optimum, the verified gain and the best gain on the loop."""
     design, loss, number = verdict.design, verdict.loss, verdict.law.number
     if design.gain is not None and design.objective is not None:
-        text = f"ideal {number.drawn(design.gain)}"
+        text = f"ideal {number.plot_text(design.gain)}"
         yield Mark(x=sign * design.gain, y=float(design.objective), label=text, style=_IDEAL, shape="ring")
     if loss is None or verdict.gain is None:
         return
     if loss.loop_gain is not None and loss.loop_objective is not None:
-        text = f"best on the loop {number.drawn(loss.loop_gain)}"
+        text = f"best on the loop {number.plot_text(loss.loop_gain)}"
         yield Mark(x=sign * loss.loop_gain, y=loss.loop_objective, label=text, style=_LOOP, shape="ring")
     logarithmic = gain_axis(design.bounds, number)[2]
     if loss.objective is not None and (not logarithmic or sign * verdict.gain > 0):
-        text = f"verified {number.drawn(verdict.gain)}"
+        text = f"verified {number.plot_text(verdict.gain)}"
         yield Mark(x=sign * verdict.gain, y=loss.objective, label=text, style=_LOOP)
 
 

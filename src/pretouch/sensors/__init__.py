@@ -8,7 +8,7 @@ from .inverse_power import InversePower
 from .mittag_leffler import MittagLeffler, mittag_leffler
 from .model import SensorModel, parameter
 from .recessed import Recessed
-from .registry import known_curves
+from .registry import sensor_curves
 from .table import PiecewiseCubic, Table
 
 __all__ = [
@@ -25,7 +25,7 @@ __all__ = [
     "SensorModel",
     "Table",
     "check_sensor",
-    "known_curves",
     "mittag_leffler",
     "parameter",
+    "sensor_curves",
 ]

@@ -13,7 +13,7 @@ from .table import PiecewiseCubic
 _HOME: Final = "pretouch."
 
 
-def known_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, type[SensorModel]]:
+def sensor_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, type[SensorModel]]:
     """Return the classes of curves that files and fits may name.
 
     Args:
@@ -26,7 +26,7 @@ def known_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, ty
 
     Examples:
         >>> from pretouch.sensors import InversePower
-        >>> known_curves()["inverse-power"] is InversePower
+        >>> sensor_curves()["inverse-power"] is InversePower
         True
     """
     curves: dict[str, type[SensorModel]] = {}

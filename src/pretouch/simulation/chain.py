@@ -58,8 +58,9 @@ class SensorChain:
         highest: upper limit at which readings saturate [output unit].
         resolution: step of the readings [output unit]; 0 for none.
         dropout: probability that a reading is missing, below 1.
-        reports_distance: whether the part measures a distance, such as a time-of-flight sensor; its driver converts the
-            distance to xi by the sensor curve. Exposure, noise and resolution of the distance are applied before that.
+        measures_distance: whether the part measures a distance, such as a time-of-flight sensor; its driver converts
+            the distance to xi by the sensor curve. Exposure, noise and resolution of the distance are applied before
+            that.
         distance_noise: standard deviation of such a distance [m].
         distance_resolution: step of such distances [m]; 0 for none.
 
@@ -85,7 +86,7 @@ class SensorChain:
     highest: float = quantity(OUTPUT, math.inf, infinite=True)
     resolution: float = quantity(OUTPUT, 0.0, sign="nonnegative")
     dropout: float = quantity("", 0.0, sign="nonnegative")
-    reports_distance: bool = flag(False)
+    measures_distance: bool = flag(False)
     distance_noise: float = quantity("m", 0.0, sign="nonnegative")
     distance_resolution: float = quantity("m", 0.0, sign="nonnegative")
 
@@ -117,9 +118,9 @@ class SensorChain:
                 "misfit, "
                 'such as "5 mm"'
             )
-        if (self.distance_noise or self.distance_resolution) and not self.reports_distance:
+        if (self.distance_noise or self.distance_resolution) and not self.measures_distance:
             raise InvalidInputError(
-                "distance_noise, distance_resolution: only for a part that reports_distance; set it to true, or leave "
+                "distance_noise, distance_resolution: only for a part that measures_distance; set it to true, or leave "
                 "them out"
             )
 
@@ -138,7 +139,7 @@ class SensorChain:
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
             *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),
-            *(float(bool(self.reports_distance)), self.distance_noise, self.distance_resolution),
+            *(float(bool(self.measures_distance)), self.distance_noise, self.distance_resolution),
             *(float(bool(self.random_phase)), self.misfit, self.misfit_length),
         )
 
@@ -150,7 +151,7 @@ class SensorChain:
         yield "exposure", Measured(self.exposure, "s")
         yield "delay after the exposure", Measured(self.delay, "s")
         yield "latency of a reading", f"{format_quantity(self.latency, 's')}, from the middle of its exposure"
-        if self.reports_distance:
+        if self.measures_distance:
             yield "output", "a distance, which its driver converts to \u03be by the curve"
             yield "noise of the distance", Measured(self.distance_noise, "m")
             yield "resolution of the distance", Measured(self.distance_resolution, "m")

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.blocks import Cell, Chapter, Measured, Rows, cell_as_text
+from pretouch._core.blocks import Cell, Measured, PageSection, PageTable, cell_as_text
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, IntArray, finite
@@ -48,7 +48,7 @@ class ClosedLoop:
         seed: seed of the noise; every gain is tried with the same random numbers.
         first_run: index of the run whose noise the first encounter has; the next encounters have those that follow.
         horizon: longest time to wait for contact [s].
-        follow: time to continue after the first contact [s].
+        follow_time: time to continue after the first contact [s].
 
     Examples:
         >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
@@ -81,7 +81,7 @@ class ClosedLoop:
     seed: int = 0
     first_run: int = 0
     horizon: float = HORIZON
-    follow: float = FOLLOW
+    follow_time: float = FOLLOW
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -112,7 +112,7 @@ class ClosedLoop:
         self, scenario: Scenario, sensors: tuple[SensorModel, ...], gain: ArrayLike, *, each: bool = False
     ) -> ContactResult:
         self._check_admittance(scenario)
-        loop = replace(self.encounters(scenario, sensors, gain, None, each=each), follow=0.0)
+        loop = replace(self.encounters(scenario, sensors, gain, None, each=each), follow_time=0.0)
         out, *_ = run_loop(loop, np.arange(math.prod(loop.shape)), touches=1)
         columns = {name: out[:, i].reshape(loop.shape) for i, name in enumerate(RESULT_COLUMNS)}
         columns["gain"] = np.array(np.broadcast_to(np.asarray(gain, dtype=np.float64), loop.shape))
@@ -249,7 +249,7 @@ class ClosedLoop:
                 plant=self.plant,
                 contact=self.contact,
                 horizon=self.horizon,
-                follow=self.follow,
+                follow_time=self.follow_time,
                 seed=self.seed,
                 shape=shape,
             )
@@ -280,7 +280,7 @@ class ClosedLoop:
 Row = tuple[str, Cell]
 
 
-def loop_section(loop: ClosedLoop, *first: Row) -> Chapter:
+def loop_section(loop: ClosedLoop, *first: Row) -> PageSection:
     """Return the section of a page that describes a loop; `first` are rows that precede it."""
     parts = (
         ("Sensor chain", loop.chain.rows()),
@@ -288,16 +288,16 @@ def loop_section(loop: ClosedLoop, *first: Row) -> Chapter:
         ("Robot", loop.plant.rows()),
         ("Contact", contact_rows(loop.contact)),
     )
-    sections = (Chapter(title=title, blocks=(Rows(rows=tuple(rows), wraps=True),)) for title, rows in parts)
-    return Chapter(title="The loop", blocks=(Rows(rows=(*first, *loop_rows(loop))), *sections))
+    sections = (PageSection(title=title, blocks=(PageTable(rows=tuple(rows), wraps=True),)) for title, rows in parts)
+    return PageSection(title="The loop", blocks=(PageTable(rows=(*first, *loop_rows(loop))), *sections))
 
 
 def loop_sentences(loop: ClosedLoop) -> Iterator[str]:
     """Yield a sentence in plain text for each part of a loop."""
     yield f"Sensor: {_joined(loop.chain.rows())}; noise is normal and independent between readings."
     yield f"Controller: {_joined(law_rows(loop.law))}."
-    follow = () if loop.contact is None else (("followed for", Measured(loop.follow, "s")),)
-    for rows in (loop.plant.rows(), (*contact_rows(loop.contact), *follow)):
+    extra = () if loop.contact is None else (("followed for", Measured(loop.follow_time, "s")),)
+    for rows in (loop.plant.rows(), (*contact_rows(loop.contact), *extra)):
         (name, kind), *others = rows
         yield f"{name.capitalize()}: {'; '.join(part for part in (cell_as_text(kind), _joined(others)) if part)}."
 
@@ -311,7 +311,7 @@ def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
     yield "seed of the noise", str(loop.seed)
     yield "longest time until contact", Measured(loop.horizon, "s")
     if loop.contact is not None:
-        yield "time after the first contact", Measured(loop.follow, "s")
+        yield "time after the first contact", Measured(loop.follow_time, "s")
 
 
 def law_rows(law: SampledLaw) -> Iterable[Row]:

@@ -27,7 +27,7 @@ def simulate(
     runs: int | None = None,
     seed: int = 0,
     horizon: float = HORIZON,
-    follow: float = FOLLOW,
+    follow_time: float = FOLLOW,
 ) -> SimulationResult:
     """Run encounters of the sampled loop: admittance L(1) and virtual force L(2), computed from readings.
 
@@ -47,7 +47,7 @@ def simulate(
         seed: seed of the noise. The i-th run of a seed draws the same numbers whatever else is changed (common random
             numbers).
         horizon: longest time to wait for contact [s].
-        follow: time to continue after the first contact [s], with rebounds and further contacts.
+        follow_time: time to continue after the first contact [s], with rebounds and further contacts.
 
     Returns:
         How each run ended, its contacts and its largest values; `trace` returns the time series of one run.
@@ -72,5 +72,7 @@ def simulate(
     """
     chain, plant = chain or SensorChain(rate=1 / law.period), plant or IdealPlant()
     tunable = cast("TunableLaw", law)  # never called with another gain, so any SampledLaw works
-    loop = ClosedLoop(law=tunable, chain=chain, plant=plant, contact=contact, seed=seed, horizon=horizon, follow=follow)
+    loop = ClosedLoop(
+        law=tunable, chain=chain, plant=plant, contact=contact, seed=seed, horizon=horizon, follow_time=follow_time
+    )
     return result_of(loop.encounters(scenario, (sensor,), None, runs))

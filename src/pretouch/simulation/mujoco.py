@@ -124,7 +124,7 @@ def witness_encounter(
     contact: ContactModel,
     time_step: float = _TIME_STEP,
     horizon: float = HORIZON,
-    follow: float = FOLLOW,
+    follow_time: float = FOLLOW,
 ) -> WitnessResult:
     """Run one encounter in MuJoCo, with the law called from Python, to compare with `simulate`.
 
@@ -141,7 +141,7 @@ def witness_encounter(
         contact: a SpringDamper, the only contact model that MuJoCo can represent at every depth.
         time_step: step of MuJoCo [s], an integer fraction of the law's period.
         horizon: longest time to wait for contact [s].
-        follow: time to continue after contact [s].
+        follow_time: time to continue after contact [s].
 
     Returns:
         The first contact, the largest forces, and the time series.
@@ -170,7 +170,7 @@ def witness_encounter(
         reading=_reading_of(sensor),
         parts=parts,
         horizon=positive(horizon, "horizon", "s"),
-        follow=nonnegative(follow, "follow", "s"),
+        follow_time=nonnegative(follow_time, "follow_time", "s"),
     )
     _check_step(slides)
     return _result(*_run(slides), slides)
@@ -187,7 +187,7 @@ class _Slides:
     reading: Callable[[float], float]
     parts: int
     horizon: float
-    follow: float
+    follow_time: float
 
     @property
     def step(self) -> float:
@@ -302,7 +302,7 @@ def _run(slides: _Slides) -> tuple[FloatArray, bool]:
             if force > 0.0:
                 first = min(first, t + i * step)
         virtual = output.position, output.velocity
-        if t + law.period - first >= e.follow:
+        if t + law.period - first >= e.follow_time:
             break
     return np.array(rows), any(warning.number for warning in data.warning)
 

@@ -84,7 +84,7 @@ class _Contact(Structure):
 class _Chain(Structure):
     _fields_ = (
         *numbers("rate", "phase", "exposure", "delay", "jitter", "noise", "relative_noise", "offset", "drift"),
-        *numbers("lowest", "highest", "resolution", "dropout", "reports_distance", "distance_noise"),
+        *numbers("lowest", "highest", "resolution", "dropout", "measures_distance", "distance_noise"),
         *numbers("distance_resolution", "random_phase", "misfit", "misfit_length"),
     )
 
@@ -105,7 +105,7 @@ class _Loop(Structure):
     _fields_ = (
         *(("laws", _Laws), ("plant", _Plant), ("contact", _Contact), ("chain", _Chain)),
         *numbers("curves", "curve_of", kind=POINTER),
-        *numbers("period", "plant_step", "horizon", "follow"),
+        *numbers("period", "plant_step", "horizon", "follow_time"),
         *(("seed", ctypes.c_uint64), *numbers("scenes", "draws", "ends", "touches", kind=POINTER)),
         ("most_touches", INTEGER),
         *(("trace", POINTER), ("trace_rows", INTEGER), ("course", POINTER), ("course_rows", INTEGER)),
@@ -131,7 +131,7 @@ class Loop(Value):
     plant: PlantModel
     contact: ContactModel | None
     horizon: float
-    follow: float
+    follow_time: float
     seed: int
     shape: tuple[int, ...]
 
@@ -192,7 +192,7 @@ def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> 
     native = _Loop(
         *(laws, _Plant(*loop.plant.coefficients())),
         *(_Contact(*(loop.contact.numbers() if loop.contact else _NO_CONTACT)), _Chain(*loop.chain.numbers())),
-        *(ctypes.addressof(curves), by_curve, period, plant_step(loop.plant, period), loop.horizon, loop.follow),
+        *(ctypes.addressof(curves), by_curve, period, plant_step(loop.plant, period), loop.horizon, loop.follow_time),
         *(loop.seed, address(scenes), draws, address(ends), address(touches), touches.shape[1]),
         *(address(trace), len(trace), address(moments), len(moments), address(stretches), len(course)),
     )

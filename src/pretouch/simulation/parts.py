@@ -124,7 +124,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                         rate=rate,
                         exposure=1 / rate,
                         delay=0.004,
-                        reports_distance=True,
+                        measures_distance=True,
                         distance_noise=0.005,
                         distance_resolution=0.001,
                     ),

@@ -55,7 +55,7 @@ def check_loop(loop: Loop) -> Loop:
     checked = replace(
         loop,
         horizon=positive(loop.horizon, "horizon", "s"),
-        follow=nonnegative(loop.follow, "follow", "s") if loop.contact is not None else 0.0,
+        follow_time=nonnegative(loop.follow_time, "follow_time", "s") if loop.contact is not None else 0.0,
         seed=whole(loop.seed, "seed", 0, 2**64 - 1),
     )
     _refuse_endless_runs(checked)
@@ -83,8 +83,8 @@ def _refuse_endless_runs(loop: Loop) -> None:
         numbers, mass = loop.contact.numbers(), loop.plant.coefficients()[0]
         fastest = max(1.0, float(np.max(np.abs(loop.scenario.relative_velocity))))
         step = contact_step(numbers, 1 / mass + numbers[4], fastest)
-        _refuse(loop.follow, period, "loop follow", f"a controller with a period of {_time(period)}")
-        _refuse(loop.follow, step, "loop follow", f"a contact integrated in steps of {_time(step)}")
+        _refuse(loop.follow_time, period, "loop follow_time", f"a controller with a period of {_time(period)}")
+        _refuse(loop.follow_time, step, "loop follow_time", f"a contact integrated in steps of {_time(step)}")
     waiting = chain.exposure + chain.delay + 16 * chain.jitter + period
     if waiting * chain.rate > _MOST_BUFFERED:
         raise InvalidInputError(

@@ -239,7 +239,9 @@ def _linearize(
         raise InvalidInputError(
             f"law: found a {law.kind} with unknown damping at some distances, expected a number at every distance"
         )
-    active = replace(admittance, damping=0.0, stiffness=0.0) if getattr(law, "holds_off", False) else admittance
+    active = (
+        replace(admittance, damping=0.0, stiffness=0.0) if getattr(law, "suspends_admittance", False) else admittance
+    )
     return distances, np.broadcast_to(damping_of_one, distances.shape), active
 
 

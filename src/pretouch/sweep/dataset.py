@@ -20,7 +20,7 @@ from pretouch._core.errors import InvalidInputError, OutputExistsError, require
 from pretouch._core.files import as_json, temporary_path
 from pretouch._core.numbers import FloatArray
 from pretouch.design import ImpactModel, Objective
-from pretouch.design.custom_objectives import OwnObjective
+from pretouch.design.custom_objectives import CustomObjective
 from pretouch.motion import DAMPER, ContactState
 from pretouch.sensors import SensorModel
 
@@ -98,7 +98,7 @@ def _sensor(sensor: SensorModel) -> dict[str, Any]:
 
 def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, Any]:
     """Return the terms of an objective; for a custom objective, its name and a hash of its values at some contacts."""
-    if not isinstance(objective, OwnObjective):
+    if not isinstance(objective, CustomObjective):
         return asdict(objective)
     with np.errstate(all="ignore"):
         values = objective.value(ContactState(_Probes()), np.full(_PROBES, 0.3), impact)

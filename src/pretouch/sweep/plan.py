@@ -13,7 +13,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.numbers import finite, positive
 from pretouch.design import OBSTACLE_SPEED, Task
-from pretouch.design.custom_objectives import OwnObjective
+from pretouch.design.custom_objectives import CustomObjective
 from pretouch.motion.scenario import scenario_with
 
 from .axes import ENCOUNTER_INPUTS, Axes, Axis, make_axes, with_input
@@ -136,7 +136,9 @@ def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
     if task.objective is not None:
         quantities |= {term.quantity for term in task.goal.terms} | {c.quantity for c in task.limits}
     curved = task.sensor.constant_log_slope is None or task.method == "integration"
-    whole = bool(quantities & WHOLE_MOTION) or isinstance(task.objective, OwnObjective)  # which may read any quantity
+    whole = bool(quantities & WHOLE_MOTION) or isinstance(
+        task.objective, CustomObjective
+    )  # which may read any quantity
     return _CHUNK[task.objective is not None, curved, whole]
 
 

@@ -148,7 +148,7 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
     covariance = fit.covariance[np.ix_(indices, indices)]
     open_ended = [n for n in names if not np.isfinite(fit.parameters[n].standard_error)]
     if open_ended or not np.isfinite(covariance).all():
-        reason = f" {' '.join(fit.identifiable)}" if fit.identifiable else ""
+        reason = f" {' '.join(fit.unidentifiable)}" if fit.unidentifiable else ""
         raise InvalidInputError(
             f"fit: the readings do not bound {' and '.join(open_ended or names)}, so there is no covariance to draw "
             f"from.{reason} Fit a curve with fewer parameters, such as exponential-1, or specify the distribution of "

@@ -45,7 +45,8 @@ class Reservations(Value):
         share_nearer: the share of the impulse, or of a drag's effect, that acts nearer than any reading.
         share_beyond: the share that acts beyond all readings.
         degree: power of d(ln xi)/dt in the force of the law; 1: shares of the impulse, 2: shares of a drag's effect.
-        left: whether the nominal motion leaves the distances at which the curve is used, and so never reaches contact.
+        leaves_range: whether the nominal motion leaves the distances at which the curve is used, and so never
+            reaches contact.
         recedes: whether the object recedes at the start, in one encounter or more.
         speed: the speed at contact on the extended curve [m/s]; None if readings support contact, or the speed is
             unknown.
@@ -62,7 +63,7 @@ class Reservations(Value):
     share_nearer: float
     share_beyond: float
     degree: int = 1
-    left: bool = False
+    leaves_range: bool = False
     recedes: bool = False
     speed: float | None = None
     speed_without_force: float | None = None
@@ -72,7 +73,7 @@ class Reservations(Value):
     @property
     def is_refuted(self) -> bool:
         """Whether the readings allow a harder contact than without mitigation, contrary to the prediction."""
-        return self.witness is not None and self.witness.harder > 0
+        return self.witness is not None and self.witness.harder_count > 0
 
     @property
     def is_contact_supported(self) -> bool:
@@ -95,7 +96,7 @@ class Reservations(Value):
         """The warning that the object recedes, and what to do; empty if it approaches."""
         if not self.recedes:
             return ""
-        remedy = " For an approach, give the obstacle a negative velocity." if self.left else ""
+        remedy = " For an approach, give the obstacle a negative velocity." if self.leaves_range else ""
         return f"The object recedes at the start.{remedy}"
 
     @property
@@ -122,7 +123,7 @@ class Reservations(Value):
             share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]}"
             parts.append(f"from the start at {start} to {far}{farthest}, which gives {share}")
             remedies.append(f"calibrate out to {start} with more readings at each distance, or start at {far}")
-        if self.left:
+        if self.leaves_range:
             remedy = "; ".join(remedies) or "calibrate farther out"
             ending = "" if self.recedes else f" To fix this, {remedy}."
             return (
@@ -298,7 +299,7 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
         return reservations
     run = law.contact(scenario, sensor, 0.0 if gain is None else gain)
     if run.status is ContactStatus.LEFT_RANGE:
-        return replace(reservations, left=True)
+        return replace(reservations, leaves_range=True)
     if gain is None or reservations.is_contact_supported or not run.reached.all() or near >= min(start, far):
         return reservations
     unmitigated = law.contact(scenario, sensor, 0.0)

@@ -42,24 +42,26 @@ class WitnessCheck(Value):
 
     Args:
         curves: the number of curves.
-        promised: |l'| at contact on the fitted curve, the prediction [m/s].
+        predicted: |l'| at contact on the fitted curve, the prediction [m/s].
         unmitigated: |l'| at contact without mitigation [m/s].
         low: the smallest |l'| at contact on these curves [m/s], without the lowest 5 % of either kind.
         high: the largest |l'| [m/s], without the highest 5 %.
-        outside: the share of the curves under ceilings on which |l'| differs from the prediction by more than 15 %.
-        harder: the number of curves on which contact is harder than without mitigation, contrary to the prediction.
+        share_outside: the share of the curves under ceilings on which |l'| differs from the prediction by more
+            than 15 %.
+        harder_count: the number of curves on which contact is harder than without mitigation, contrary to the
+            prediction.
         is_contradicted: whether no curve through the readings agrees with the prediction within 15 %.
         encounters: the number of encounters that were checked.
         unsupported: the number of these whose prediction the readings do not support.
     """
 
     curves: int
-    promised: float
+    predicted: float
     unmitigated: float
     low: float
     high: float
-    outside: float
-    harder: int
+    share_outside: float
+    harder_count: int
     is_contradicted: bool
     encounters: int = 1
     unsupported: int = 0
@@ -67,7 +69,7 @@ class WitnessCheck(Value):
     @property
     def is_supported(self) -> bool:
         """Whether the readings support the prediction of the fitted curve."""
-        return not (self.is_contradicted or self.harder or self.outside > _DISAGREE)
+        return not (self.is_contradicted or self.harder_count or self.share_outside > _DISAGREE)
 
     @property
     def headline(self) -> str | None:
@@ -75,12 +77,12 @@ class WitnessCheck(Value):
         if self.is_supported:
             return None
         low, high, predicted, free = (
-            format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.promised, self.unmitigated)
+            format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted, self.unmitigated)
         )
         of = f" (the worst of {self.unsupported} of {self.encounters} encounters)" if self.encounters > 1 else ""
-        if self.harder:
+        if self.harder_count:
             return (
-                f"Not supported by the readings: on {self.harder} of {self.curves} curves that fit the readings, "
+                f"Not supported by the readings: on {self.harder_count} of {self.curves} curves that fit the readings, "
                 f"contact is harder than without mitigation ({free}); the fitted curve predicts {predicted}{of}."
             )
         return (
@@ -91,7 +93,7 @@ class WitnessCheck(Value):
     @property
     def text(self) -> str:
         """The range of contact speeds on these curves, in a clause."""
-        low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.promised))
+        low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted))
         return f"on {self.curves} curves that fit the readings, contact is at {low} to {high} ({predicted} predicted)"
 
     def to_dict(self) -> dict[str, Any]:
@@ -123,36 +125,36 @@ def check_on_readings(
     every = np.unique(np.linspace(0, len(gains) - 1, min(len(gains), _MOST)).astype(int)) if shape else np.zeros(1, int)
     encounters = map_fields(flat, lambda v: v[every, None] if np.ndim(v) else v)
     gains = gains[every, None]
-    promised, free = (_speed(law.contact(encounters, sensor, g))[:, 0] for g in (gains, 0.0 * gains))
+    predicted, free = (_speed(law.contact(encounters, sensor, g))[:, 0] for g in (gains, 0.0 * gains))
     through, under = (_THROUGH, _UNDER) if law.degree is not None else _FEW
     drawn = (*curves.through_readings(through, _SEED), *curves.draw(under, _SEED))
     mounted = tuple(mount(curve, sensor, offset, start) for curve in drawn)
     speeds = _speeds(law, encounters, mounted, gains)
-    valid = np.isfinite(promised) & np.isfinite(free)
-    rows = zip(speeds[valid], promised[valid], free[valid], strict=True)
+    valid = np.isfinite(predicted) & np.isfinite(free)
+    rows = zip(speeds[valid], predicted[valid], free[valid], strict=True)
     checks = [_judge(row[:through], row[through:], p, f) for row, p, f in rows]
     if not checks:
         return None
-    worst = max(checks, key=lambda check: (not check.is_supported, check.harder, check.outside, check.high))
+    worst = max(checks, key=lambda check: (not check.is_supported, check.harder_count, check.share_outside, check.high))
     unsupported = sum(not check.is_supported for check in checks)
     return replace(worst, encounters=len(checks), unsupported=unsupported)
 
 
-def _judge(through: FloatArray, under: FloatArray, promised: float, free: float) -> WitnessCheck:
+def _judge(through: FloatArray, under: FloatArray, predicted: float, free: float) -> WitnessCheck:
     """Compare the speeds on curves through the readings and under ceilings with one prediction [m/s]."""
     groups = [group[np.isfinite(group)] for group in (through, under)]
     ends = np.concatenate([np.quantile(group, _QUANTILES) for group in groups if len(group)] or [np.array([np.nan])])
-    agreeing = np.abs(under - promised) <= CLOSE * promised
+    agreeing = np.abs(under - predicted) <= CLOSE * predicted
     reached = through[np.isfinite(through)]
-    agrees = len(reached) > 0 and (1 - CLOSE) * reached.min() <= promised <= (1 + CLOSE) * reached.max()
+    agrees = len(reached) > 0 and (1 - CLOSE) * reached.min() <= predicted <= (1 + CLOSE) * reached.max()
     return WitnessCheck(
         curves=len(through) + len(under),
-        promised=float(promised),
+        predicted=float(predicted),
         unmitigated=float(free),
         low=float(ends.min()),
         high=float(ends.max()),
-        outside=float(np.mean(~agreeing)),
-        harder=int((np.concatenate([through, under]) > _HARDER * free).sum()) if promised <= free else 0,
+        share_outside=float(np.mean(~agreeing)),
+        harder_count=int((np.concatenate([through, under]) > _HARDER * free).sum()) if predicted <= free else 0,
         is_contradicted=not agrees,
     )
 

@@ -13,7 +13,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.design import ElasticImpact, ImpactModel, Task
-from pretouch.design.custom_objectives import OwnObjective, appraise
+from pretouch.design.custom_objectives import CustomObjective, appraise
 from pretouch.design.robust import Required
 from pretouch.design.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, ContactState, Scenario
@@ -199,11 +199,11 @@ class LoopProblem:
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
         """Return a loop that ends at contact, unless objective or limits need the forces after it."""
         task = self.draws.task
-        custom = isinstance(task.goal, OwnObjective)
+        custom = isinstance(task.goal, CustomObjective)
         needed = {constraint.quantity for constraint in task.limits}
         needed |= set() if custom else {term.quantity for term in task.goal.terms}
         # up to contact, the results are bit-identical with those of the whole loop
-        return loop if custom or needed & _IN_CONTACT else replace(loop, follow=0.0)
+        return loop if custom or needed & _IN_CONTACT else replace(loop, follow_time=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
         """Run the first `count` encounters (all if None) with a gain, and evaluate each."""
@@ -238,7 +238,7 @@ class LoopProblem:
     def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
         objective, impact = self.draws.task.goal, self.draws.task.impact
         speed, value = self.draws.speed[: result.shape[0]], np.zeros(result.shape)
-        if isinstance(objective, OwnObjective):
+        if isinstance(objective, CustomObjective):
             state = ContactState(_Runs(result, gain, loop, impact))
             return appraise(objective, state, result.touched, speed, impact)
         for term in objective.terms:

@@ -38,12 +38,12 @@ class CalibrationCheck(Value):
 
     Args:
         draws: number of sensors.
-        promised: |l'| at contact on the fitted curve, on the same loop [m/s].
+        predicted: |l'| at contact on the fitted curve, on the same loop [m/s].
         low: 5 % quantile of |l'| over the sensors [m/s]; all three quantiles are None if some sensors have no contact.
         median: median of |l'| [m/s].
         high: 95 % quantile of |l'| [m/s].
         missing: number of sensors without contact.
-        harder: number of sensors with a contact more than 15 % harder than promised.
+        harder_count: number of sensors with a contact more than 15 % harder than predicted.
         broken: number of sensors on which the gain misses a limit that it meets on the fitted curve.
         failing: number of sensors with any of these faults.
         witness: results of the nominal encounter, in continuous time, on curves through the readings; None without
@@ -53,12 +53,12 @@ class CalibrationCheck(Value):
     """
 
     draws: int
-    promised: float
+    predicted: float
     low: float | None
     median: float | None
     high: float | None
     missing: int
-    harder: int
+    harder_count: int
     broken: int
     failing: int
     witness: WitnessCheck | None = None
@@ -74,7 +74,10 @@ class CalibrationCheck(Value):
     def reason(self) -> str:
         """Why the calibration is not good enough, and what to measure, as one clause."""
         named = (
-            (self.harder, f"contact is more than {100 * _HARDER:.0f} % harder than predicted on {self.harder}"),
+            (
+                self.harder_count,
+                f"contact is more than {100 * _HARDER:.0f} % harder than predicted on {self.harder_count}",
+            ),
             (self.broken, f"a limit is missed on {self.broken}"),
             (self.missing, f"there is no contact on {self.missing}"),
         )
@@ -101,7 +104,7 @@ class CalibrationCheck(Value):
 
     @property
     def _spread(self) -> str:
-        predicted = f"{format_quantity(self.promised, 'm/s', 3)} predicted"
+        predicted = f"{format_quantity(self.predicted, 'm/s', 3)} predicted"
         if self.low is None or self.high is None:
             return f" ({predicted})"
         low, high = format_quantity(self.low, "m/s", 3), format_quantity(self.high, "m/s", 3)
@@ -120,19 +123,19 @@ class _Outcome:
     speed: FloatArray
     ratios: FloatArray
 
-    def failures(self, promised: _Outcome) -> tuple[BoolArray, BoolArray, BoolArray]:
+    def failures(self, predicted: _Outcome) -> tuple[BoolArray, BoolArray, BoolArray]:
         """Return for each sensor whether contact is missing, contact is harder, and a limit is missed."""
         missing = np.isnan(self.speed)
-        allowed = np.maximum(1.0, (1 + _ROOM) * promised.ratios[0])
+        allowed = np.maximum(1.0, (1 + _ROOM) * predicted.ratios[0])
         return (
             missing,
-            ~missing & (self.speed > (1 + _HARDER) * promised.speed[0]),
+            ~missing & (self.speed > (1 + _HARDER) * predicted.speed[0]),
             ~missing & (self.ratios > allowed).any(axis=1),
         )
 
-    def badness(self, promised: _Outcome) -> tuple[int, float]:
+    def badness(self, predicted: _Outcome) -> tuple[int, float]:
         """Return the number of failing sensors and, to rank equal numbers, the 95 % quantile of the speed."""
-        failing = int(np.any(self.failures(promised), axis=0).sum())
+        failing = int(np.any(self.failures(predicted), axis=0).sum())
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
 
@@ -142,29 +145,29 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
         return None
     chain = _without_noise(task.loop.chain)
     nominal = DrawnCurve(sensor=task.sensor, offset=report.offset.value)
-    promised = _run(task, gain, replace(chain, misfit=0.0), (nominal,))
-    if np.isnan(promised.speed[0]):
+    predicted = _run(task, gain, replace(chain, misfit=0.0), (nominal,))
+    if np.isnan(predicted.speed[0]):
         return None
     sensors = tuple(_mount(curve, task) for curve in report.curves.draw(_DRAWS, _SEED))
     witness = check_on_readings(report.curves, report.offset.value, task.scenario, task.sensor, gain=gain, law=task.law)
     outcome = _run(task, gain, chain, sensors)
-    missing, harder, broken = outcome.failures(promised)
+    missing, harder, broken = outcome.failures(predicted)
     ends = [finite_or_none(v) for v in np.quantile(outcome.speed, (0.05, 0.5, 0.95))]
     check = CalibrationCheck(
         draws=_DRAWS,
-        promised=float(promised.speed[0]),
+        predicted=float(predicted.speed[0]),
         low=ends[0],
         median=ends[1],
         high=ends[2],
         missing=int(missing.sum()),
-        harder=int(harder.sum()),
+        harder_count=int(harder.sum()),
         broken=int(broken.sum()),
         failing=int((missing | harder | broken).sum()),
         witness=witness,
     )
     if check.is_good_enough:
         return check
-    decisive = _decisive(task, gain, sensors, outcome, promised)
+    decisive = _decisive(task, gain, sensors, outcome, predicted)
     return replace(check, decisive=decisive, remedy=_remedy(task, report, decisive))
 
 
@@ -200,7 +203,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
     return _Outcome(speed=speed, ratios=ratios)
 
 
-def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, promised: _Outcome) -> str:
+def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, predicted: _Outcome) -> str:
     """Return the largest source of error, from runs without the misfit, without the offset error, and without both."""
     # Offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
     # offset is nearest to the fitted one show the uncertainty that remains if the offset is known.
@@ -210,12 +213,12 @@ def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Ou
     many = report.curves.draw(_ALIKE * _DRAWS, _SEED)
     nearest = sorted(many, key=lambda curve: abs(curve.offset - value))[:_DRAWS]
     fitted = DrawnCurve(sensor=task.sensor, offset=value)
-    smooth = _run(task, gain, replace(chain, misfit=0.0), drawn).badness(promised)
-    known_offset = _run(task, gain, chain, tuple(_mount(curve, task) for curve in nearest)).badness(promised)
-    rest = _run(task, gain, chain, (fitted,) * _DRAWS).badness(promised)
+    smooth = _run(task, gain, replace(chain, misfit=0.0), drawn).badness(predicted)
+    known_offset = _run(task, gain, chain, tuple(_mount(curve, task) for curve in nearest)).badness(predicted)
+    rest = _run(task, gain, chain, (fitted,) * _DRAWS).badness(predicted)
     if chain.misfit and smooth < rest:
         return "misfit"
-    failing = found.badness(promised)
+    failing = found.badness(predicted)
     return "offset" if known_offset[0] <= failing[0] / 2 and known_offset < failing else "curve"
 
 

@@ -65,7 +65,7 @@ class Effect(Value):
         difference: mean of speed - unmitigated speed, run by run [m/s].
         standard_error: standard error of `difference`; NaN for a single run.
         runs: number of runs.
-        harder: number of runs in which contact is harder with the gain.
+        harder_count: number of runs in which contact is harder with the gain.
         predicted: mean |l'| in continuous time with a perfect sensor, over the runs for which a contact is
             predicted [m/s]; None if there are none.
         reached: mean |l'| with the gain over the same runs [m/s].
@@ -80,7 +80,7 @@ class Effect(Value):
     difference: float
     standard_error: float
     runs: int
-    harder: int = 0
+    harder_count: int = 0
     predicted: float | None = None
     reached: float | None = None
 
@@ -88,7 +88,7 @@ class Effect(Value):
     def is_harder(self) -> bool:
         """Whether contact is harder with the gain: on average or in most runs, by more than two standard errors."""
         half = self.runs / 2
-        return self.difference > self._chance or self.harder > half + SIGNIFICANT * math.sqrt(half / 2)
+        return self.difference > self._chance or self.harder_count > half + SIGNIFICANT * math.sqrt(half / 2)
 
     @property
     def is_softer(self) -> bool:
@@ -103,7 +103,7 @@ class Effect(Value):
     @property
     def is_clear(self) -> bool:
         """Whether the gain makes contact significantly softer on average, and harder in at most one run in 20."""
-        return self.is_softer and self.harder <= OFTEN * self.runs
+        return self.is_softer and self.harder_count <= OFTEN * self.runs
 
     @property
     def excess(self) -> float | None:
@@ -140,7 +140,7 @@ def effect_of(
         difference=difference,
         standard_error=error,
         runs=len(speed),
-        harder=int((speed > free * (1 + _ALIKE)).sum()),
+        harder_count=int((speed > free * (1 + _ALIKE)).sum()),
         predicted=float(promised[predictable].mean()) if predictable.any() else None,
         reached=float(speed[predictable].mean()) if predictable.any() else None,
     )
@@ -194,25 +194,25 @@ class SensorSpeed(Value):
         rate: readings per second of the loop [Hz].
         speed: mean |l'| at contact on the loop [m/s].
         fast: mean |l'| with a reading for every step of the controller, without exposure and delay [m/s].
-        harder: relative excess of the speed over that with the fast sensor: 95 % quantile over the runs; negative if
+        excess: relative excess of the speed over that with the fast sensor: 95 % quantile over the runs; negative if
             contact is softer.
         tolerance: the allowed relative excess.
 
     Examples:
-        >>> SensorSpeed(rate=60.0, speed=0.081, fast=0.079, harder=0.04, tolerance=0.1).is_fast_enough
+        >>> SensorSpeed(rate=60.0, speed=0.081, fast=0.079, excess=0.04, tolerance=0.1).is_fast_enough
         True
     """
 
     rate: float
     speed: float
     fast: float
-    harder: float
+    excess: float
     tolerance: float
 
     @property
     def is_fast_enough(self) -> bool:
         """Whether contact is at most `tolerance` harder than with an infinitely fast sensor."""
-        return self.harder <= self.tolerance
+        return self.excess <= self.tolerance
 
     @property
     def text(self) -> str:
@@ -226,7 +226,7 @@ class SensorSpeed(Value):
     @property
     def harder_in_words(self) -> str:
         """The increase of the contact speed in words, such as `at most 4 % harder in 95 % of the runs`."""
-        size = f"at most {percent(self.harder)} harder" if self.harder > _SHOWN_SHARE else "no harder"
+        size = f"at most {percent(self.excess)} harder" if self.excess > _SHOWN_SHARE else "no harder"
         return f"{size} in 95 % of the runs"
 
     def to_dict(self) -> dict[str, Any]:
@@ -237,7 +237,7 @@ class SensorSpeed(Value):
 def without_noise(loop: ClosedLoop) -> ClosedLoop:
     """Return a loop with ideal readings: without noise, jitter, quantization, dropouts and misfit."""
     quiet: dict[str, Any] = dict.fromkeys((*NOISES, *_FAULTS), 0.0)
-    return replace(loop, chain=replace(loop.chain, **quiet), follow=0.0)
+    return replace(loop, chain=replace(loop.chain, **quiet), follow_time=0.0)
 
 
 def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
@@ -264,7 +264,7 @@ def compare_with_fast_sensor(
     ratio = speed / np.maximum(ideal, _LEAST_SPEED)
     harder = float(np.quantile(ratio, _MOST)) - 1
     means = {"speed": float(speed.mean()), "fast": float(ideal.mean())}
-    return SensorSpeed(rate=loop.chain.rate, **means, harder=harder, tolerance=tolerance)
+    return SensorSpeed(rate=loop.chain.rate, **means, excess=harder, tolerance=tolerance)
 
 
 def _text(velocity: float) -> str:

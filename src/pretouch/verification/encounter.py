@@ -7,7 +7,18 @@ from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Final
 
-from pretouch._core.blocks import Cell, Chapter, Described, Listing, Measured, Page, Paragraph, Picture, Rows, named
+from pretouch._core.blocks import (
+    Cell,
+    Described,
+    Listing,
+    Measured,
+    Page,
+    PageSection,
+    PageTable,
+    Paragraph,
+    Picture,
+    named,
+)
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
@@ -243,7 +254,7 @@ class SimulatedEncounter(Described, Value):
                     "chain": loop.chain,
                     "plant": _part_as_dict(loop.plant),
                     "contact": None if loop.contact is None else _part_as_dict(loop.contact),
-                    **{name: getattr(loop, name) for name in ("seed", "horizon", "follow")},
+                    **{name: getattr(loop, name) for name in ("seed", "horizon", "follow_time")},
                 },
                 "warnings": self.warnings,
             }
@@ -301,11 +312,11 @@ def _key_figures(e: SimulatedEncounter) -> Iterator[tuple[str, Cell]]:
         yield f"{words_for('time')}, on the loop", Measured(run.time, "s", 3)
 
 
-def _comparison(e: SimulatedEncounter) -> Chapter:
+def _comparison(e: SimulatedEncounter) -> PageSection:
     symbol = e.law.number.symbol
     head = ("", "on the loop", "predicted", "difference", *(f"{run}, {symbol} = 0" for run in ("loop", "predicted")))
     note = _COMPARED.format(symbol=symbol)
-    table = Rows(head=head, rows=tuple(_comparison_rows(e)), note=note, brief=True)
+    table = PageTable(head=head, rows=tuple(_comparison_rows(e)), note=note, brief=True)
     loop, contact = e.loop, e.loop.contact
     model = "no contact model" if contact is None else type(contact).__name__
     method = (
@@ -314,7 +325,7 @@ def _comparison(e: SimulatedEncounter) -> Chapter:
         f"{_NOTHING if e.prediction is None else e.prediction.method}."
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
-    return Chapter(title="Loop and prediction", blocks=(table, Paragraph(text=method, brief=True), elastic))
+    return PageSection(title="Loop and prediction", blocks=(table, Paragraph(text=method, brief=True), elastic))
 
 
 def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:
@@ -329,17 +340,21 @@ def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:
             yield named(one.name), *cells[:2], difference, *cells[2:]
 
 
-def _course(e: SimulatedEncounter) -> Chapter:
+def _course(e: SimulatedEncounter) -> PageSection:
     shown = " The last panel shows the first contact, from its touch on." if e.has_contact_force else ""
     name = "Distance, relative velocity, virtual force, sensor reading and contact force over time"
-    return Chapter(title="The run", blocks=(Picture(figure="simulation", of=e, name=name, caption=_COURSE + shown),))
+    return PageSection(
+        title="The run", blocks=(Picture(figure="simulation", of=e, name=name, caption=_COURSE + shown),)
+    )
 
 
-def _contacts(e: SimulatedEncounter) -> Chapter | None:
+def _contacts(e: SimulatedEncounter) -> PageSection | None:
     if not (e.has_contact_force and e.contacts):
         return None
     head = ("touch", "l'", "peak force", "impulse", "l' after", "duration")
-    return Chapter(title="Contacts", blocks=(Rows(head=head, rows=tuple(map(_contact_row, e.contacts)), brief=True),))
+    return PageSection(
+        title="Contacts", blocks=(PageTable(head=head, rows=tuple(map(_contact_row, e.contacts)), brief=True),)
+    )
 
 
 def _contact_row(contact: LoopContact) -> Row:
@@ -354,12 +369,12 @@ def _contact_row(contact: LoopContact) -> Row:
     )
 
 
-def _detection(e: SimulatedEncounter) -> Chapter:
+def _detection(e: SimulatedEncounter) -> PageSection:
     sentence = "The controller never detected the object." if e.detection is None else e.detection.sentence
     head = ("controller flag", "meaning", "since", "total", "before contact")
-    flags = Rows(head=head, rows=tuple(map(_flag_row, e.flags)), wraps=True, brief=True) if e.flags else None
+    flags = PageTable(head=head, rows=tuple(map(_flag_row, e.flags)), wraps=True, brief=True) if e.flags else None
     paragraphs = (Paragraph(text=sentence, brief=e.detection is not None), Paragraph(text=_SEEN, quiet=True))
-    return Chapter(title="Detection", blocks=(*paragraphs, flags))
+    return PageSection(title="Detection", blocks=(*paragraphs, flags))
 
 
 def _flag_row(flag: ReportedFlag) -> Row:
@@ -367,9 +382,9 @@ def _flag_row(flag: ReportedFlag) -> Row:
     return flag.name, flag.meaning, *times
 
 
-def _method(e: SimulatedEncounter) -> Chapter:
-    loop = Chapter(title="Of the loop", blocks=(Listing(items=_OF_THE_LOOP),))
+def _method(e: SimulatedEncounter) -> PageSection:
+    loop = PageSection(title="Of the loop", blocks=(Listing(items=_OF_THE_LOOP),))
     runs = replace(method_section("loop", solved_on="loop"), title="Of the runs")
     if e.prediction is not None:
         runs = replace(method_section(e.prediction.method), title="Of the prediction")
-    return Chapter(title="Method and assumptions", blocks=(loop, runs))
+    return PageSection(title="Method and assumptions", blocks=(loop, runs))

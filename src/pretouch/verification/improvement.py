@@ -157,10 +157,10 @@ def find_improvements(
         if verified.limit is not None:
             after = stability_margin(limit_of(candidate.loop, task.sensor, verified.passed), gain)
         changes.append(_evaluate_change(task, candidate, gain, part, replace(outcomes, margin=after)))
-    unchanged = Candidate("as-it-is", "", loop)
+    same_loop = Candidate("as-it-is", "", loop)
     references = (part, verified.outcomes)[: 2 if runs < task.runs else 1]
-    as_it_is = tuple(_evaluate_change(task, unchanged, gain, reference, reference) for reference in references)
-    return _loss(task, verified, search, best), tuple(sorted(changes, key=_rank)), as_it_is
+    unchanged = tuple(_evaluate_change(task, same_loop, gain, reference, reference) for reference in references)
+    return _loss(task, verified, search, best), tuple(sorted(changes, key=_rank)), unchanged
 
 
 def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
@@ -173,8 +173,8 @@ def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
     ends = np.abs(free.relative_velocity[free.touched])
     fastest = max(ends.max(initial=0.0), np.abs(draws.scenarios.relative_velocity).max())  # [m/s]
     rate = None
-    if check is not None and check.margin < USUAL_MARGIN and math.isfinite(check.lowest_rate_with_margin):
-        rate = max(check.lowest_rate_with_margin, check.rate)
+    if check is not None and check.margin < USUAL_MARGIN and math.isfinite(check.lowest_rate_for_margin_2):
+        rate = max(check.lowest_rate_for_margin_2, check.rate)
     return candidates_of(draws.task.loop, float(fastest * slope.max()), float(noise.max()), rate)
 
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Chapter, Measured, Paragraph, Picture, Rows
+from pretouch._core.blocks import Cell, Measured, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.vocabulary import words_for
 from pretouch.design.page import objective_rows
 
@@ -29,7 +29,7 @@ _HELPS: Final = (
 )
 
 
-def best_change_section(v: Verdict) -> Chapter | None:
+def best_change_section(v: Verdict) -> PageSection | None:
     """Describe the change that helps most, with the quantities before and after; None if no change was tried."""
     if not v.changes:
         return None
@@ -39,11 +39,11 @@ def best_change_section(v: Verdict) -> Chapter | None:
             "None of the tried changes improves the status, or lowers the objective significantly and by at least 1 %."
             f" {rate}"
         ).strip()
-        return Chapter(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
+        return PageSection(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
     title = "What would help most" + ("" if best.standing >= _KEPT else " (not enough alone)")
-    effects = Rows(head=("", "now", "with the change"), rows=tuple(_effects(v, best)))
+    effects = PageTable(head=("", "now", "with the change"), rows=tuple(_effects(v, best)))
     advice = Paragraph(text=f"{best.sentence} {rate}".strip(), brief=True)
-    return Chapter(title=title, titled=True, blocks=(advice, effects))
+    return PageSection(title=title, titled=True, blocks=(advice, effects))
 
 
 def _rate_in_words(v: Verdict) -> str:
@@ -53,8 +53,8 @@ def _rate_in_words(v: Verdict) -> str:
     if check is None or check.margin >= USUAL_MARGIN or enough:
         return ""
     gain = f"With {v.law.number.equals(v.gain or 0.0)}"
-    if math.isfinite(check.lowest_rate_with_margin):
-        return f"{gain} a gain margin of 2 needs a sensor rate of {check.lowest_rate_with_margin:.3g} Hz."
+    if math.isfinite(check.lowest_rate_for_margin_2):
+        return f"{gain} a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
     text = f"{gain} no sensor rate results in a gain margin of 2: latency, filters or robot are too slow"
     if math.isfinite(check.lowest_rate):
         text += f"; stability needs {check.lowest_rate:.3g} Hz"
@@ -66,7 +66,7 @@ def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
         n = v.law.number
         yield n.label, Measured(v.gain, n.unit), Measured(change.gain, n.unit)
     if change.held is not None:
-        same = v.as_it_is[-1 if change.name == "gain" else 0].held  # over the same runs
+        same = v.unchanged[-1 if change.name == "gain" else 0].held  # over the same runs
         yield _missed_most(v), Measured(None) if same is None else _percent(same), _percent(change.held)
     if v.effect is not None and v.effect.is_harder and change.standing >= _KEPT:
         yield "contact harder than without mitigation", "yes", "no"
@@ -77,7 +77,7 @@ def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
     if change.objective is not None and change.improvement is not None:
         # the share over the runs on which the change was compared, not over all runs
         before = change.objective / (1 - change.improvement) if change.improvement < 1 else None
-        yield "objective", Measured(before), Measured(change.objective, beside=f" ({_objective_change(change)})")
+        yield "objective", Measured(before), Measured(change.objective, suffix=f" ({_objective_change(change)})")
 
 
 def _missed_most(v: Verdict) -> str:
@@ -90,7 +90,7 @@ def _missed_most(v: Verdict) -> str:
     return min(shares)[1] if shares else "runs that meet the most missed limit"
 
 
-def changes_section(v: Verdict) -> Chapter | None:
+def changes_section(v: Verdict) -> PageSection | None:
     """Describe every tried change, most helpful first; None if none was tried."""
     if not v.changes:
         return None
@@ -99,14 +99,14 @@ def changes_section(v: Verdict) -> Chapter | None:
     note += f", the first of the {v.runs}; another gain was simulated on all {v.runs}" if n < v.runs else ""
     head = ("change", "objective", "limits met", "gain margin", "what to do")
     rows = (*_rows_as_it_is(v), *map(_change_row, v.changes))
-    table = Rows(head=head, rows=rows, note=f"{note}.{_HELPS}", wraps=True, brief=True)
-    return Chapter(title="Tried changes", titled=True, blocks=(table,))
+    table = PageTable(head=head, rows=rows, note=f"{note}.{_HELPS}", wraps=True, brief=True)
+    return PageSection(title="Tried changes", titled=True, blocks=(table,))
 
 
 def _rows_as_it_is(v: Verdict) -> Iterator[Row]:
     """Yield rows of the unchanged loop, over the compared runs and over all runs."""
-    for one, runs in zip(v.as_it_is, (v.compared_runs, v.runs), strict=False):
-        of = f", {runs} run{'' if runs == 1 else 's'}" if len(v.as_it_is) > 1 else ""
+    for one, runs in zip(v.unchanged, (v.compared_runs, v.runs), strict=False):
+        of = f", {runs} run{'' if runs == 1 else 's'}" if len(v.unchanged) > 1 else ""
         text = "Compare changes with this row." if runs == v.compared_runs else "Compare another gain with this row."
         yield f"unchanged{of}", "", _kept_cell(one), _margin_cell(one), text
 
@@ -146,7 +146,7 @@ def _percent_with_error(value: float, error: float) -> str:
     return f"{value:+.{digits}f}" + (f" \u00b1 {error:.{digits}f} %" if error else " %")
 
 
-def gain_section(v: Verdict) -> Chapter:
+def gain_section(v: Verdict) -> PageSection:
     """Describe the objective over the gain, and compare the verified gain with the best one on this loop."""
     tried = v.loss is not None
     caption = "The objective of the nominal encounter in continuous time (ideal)"
@@ -156,19 +156,21 @@ def gain_section(v: Verdict) -> Chapter:
     name = "Objective over the gain, in continuous time and on the loop"
     known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
     picture = Picture(figure="verdict_gain", of=v, name=name, caption=caption)
-    terms = Rows(head=("term of the objective", "typical value", "weight"), rows=tuple(objective_rows(v.definition)))
+    terms = PageTable(
+        head=("term of the objective", "typical value", "weight"), rows=tuple(objective_rows(v.definition))
+    )
     shown = picture if any(np.isfinite(objective).any() for objective in known) else None
     title = "The objective over the gain" if v.gain is None else "The gain on this loop"
-    return Chapter(title=title, blocks=(*_gain_blocks(v), shown, terms))
+    return PageSection(title=title, blocks=(*_gain_blocks(v), shown, terms))
 
 
-def _gain_blocks(v: Verdict) -> Iterator[Paragraph | Rows]:
+def _gain_blocks(v: Verdict) -> Iterator[Paragraph | PageTable]:
     if v.loss is not None:
         yield Paragraph(text=_loss_in_words(v, v.loss), brief=True)
     rows = tuple(_loss_rows(v))
     if rows:
         head = ("", v.law.number.label, f"objective ({v.definition.name})")
-        yield Rows(head=head, rows=rows, brief=v.loss is not None)
+        yield PageTable(head=head, rows=rows, brief=v.loss is not None)
 
 
 def _loss_in_words(v: Verdict, loss: Loss) -> str:

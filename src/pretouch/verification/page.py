@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragraph, Picture, Rows, named
+from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture, named
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.motion import LawNumber
@@ -117,7 +117,9 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
         return
     margin = "always stable" if math.isinf(check.margin) else f"{check.margin:.3g}"
     yield f"gain margin; unstable beyond {_strongest(check, n)}", margin
-    least = "none is enough" if math.isinf(check.lowest_rate_with_margin) else f"{check.lowest_rate_with_margin:.3g} Hz"
+    least = (
+        "none is enough" if math.isinf(check.lowest_rate_for_margin_2) else f"{check.lowest_rate_for_margin_2:.3g} Hz"
+    )
     name = f"lowest sensor rate for this gain; {least} for a gain margin of 2; the sensor has {check.rate:.3g} Hz"
     yield name, _rate(check.lowest_rate)
 
@@ -156,11 +158,11 @@ def _rate(rate: float) -> Cell:
     return "none is enough" if math.isinf(rate) else Measured(rate, "Hz", 3)
 
 
-def _list_chapter(title: str, sentences: tuple[str, ...]) -> Chapter | None:
-    return Chapter(title=title, titled=True, blocks=(Listing(items=sentences, brief=True),)) if sentences else None
+def _list_chapter(title: str, sentences: tuple[str, ...]) -> PageSection | None:
+    return PageSection(title=title, titled=True, blocks=(Listing(items=sentences, brief=True),)) if sentences else None
 
 
-def _reasons(v: Verdict) -> Chapter | None:
+def _reasons(v: Verdict) -> PageSection | None:
     if v.gain is not None or not v.reasons:
         return _list_chapter(_WHY.get(v.status, ""), v.reasons)
     tried = (
@@ -173,19 +175,19 @@ def _reasons(v: Verdict) -> Chapter | None:
         (words_for(c.quantity), *(Measured(x, c.unit) for x in (c.limit, c.best_value)), Measured(c.best_gain, unit))
         for c in v.design.constraints
     )
-    limits = Rows(head=head, rows=rows) if rows else None
+    limits = PageTable(head=head, rows=rows) if rows else None
     blocks = (Listing(items=v.reasons, brief=True), Paragraph(text=tried), limits)
-    return Chapter(title=_WHY[v.status], titled=True, blocks=blocks)
+    return PageSection(title=_WHY[v.status], titled=True, blocks=blocks)
 
 
-def _comparison(v: Verdict) -> Chapter | None:
+def _comparison(v: Verdict) -> PageSection | None:
     if v.reached is None or v.mitigated is None or v.unmitigated is None:
         return None
     symbol = v.law.number.symbol
     free = (f"predicted, {symbol} = 0", f"mean, {symbol} = 0")
     head = ("", "predicted", "mean of the runs", "5 % to 95 %", "worst", *free)
     note = _COMPARED.format(runs=_runs(v), symbol=symbol)
-    table = Rows(head=head, rows=tuple(map(_comparison_row, v.comparisons)), note=note, brief=True)
+    table = PageTable(head=head, rows=tuple(map(_comparison_row, v.comparisons)), note=note, brief=True)
     shares = Picture(
         figure="verdict", of=v, name="Share of runs in which each quantity stays below a value", caption=_SHARES
     )
@@ -193,7 +195,7 @@ def _comparison(v: Verdict) -> Chapter | None:
     runs = Picture(figure="verdict_run", of=v, name=name, caption=_TWO_RUNS)
     touched = v.mitigated.touched.any() or v.unmitigated.touched.any()
     blocks = (table, Paragraph(text=_reached(v)), shares if touched else None, runs)
-    return Chapter(title="Predicted and simulated", blocks=blocks)
+    return PageSection(title="Predicted and simulated", blocks=blocks)
 
 
 def _runs(v: Verdict) -> str:
@@ -236,15 +238,15 @@ def _reached(v: Verdict) -> str:
     return f"{text}."
 
 
-def _limits(v: Verdict) -> Chapter | None:
+def _limits(v: Verdict) -> PageSection | None:
     if not v.limits:
         return None
     first = ("limit", "at most", "required in", "met in", "at least")
     head = (*first, "predicted", "quantile", "margin", "state")
     sources = (f" {c.label.capitalize()}: {c.source}." for c in v.limits if c.source != "simulated")
     note = _OF_LIMITS.format(confidence=100 * v.confidence) + "".join(sources)
-    table = Rows(head=head, rows=tuple(map(_limit_row, v.limits)), note=note, brief=True)
-    return Chapter(title="Limits", blocks=(table,))
+    table = PageTable(head=head, rows=tuple(map(_limit_row, v.limits)), note=note, brief=True)
+    return PageSection(title="Limits", blocks=(table,))
 
 
 def _limit_row(check: LimitCheck) -> Row:
@@ -261,18 +263,18 @@ def _limit_row(check: LimitCheck) -> Row:
     )
 
 
-def _stability(v: Verdict) -> Chapter | None:
+def _stability(v: Verdict) -> PageSection | None:
     if not v.stability_text:
         return None
     check, title = v.stability, "Is the sensor fast enough, and is the loop stable?"
     said = v.stability_text if v.sensor_speed is None else f"{v.sensor_speed.text} {v.stability_text}"
     text = Paragraph(text=said, brief=True)
     if check is None:
-        return Chapter(title=title, blocks=(text,))
+        return PageSection(title=title, blocks=(text,))
     name = "Strongest stable gain over the distance"
     picture = Picture(figure="verdict_stability", of=v, name=name, caption=_STABLE)
     shown = picture if math.isfinite(check.strongest) and check.strongest != 0 else None
-    return Chapter(title=title, blocks=(text, Rows(rows=tuple(_stability_rows(check))), shown))
+    return PageSection(title=title, blocks=(text, PageTable(rows=tuple(_stability_rows(check))), shown))
 
 
 def _stability_rows(check: StabilityCheck) -> Iterator[Row]:
@@ -284,33 +286,35 @@ def _stability_rows(check: StabilityCheck) -> Iterator[Row]:
         yield "oscillation frequency at the limit", Measured(check.frequency, "Hz")
     yield "sensor rate", Measured(check.rate, "Hz")
     yield "lowest sensor rate for a stable loop", _rate(check.lowest_rate)
-    yield "lowest sensor rate for a gain margin of 2", _rate(check.lowest_rate_with_margin)
+    yield "lowest sensor rate for a gain margin of 2", _rate(check.lowest_rate_for_margin_2)
 
 
-def _calibration(v: Verdict) -> Chapter | None:
+def _calibration(v: Verdict) -> PageSection | None:
     check = v.calibration_check
     if check is None:
         return None
     shares = (("5 % quantile", check.low), ("median", check.median), ("95 % quantile", check.high))
     rows: tuple[Row, ...] = (
-        (f"{words_for('relative_velocity')} on the fitted curve", Measured(check.promised, "m/s")),
+        (f"{words_for('relative_velocity')} on the fitted curve", Measured(check.predicted, "m/s")),
         *((f"{name} over the drawn sensors", Measured(x, "m/s")) for name, x in shares if x is not None),
-        ("sensors with a contact more than 15 % harder", f"{check.harder} of {check.draws}"),
+        ("sensors with a contact more than 15 % harder", f"{check.harder_count} of {check.draws}"),
         ("sensors that miss a limit which the fitted curve meets", f"{check.broken} of {check.draws}"),
         ("sensors without contact", f"{check.missing} of {check.draws}"),
     )
     text = Paragraph(text=check.text, brief=True)
-    return Chapter(title="Is the calibration good enough?", blocks=(text, Rows(rows=rows, note=_OF_CALIBRATION)))
+    return PageSection(
+        title="Is the calibration good enough?", blocks=(text, PageTable(rows=rows, note=_OF_CALIBRATION))
+    )
 
 
-def _uncertain(v: Verdict) -> Chapter | None:
+def _uncertain(v: Verdict) -> PageSection | None:
     rows = tuple(uncertainty_in_words(v.uncertainty, v.sensor))
     note = "Encounter and sensor are listed above with their nominal values."
-    table = Rows(head=("input", "distribution"), rows=rows, wraps=True, note=note)
-    return Chapter(title="What is uncertain", blocks=(table,)) if rows else None
+    table = PageTable(head=("input", "distribution"), rows=rows, wraps=True, note=note)
+    return PageSection(title="What is uncertain", blocks=(table,)) if rows else None
 
 
-def _method(v: Verdict) -> Chapter:
-    runs = Chapter(title="Of the runs", blocks=(Listing(items=_OF_THE_RUNS),))
+def _method(v: Verdict) -> PageSection:
+    runs = PageSection(title="Of the runs", blocks=(Listing(items=_OF_THE_RUNS),))
     prediction = replace(method_section(v.design.method), title="Of the prediction")
-    return Chapter(title="Method and assumptions", blocks=(runs, prediction))
+    return PageSection(title="Method and assumptions", blocks=(runs, prediction))

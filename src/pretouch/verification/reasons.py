@@ -69,7 +69,7 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
 def _harder(effect: Effect) -> str:
     """Return by how much contact is harder on average, or in how many runs."""
     if effect.difference <= 0:
-        return f" in {effect.harder} of {effect.runs} runs"
+        return f" in {effect.harder_count} of {effect.runs} runs"
     speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
     error = f" +- {effect.standard_error:.1g}" if effect.standard_error > 0 else ""
     return f": {speed} on average instead of {free} (+{effect.difference:.2g}{error} m/s)"
@@ -131,6 +131,6 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
             f"contact is not shown to be softer than without mitigation: difference {effect.difference:.2g} +- "
             f"{effect.standard_error:.1g} m/s over {effect.runs} runs"
         )
-    if effect.harder > OFTEN * effect.runs:
-        share = share_in_words(effect.harder / effect.runs)
+    if effect.harder_count > OFTEN * effect.runs:
+        share = share_in_words(effect.harder_count / effect.runs)
         yield f"in {share} of the runs contact is harder than without mitigation"

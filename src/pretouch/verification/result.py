@@ -178,7 +178,7 @@ class Verdict(Described, Value):
             without a calibration, with too few readings, or if the fitted curve leads to no contact.
         loss: cost of the gain compared with the best one for this loop; None without changes.
         changes: the changes that were tried, most helpful first.
-        as_it_is: the unchanged loop over the runs on which changes are compared. A second entry, if there are more
+        unchanged: the unchanged loop over the runs on which changes are compared. A second entry, if there are more
             runs, is over all runs, on which another gain is compared. Empty without changes.
         assumptions: assumptions of the verdict.
         warnings: sentences to read before relying on the verdict.
@@ -212,7 +212,7 @@ class Verdict(Described, Value):
     calibration_check: CalibrationCheck | None = None
     loss: Loss | None = None
     changes: tuple[LoopChange, ...] = ()
-    as_it_is: tuple[LoopChange, ...] = ()
+    unchanged: tuple[LoopChange, ...] = ()
     assumptions: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     runs: int
@@ -262,7 +262,7 @@ class Verdict(Described, Value):
             *("status", "headline", "gain", "reasons", "runs", "compared_runs", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
             *("sensor_speed", "noiseless_effect", "speed_tolerance"),
-            *("calibration_check", "loss", "changes", "as_it_is", "assumptions", "warnings"),
+            *("calibration_check", "loss", "changes", "unchanged", "assumptions", "warnings"),
         )
         design, best = self.design, self.best_change
         told: dict[str, Any] = plain(

@@ -50,7 +50,7 @@ class StabilityCheck(Value):
             and controller; infinite if none is high enough. A controller that is slower than the sensor is run at the
             rate of the sensor. `lowest_rate` can exceed `rate` although the margin is above 1. In this case, some
             phases, or some rates between `rate` and `lowest_rate`, are unstable.
-        lowest_rate_with_margin: the sensor rate above which the gain margin is at least 2 [Hz]; infinite if none is
+        lowest_rate_for_margin_2: the sensor rate above which the gain margin is at least 2 [Hz]; infinite if none is
             high enough.
         has_unknown_phase: whether the time from a reading to the controller step that uses it differs between runs;
             limit and margin are then those of the worst case.
@@ -60,7 +60,7 @@ class StabilityCheck(Value):
     margin: float
     rate: float
     lowest_rate: float
-    lowest_rate_with_margin: float
+    lowest_rate_for_margin_2: float
     has_unknown_phase: bool = False
 
     @property
@@ -108,9 +108,9 @@ class StabilityCheck(Value):
         text = f"This gain is stable at every sensor rate from {self.lowest_rate:.3g} Hz"
         if self.margin >= 1 and self.lowest_rate > self.rate:
             text += " (at lower rates, as here, stability depends on the exact rate and phase)"
-        if math.isinf(self.lowest_rate_with_margin):
+        if math.isinf(self.lowest_rate_for_margin_2):
             return text + "; no rate results in a gain margin of 2"
-        return text + f", with a gain margin of 2 from {self.lowest_rate_with_margin:.3g} Hz"
+        return text + f", with a gain margin of 2 from {self.lowest_rate_for_margin_2:.3g} Hz"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the check as one JSON object, in SI."""
@@ -121,7 +121,7 @@ class StabilityCheck(Value):
             "frequency",
             "rate",
             "lowest_rate",
-            "lowest_rate_with_margin",
+            "lowest_rate_for_margin_2",
         )
         return {**{name: getattr(self, name) for name in own}, "distance": self.limit.distance, "gain": self.limit.gain}
 
@@ -169,7 +169,7 @@ def check_stability(
         margin=margin,
         rate=loop.chain.rate,
         lowest_rate=least[0],
-        lowest_rate_with_margin=least[1],
+        lowest_rate_for_margin_2=least[1],
         has_unknown_phase=timing_of(loop.chain, law).delay_range > 0,
     )
 

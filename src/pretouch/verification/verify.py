@@ -115,7 +115,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     runs = outcomes.result, unmitigated
     comparisons = compare_quantities(task, runs, (predicted, free))
     verified = Verified(gain, predicted, outcomes, design, stability, limit, passed)
-    loss, tried, as_it_is = find_improvements(problem, verified) if changes else (None, (), ())
+    loss, tried, unchanged = find_improvements(problem, verified) if changes else (None, (), ())
     return {
         "reached": check_reached(outcomes.result, problem.predicted, task.confidence),
         "effect": effect,
@@ -129,7 +129,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
         "stability_text": stability.text if stability else _no_stability_in_words(task, gain, limit is not None),
         "loss": loss,
         "changes": tried,
-        "as_it_is": as_it_is,
+        "unchanged": unchanged,
         "assumptions": assumptions_of(task, draws.compared),
         "warnings": cautions_of(draws, runs, comparisons, design, gain),
         "compared_runs": draws.compared,
@@ -176,8 +176,8 @@ def _loop_of(task: Task) -> ClosedLoop:
     if law is None and "law" not in vars(task):
         raise InvalidInputError(
             f"loop: found a law ({type(getattr(task.loop.law, 'law', task.loop.law)).__name__}) without a law in "
-            'continuous time for the prediction; set its `continuous`, such as "virtual-damper" or an OwnLaw, or set '
-            "the law of the task"
+            'continuous time for the prediction; set its `continuous`, such as "virtual-damper" or a CustomLaw, or '
+            "set the law of the task"
         )
     if law is not None and law != task.law:
         raise InvalidInputError(f"law: found {task.law.kind}, but the controller of the loop is a {law.kind}")

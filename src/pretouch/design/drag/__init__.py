@@ -2,6 +2,6 @@
 
 from .design import design_drag, drag_by, drag_trade_off
 from .limits import DragEffect
-from .result import DragDesign, DragRails, predict_drag
+from .result import DragDesign, DragLimits, predict_drag
 
-__all__ = ["DragDesign", "DragEffect", "DragRails", "design_drag", "drag_by", "drag_trade_off", "predict_drag"]
+__all__ = ["DragDesign", "DragEffect", "DragLimits", "design_drag", "drag_by", "drag_trade_off", "predict_drag"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from pretouch._core.blocks import Chapter, LazyBlock, Paragraph, Rows
+from pretouch._core.blocks import LazyBlock, PageSection, PageTable, Paragraph
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch.motion import DAMPER, DRAG, ContactResult
@@ -18,7 +18,7 @@ from .result import ROUNDING
 _BETTER: Final = 0.99  # largest ratio of contact speeds at which the drag is reported as better
 
 
-def drag_alternative(design: GainDesign) -> Chapter | None:
+def drag_alternative(design: GainDesign) -> PageSection | None:
     """Return a section that compares an optimal gain with the virtual drag of the same excursion.
 
     Args:
@@ -58,10 +58,10 @@ def drag_alternative(design: GainDesign) -> Chapter | None:
     if not push:
         text += f" At every approach speed, {100 * after / speed:.3g} % of the speed remains."
     table = LazyBlock(make=lambda: _comparison(design, run, drag, with_drag))
-    return Chapter(title="Comparison with the virtual drag", blocks=(Paragraph(text=text, brief=True), table))
+    return PageSection(title="Comparison with the virtual drag", blocks=(Paragraph(text=text, brief=True), table))
 
 
-def _comparison(design: GainDesign, run: ContactResult, drag: float, with_drag: ContactResult) -> Rows:
+def _comparison(design: GainDesign, run: ContactResult, drag: float, with_drag: ContactResult) -> PageTable:
     """Return a table of the optimal gain, the drag of the same excursion, and that of the same contact speed."""
     scenario, sensor = design.scenario, design.sensor
     columns = {"the optimal gain": run, f"same excursion, {DRAG.number.equals(drag)}": with_drag}
@@ -76,4 +76,4 @@ def _comparison(design: GainDesign, run: ContactResult, drag: float, with_drag: 
         "from slow objects."
     )
     rows = tuple(compared_rows(scenario, design.impact, *columns.values()))
-    return Rows(head=("", *columns), rows=rows, note=note)
+    return PageTable(head=("", *columns), rows=rows, note=note)

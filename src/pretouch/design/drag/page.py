@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Picture, Rows
+from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, PageTable, Picture
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.vocabulary import unit_of, words_for
@@ -55,7 +55,7 @@ _DETECTED: Final = (
 
 def drag_page(design: DragDesign) -> Page:
     """Return the page of the drag of a task."""
-    task, run = design.asked, design.result
+    task, run = design.designed_task, design.result
     acceleration = push_of(design.scenario)
     warnings = []
     if acceleration:
@@ -94,8 +94,8 @@ def drag_page(design: DragDesign) -> Page:
 
 def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
     """Yield each limit of the task with its value."""
-    for c in design.asked.limits:
-        value = abs(float(c.magnitude(run.end, design.asked.impact)))
+    for c in design.designed_task.limits:
+        value = abs(float(c.magnitude(run.end, design.designed_task.impact)))
         state = "met" if value <= c.limit * (1 + ROUNDING) else "exceeded"
         reached, limit = (format_quantity(x, c.unit, 3) for x in (value, c.limit))
         yield f"{words_for(c.quantity)} {reached}, limit {limit}: {state}"
@@ -111,7 +111,7 @@ def letters_optimum(design: DragDesign) -> GainDesign | None:
         The optimal gain; None without an objective or without a feasible gain. It is searched within the task's
         bounds if they are bounds of D_p, else within wide bounds.
     """
-    task = design.asked
+    task = design.designed_task
     if task.objective is None:
         return None
     bounds = task.bounds
@@ -155,16 +155,16 @@ def push_of(scenario: Scenario) -> float:
 def _key_figures(design: DragDesign, run: ContactResult) -> Iterator[tuple[str, Cell]]:
     yield DRAG.number.label, Measured(design.drag, DRAG.number.unit)
     yield "share of any approach speed", f"{100 * design.ratio:.3g} %"
-    for words, unit, (value,) in _quantities(design.asked.impact, run):
+    for words, unit, (value,) in _quantities(design.designed_task.impact, run):
         yield words, Measured(value, unit, 3)
 
 
-def _contact(design: DragDesign, run: ContactResult) -> Chapter:
+def _contact(design: DragDesign, run: ContactResult) -> PageSection:
     letter, rest = letters_optimum(design), DRAG.contact(design.scenario, design.sensor, 0.0)
     columns = {"without mitigation": rest, DRAG.number.equals(design.drag): run}
     if letter is not None and letter.result is not None:
         columns[f"the letter's optimum, {DAMPER.number.equals(letter.gain or 0.0)}"] = letter.result
-    rows = [*compared_rows(design.scenario, design.asked.impact, *columns.values())]
+    rows = [*compared_rows(design.scenario, design.designed_task.impact, *columns.values())]
     place = ("", Measured(float(design.peak_distance), "m"), "")[: len(columns)]
     if not push_of(design.scenario):
         rows.insert(4, ("distance of the largest acceleration", *place))
@@ -173,7 +173,9 @@ def _contact(design: DragDesign, run: ContactResult) -> Chapter:
         "The smallest possible excursion is that of an ideal robot with the same largest acceleration and the same "
         "contact speed."
     )
-    return Chapter(title="The contact", blocks=(Rows(head=("", *columns), rows=tuple(rows), note=note, brief=True),))
+    return PageSection(
+        title="The contact", blocks=(PageTable(head=("", *columns), rows=tuple(rows), note=note, brief=True),)
+    )
 
 
 def compared_rows(scenario: Scenario, impact: ImpactModel | None, *runs: ContactResult) -> Iterator[Row]:
@@ -205,19 +207,21 @@ def _excursion_over_bound(scenario: Scenario, run: ContactResult) -> float:
     return float(abs(run.end.displacement) / least) if least > 0 else math.nan
 
 
-def _limits(design: DragDesign, run: ContactResult) -> Chapter:
+def _limits(design: DragDesign, run: ContactResult) -> PageSection:
     def row(limit: Any) -> Row:
         if limit.quantity == "gain":
             return limit.name, "", Measured(limit.limit, limit.unit), "does not apply: a limit of D_p"
-        value = float(limit.magnitude(run.end, design.asked.impact))
+        value = float(limit.magnitude(run.end, design.designed_task.impact))
         state = "met" if design.keeps(limit) else "exceeded"
         return limit.name, Measured(value, limit.unit), Measured(limit.limit, limit.unit), state
 
-    table = Rows(head=("constraint", "value", "limit", "state"), rows=tuple(map(row, design.asked.limits)), brief=True)
-    return Chapter(title="Constraints", blocks=(table,))
+    table = PageTable(
+        head=("constraint", "value", "limit", "state"), rows=tuple(map(row, design.designed_task.limits)), brief=True
+    )
+    return PageSection(title="Constraints", blocks=(table,))
 
 
-def _speeds(design: DragDesign) -> Chapter:
+def _speeds(design: DragDesign) -> PageSection:
     low, high, speed = speeds_of(design)
     speeds = np.array(sorted({speed, high, *(v for v in _SPEEDS if low <= v <= high)}))
     head = ["approach speed", "contact speed", "excursion", "largest acceleration", "time"]
@@ -232,8 +236,8 @@ def _speeds(design: DragDesign) -> Chapter:
     if letter is not None:
         head, columns = _add_letter_columns(design, letter, head, columns, at_speeds(design.scenario, speeds))
     rows = zip(*([Measured(float(v), unit) for v in values] for values, unit in columns), strict=True)
-    table = Rows(head=tuple(head), rows=tuple(rows), note=_UNIFORM, brief=True)
-    return Chapter(title="Effect at every approach speed", titled=True, blocks=(table,))
+    table = PageTable(head=tuple(head), rows=tuple(rows), note=_UNIFORM, brief=True)
+    return PageSection(title="Effect at every approach speed", titled=True, blocks=(table,))
 
 
 def _add_letter_columns(
@@ -246,7 +250,7 @@ def _add_letter_columns(
     return [*head, *(f"letter: {words}" for words in head[1:4])], [*columns, *more]
 
 
-def _figure(design: DragDesign) -> Chapter:
+def _figure(design: DragDesign) -> PageSection:
     caption = (
         "First plot: share of the speed that remains at contact over the excursion, for all drags and the chosen one. "
         "With an objective, it also shows the gains of the letter's law L(2) at this approach speed and the optimal "
@@ -254,10 +258,10 @@ def _figure(design: DragDesign) -> Chapter:
     )
     name = "Remaining share of the speed over the excursion; share, excursion and acceleration over the approach speed"
     picture = Picture(figure="drag", of=design, name=name, caption=caption)
-    return Chapter(title="The trade-off", blocks=(picture,))
+    return PageSection(title="The trade-off", blocks=(picture,))
 
 
-def _guarantee(design: DragDesign) -> Chapter:
+def _guarantee(design: DragDesign) -> PageSection:
     speed, distance = -float(design.scenario.relative_velocity), float(design.detection_distance)
     pushes = np.array(_PUSHES)
     bound = design.contact_speed_bound(speed, pushes)
@@ -267,11 +271,13 @@ def _guarantee(design: DragDesign) -> Chapter:
         for a, w, v in zip(_PUSHES, bound, free, strict=True)
     )
     head = ("acceleration of the object toward the plant, at most", "contact speed, at most", "without mitigation")
-    premises = Chapter(title="Assumptions", blocks=(Listing(items=design.premises),))
-    return Chapter(title="Guaranteed contact speed", blocks=(Rows(head=head, rows=rows, note=_BOUND), premises))
+    premises = PageSection(title="Assumptions", blocks=(Listing(items=design.premises),))
+    return PageSection(
+        title="Guaranteed contact speed", blocks=(PageTable(head=head, rows=rows, note=_BOUND), premises)
+    )
 
 
-def _detection(design: DragDesign) -> Chapter:
+def _detection(design: DragDesign) -> PageSection:
     speed, last = -float(design.scenario.relative_velocity), float(design.sensor.valid_range[1])
     distances = np.array([d for share in _DISTANCES if (d := share * float(design.detection_distance)) <= last])
     designs = design.seen_from(distances)
@@ -288,11 +294,11 @@ def _detection(design: DragDesign) -> Chapter:
         start = replace(start, obstacle=replace(start.obstacle, position=start.plant.position + distances))
         head, columns = _add_letter_columns(design, letter, head, columns, start)
     rows = zip(*([Measured(float(v), unit) for v in values] for values, unit in columns), strict=True)
-    table = Rows(head=tuple(head), rows=tuple(rows), note=_DETECTED)
-    return Chapter(title="Other detection distances", blocks=(table,))
+    table = PageTable(head=tuple(head), rows=tuple(rows), note=_DETECTED)
+    return PageSection(title="Other detection distances", blocks=(table,))
 
 
 def _chosen_by(design: DragDesign) -> Row:
-    name, value, unit = (design.asked.effect or DragEffect(ratio=design.ratio)).chosen
+    name, value, unit = (design.designed_task.effect or DragEffect(ratio=design.ratio)).chosen
     up_to = f", up to {format_quantity(design.largest_speed, 'm/s')}" if math.isfinite(design.largest_speed) else ""
-    return f"the drag is chosen by its {name.replace('_', ' ')}", Measured(float(value), unit, beside=up_to)
+    return f"the drag is chosen by its {name.replace('_', ' ')}", Measured(float(value), unit, suffix=up_to)

@@ -84,7 +84,7 @@ class DragDesign(Described, Value):
         return self.drag
 
     @property
-    def asked(self) -> Task:
+    def designed_task(self) -> Task:
         """The task, for a design that has one.
 
         Raises:
@@ -99,23 +99,23 @@ class DragDesign(Described, Value):
     @property
     def scenario(self) -> Scenario:
         """The encounter of the task."""
-        return self.asked.scenario
+        return self.designed_task.scenario
 
     @property
     def result(self) -> ContactResult:
         """The contact of the encounter of the task."""
-        return DRAG.contact(self.scenario, self.sensor, self.drag, horizon=self.asked.horizon)
+        return DRAG.contact(self.scenario, self.sensor, self.drag, horizon=self.designed_task.horizon)
 
     @property
     def holds(self) -> bool:
         """Whether the encounter of the task ends in contact and meets every limit, except limits of D_p."""
-        return bool(self.result.reached) and all(map(self.keeps, self.asked.limits))
+        return bool(self.result.reached) and all(map(self.keeps, self.designed_task.limits))
 
     def keeps(self, limit: Constraint) -> bool:
         """Return whether the encounter of the task meets a limit, up to rounding."""
         if limit.quantity == "gain":
             return True
-        return bool(limit.magnitude(self.result.end, self.asked.impact) <= limit.limit * (1 + ROUNDING))
+        return bool(limit.magnitude(self.result.end, self.designed_task.impact) <= limit.limit * (1 + ROUNDING))
 
     @property
     def headline(self) -> str:
@@ -205,7 +205,7 @@ class DragDesign(Described, Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DragRails(Value):
+class DragLimits(Value):
     """Guarantees for every schedule of the drag that stays between two constant drags.
 
     Args:

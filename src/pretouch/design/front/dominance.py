@@ -22,7 +22,9 @@ class FoundFront:
     piece: IntArray  # index of the connected piece of each point
     scanned: FloatArray  # coordinates of all encounters of the scan, shape (m, size)
     scanned_values: FloatArray  # their quantities, infinite if not feasible
-    missed: float  # largest amount by which an encounter beats the front in every quantity, as a share of the extent
+    approximation_error: (
+        float  # largest amount by which an encounter beats the front in every quantity, as a share of the extent
+    )
 
     @classmethod
     def of(
@@ -34,12 +36,19 @@ class FoundFront:
         between: FloatArray,
     ) -> FoundFront:
         """Make a front and compare it with the encounters of the scan and with quantities between its points."""
-        missed = np.inf
+        approximation_error = np.inf
         if len(at):
             extent, others = extent_of(values), np.concatenate([scanned[1], between])
-            missed = max(float(shortfall(others / extent, values / extent).max()), 0.0)
+            approximation_error = max(float(shortfall(others / extent, values / extent).max()), 0.0)
         numbers = np.asarray(piece, dtype=np.int64)
-        return cls(at=at, values=values, piece=numbers, scanned=scanned[0], scanned_values=scanned[1], missed=missed)
+        return cls(
+            at=at,
+            values=values,
+            piece=numbers,
+            scanned=scanned[0],
+            scanned_values=scanned[1],
+            approximation_error=approximation_error,
+        )
 
 
 def extent_of(values: FloatArray) -> FloatArray:

@@ -6,7 +6,18 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Named, Page, Paragraph, Picture, Rows, named
+from pretouch._core.blocks import (
+    Cell,
+    Listing,
+    Measured,
+    Named,
+    Page,
+    PageSection,
+    PageTable,
+    Paragraph,
+    Picture,
+    named,
+)
 from pretouch._core.units import format_quantity, format_range, pretty_unit
 from pretouch._core.vocabulary import in_short, unit_of, words_for
 from pretouch.motion.page_sections import inputs_section, method_section
@@ -69,7 +80,7 @@ def _key_figures(front: ParetoFront) -> Iterator[tuple[str, Cell]]:
             yield "relative to the smallest possible excursion", Measured(float(point.bound.ratio), "", 3)
 
 
-def _points(front: ParetoFront) -> Chapter:
+def _points(front: ParetoFront) -> PageSection:
     points = (*front.ends, *front.marked)
     caption = (
         "No point of the Pareto front is better than another in every quantity; grey points are feasible and worse. If "
@@ -81,11 +92,11 @@ def _points(front: ParetoFront) -> Chapter:
     columns = zip(*(_column(front, point) for point in points), strict=True)
     rows = tuple((cells[0][0], *(cell for _, cell in cells)) for cells in columns)
     note = "" if front.comparison is None else _COMPARED
-    return Chapter(
+    return PageSection(
         title="The Pareto front",
         blocks=(
             Picture(figure="pareto", of=front, name=name, caption=caption),
-            Rows(head=("", *map(_title, points)), rows=rows, note=note, brief=True),
+            PageTable(head=("", *map(_title, points)), rows=rows, note=note, brief=True),
             Listing(items=sentences, brief=True) if sentences else None,
             Paragraph(text=_KNEE, quiet=True),
             Paragraph(text=_BOUND, quiet=True),
@@ -137,9 +148,12 @@ def _sentences(front: ParetoFront) -> Iterator[str]:
 def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     if not choice.feasible:
         return "The choice violates a constraint."
-    if not choice.behind > _BEHIND:
+    if not choice.distance_to_front > _BEHIND:
         return "The choice lies on the Pareto front."
-    text = f"In every quantity, the front is better than the choice by {100 * choice.behind:.2g} % of its extent"
+    text = (
+        f"In every quantity, the front is better than the choice by "
+        f"{100 * choice.distance_to_front:.2g} % of its extent"
+    )
     if len(front.quantities) == 2:
         first, second = front.quantities
         best = front.of(first)[front.meets(**{second: choice.values[second]})].min()
@@ -148,18 +162,18 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     return f"{text}."
 
 
-def _evidence(front: ParetoFront) -> Chapter:
+def _evidence(front: ParetoFront) -> PageSection:
     pieces = int(front.piece.max()) + 1
     rows = (
-        ("searched", f"{front.tried} encounters"),
+        ("searched", f"{front.evaluated} encounters"),
         ("Pareto front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
         (
             "largest error",
-            f"{100 * front.missed:.2g} % of the front's extent: no other encounter, searched or between the points, is "
-            "better by more in every quantity",
+            f"{100 * front.approximation_error:.2g} % of the front's extent: no other encounter, searched or "
+            "between the points, is better by more in every quantity",
         ),
     )
-    return Chapter(title="Evidence", titled=True, blocks=(Rows(rows=rows, wraps=True, brief=True),))
+    return PageSection(title="Evidence", titled=True, blocks=(PageTable(rows=rows, wraps=True, brief=True),))
 
 
 def _count(number: int, noun: str) -> str:

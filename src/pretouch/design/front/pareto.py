@@ -96,7 +96,7 @@ def pareto_front(task: Task) -> ParetoFront:
         >>> front = pareto_front(task)
         >>> round(front.knee.gain, 3), round(front.knee.values["relative_velocity"], 4)
         (-0.865, 0.0944)
-        >>> abs(front.choice.behind) < 0.01
+        >>> abs(front.choice.distance_to_front) < 0.01
         True
     """
     names = _quantities(task.quantities)
@@ -147,8 +147,8 @@ def _assemble(trials: Trials, names: tuple[str, ...], front: FoundFront, choice:
         bound=_bound(trials),
         no_bound=_why_no_bound(trials),
         scanned=front.scanned_values[reached],
-        tried=len(front.scanned) + len(front.at),
-        missed=front.missed,
+        evaluated=len(front.scanned) + len(front.at),
+        approximation_error=front.approximation_error,
         natural_frequency_bounds=freedom.natural_frequency,
         damping_ratio_bounds=freedom.damping_ratio,
         result=result,
@@ -216,7 +216,7 @@ class _FrontPointMaker:
             natural_frequency=float(admittance.natural_frequency),
             damping_ratio=float(admittance.damping_ratio) if admittance.stiffness > 0 else float("nan"),
             values={n: float(v) for n, v in zip(self.names, values, strict=True)},
-            behind=float(behind),
+            distance_to_front=float(behind),
             feasible=bool((rows[0, len(self.names) :] <= 1 + _ROUNDING).all()),
             depth=depth,
             bound=compare_with_bound(trials, scenario, np.asarray(gain), result),

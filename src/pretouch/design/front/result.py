@@ -40,9 +40,9 @@ class FrontPoint(Value):
         natural_frequency: sqrt(K_a / M_a) [rad/s].
         damping_ratio: D_a / (2 sqrt(M_a K_a)); NaN if the stiffness is 0.
         values: the magnitude of each quantity in SI.
-        behind: amount by which the front is better in every quantity, as a share of the front's extent. It is 0 on
-            the front, slightly negative between its points, and clearly negative if the encounter exceeds a limit or
-            lies outside of the bounds.
+        distance_to_front: amount by which the front is better in every quantity, as a share of the front's
+            extent. It is 0 on the front, slightly negative between its points, and clearly negative if the encounter
+            exceeds a limit or lies outside of the bounds.
         feasible: whether the encounter meets every limit.
         depth: for a knee, its distance from the plane through the ends of the front, relative to the extent; else None.
         bound: the comparison with the physical bound; None if the bound does not apply.
@@ -54,7 +54,7 @@ class FrontPoint(Value):
     natural_frequency: float
     damping_ratio: float
     values: dict[str, float]
-    behind: float
+    distance_to_front: float
     feasible: bool
     depth: float | None
     bound: BoundComparison | None
@@ -93,9 +93,10 @@ class ParetoFront(Answer):
         bound: the physical bound for the acceleration (and speed) limit of the constraints; None without such a limit.
         no_bound: why there is no comparison; empty if there is one.
         scanned: magnitudes of every feasible encounter of the search, shape (m, k).
-        tried: number of encounters of the search.
-        missed: largest amount by which an encounter is better than the front in every quantity, as a share of the
-            front's extent. Compared are all encounters of the search, and further ones between the points.
+        evaluated: number of encounters of the search.
+        approximation_error: largest amount by which an encounter is better than the front in every quantity,
+            as a share of the front's extent. Compared are all encounters of the search, and further ones between the
+            points.
         natural_frequency_bounds: bounds of the natural frequency [rad/s]; None if it is not free.
         damping_ratio_bounds: bounds of the damping ratio; None if it is not free.
         result: the encounters of the points; None without points.
@@ -116,8 +117,8 @@ class ParetoFront(Answer):
     bound: PhysicalBound | None
     no_bound: str
     scanned: FloatArray
-    tried: int
-    missed: float
+    evaluated: int
+    approximation_error: float
     natural_frequency_bounds: tuple[float, float] | None
     damping_ratio_bounds: tuple[float, float] | None
     result: ContactResult | None
@@ -195,7 +196,7 @@ class ParetoFront(Answer):
             least["excursion_at_least_contact_speed"] = bound.excursion(speed)
         columns = {name: getattr(self, name) for name in ("gain", "natural_frequency", "damping_ratio", "piece")}
         traded = {name: self.of(name) for name in self.quantities}
-        names = ("status", "free", "knee", "choice", "ends", "tried", "missed")
+        names = ("status", "free", "knee", "choice", "ends", "evaluated", "approximation_error")
         document: dict[str, Any] = plain(
             {
                 **{name: getattr(self, name) for name in names},

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Chapter, LazyBlock, Measured, Page, Paragraph, Picture, Rows, named
+from pretouch._core.blocks import Cell, LazyBlock, Measured, Page, PageSection, PageTable, Paragraph, Picture, named
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion.page_sections import inputs_section, method_section, solved_on
@@ -25,7 +25,7 @@ from .result import RobustDesign
 from .validation import LimitOutcome, Validation
 
 
-def importance_section(importance: tuple[InputImportance, ...]) -> Chapter | None:
+def importance_section(importance: tuple[InputImportance, ...]) -> PageSection | None:
     """Return the share of each input in the variance of the objective; None for fewer than two inputs."""
     ranked = [entry for entry in importance if math.isfinite(entry.total)]
     if len(ranked) < 2:
@@ -42,11 +42,11 @@ def importance_section(importance: tuple[InputImportance, ...]) -> Chapter | Non
         "measure better."
     )
     head = ("uncertain input", "alone", "with all interactions", "to first order")
-    table = Rows(head=head, rows=tuple(rows), note=note, brief=True)
-    return Chapter(title="Importance of the uncertain inputs", titled=True, blocks=(table,))
+    table = PageTable(head=head, rows=tuple(rows), note=note, brief=True)
+    return PageSection(title="Importance of the uncertain inputs", titled=True, blocks=(table,))
 
 
-def price_section(design: RobustDesign) -> Chapter | None:
+def price_section(design: RobustDesign) -> PageSection | None:
     """Return the section with the loss of the robust gain compared with the best gain for each exactly known input."""
     if not design.prices:
         return None
@@ -61,9 +61,9 @@ def price_section(design: RobustDesign) -> Chapter | None:
     )
     name = "Loss of the robust gain over each uncertain input"
     head = ("input", "range", "best gains", "largest loss", "median loss")
-    table = Rows(head=head, rows=tuple(_price_row(p, design.number.unit) for p in design.prices), note=note)
+    table = PageTable(head=head, rows=tuple(_price_row(p, design.number.unit) for p in design.prices), note=note)
     picture = Picture(figure="price", of=design, name=name, caption=caption)
-    return Chapter(title="Value of knowing one input exactly", blocks=(picture, table))
+    return PageSection(title="Value of knowing one input exactly", blocks=(picture, table))
 
 
 def _price_row(price: Price, unit: str) -> tuple[Cell, ...]:
@@ -152,9 +152,9 @@ def robust_page(design: RobustDesign) -> Page:
     )
 
 
-def _section(title: str, head: Row, rows: Iterable[Row], note: str, *, wraps: bool = False) -> Chapter:
-    table = Rows(head=head, rows=tuple(rows), note=note, brief=True, wraps=wraps)
-    return Chapter(title=title, blocks=(table,), titled=not head)
+def _section(title: str, head: Row, rows: Iterable[Row], note: str, *, wraps: bool = False) -> PageSection:
+    table = PageTable(head=head, rows=tuple(rows), note=note, brief=True, wraps=wraps)
+    return PageSection(title=title, blocks=(table,), titled=not head)
 
 
 def _key_figures(design: RobustDesign, v: Validation) -> Iterator[tuple[str, Cell]]:
@@ -176,7 +176,7 @@ def _loss(v: Validation) -> str:
     return f"{100 * v.loss.relative:+.3g}{spread} %"
 
 
-def _outcome(design: RobustDesign, v: Validation) -> Chapter:
+def _outcome(design: RobustDesign, v: Validation) -> PageSection:
     ideal = ", in continuous time and without noise" if design.on_evaluator else ""
     note = (
         f"{v.samples} fresh encounters, independent of the design. The {design.nominal_name} is optimal if every input "
@@ -192,7 +192,7 @@ def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
     unbounded = ", the largest of the samples" if v.low == v.value else ""
     interval = f" ({v.low:.4g} to {v.high:.4g})" if math.isfinite(v.high) else unbounded
     values = [float(design.measure.of(run.objective)) for run in runs]
-    cells = [Measured(value, beside="" if i else interval) for i, value in enumerate(values)]
+    cells = [Measured(value, suffix="" if i else interval) for i, value in enumerate(values)]
     yield f"{design.measure.label} of the objective", *cells
     if v.loss is not None:
         yield "increase over the robust gain", "", _loss(v), ""
@@ -203,7 +203,7 @@ def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
             yield f"{words_for(name)}, {words}", *(Measured(value, unit_of(name), 3) for value in quantiles)
 
 
-def _constraints(v: Validation) -> Chapter:
+def _constraints(v: Validation) -> PageSection:
     note = (
         '"At least" is the exact lower confidence bound (Clopper and Pearson) of the probability that the limit is '
         f'met, with a confidence of {100 * v.confidence:g} %. "Demonstrated": this bound is at least the required '
@@ -228,14 +228,14 @@ def _limit_row(outcome: LimitOutcome, v: Validation) -> Row:
     )
 
 
-def _worst(design: RobustDesign) -> Chapter | None:
+def _worst(design: RobustDesign) -> PageSection | None:
     """Return the worst encounter with its certificate; None unless the measure is the worst case."""
     w, units = design.worst, input_units(design.sensor)
     if w is None:
         return None
     notes = {1: " (the objective increases with it)", -1: " (the objective decreases with it)"}
     rows: tuple[Row, ...] = (
-        *((n, Measured(x, units.get(n, ""), beside=notes.get(w.monotone.get(n, 0), ""))) for n, x in w.inputs.items()),
+        *((n, Measured(x, units.get(n, ""), suffix=notes.get(w.monotone.get(n, 0), ""))) for n, x in w.inputs.items()),
         ("objective of the worst encounter", Measured(w.value, "", 6)),
         ("upper bound for all encounters", Measured(w.bound, "", 6)),
         ("lower bound for all gains", Measured(w.lower, "", 6)),
@@ -247,7 +247,7 @@ def _worst(design: RobustDesign) -> Chapter | None:
     return _section("The worst encounter", (), rows, note, wraps=True)
 
 
-def _uncertain(design: RobustDesign) -> Chapter:
+def _uncertain(design: RobustDesign) -> PageSection:
     rows = uncertainty_in_words(design.uncertainty, design.sensor)
     if design.on_evaluator:
         of = "of the sampled loop" if design.method == "loop" else "of the user-defined evaluator, if it has any"
@@ -260,7 +260,7 @@ def _uncertain(design: RobustDesign) -> Chapter:
     return _section("Uncertain inputs", head, rows, note, wraps=True)
 
 
-def _measure(design: RobustDesign) -> Chapter:
+def _measure(design: RobustDesign) -> PageSection:
     caption = (
         f"Left: the {design.measure.label} of the objective over the samples of the design, and the objective of the "
         f"{'ideal' if design.on_evaluator else 'nominal'} encounter. Thin and grey: gains that violate a constraint. "
@@ -268,12 +268,12 @@ def _measure(design: RobustDesign) -> Chapter:
     )
     name = "Measure of the objective over the gain, and distribution of the objective"
     rows = tuple(objective_rows(design.definition))
-    terms = Rows(head=("term of the objective", "typical value", "weight"), rows=rows)
+    terms = PageTable(head=("term of the objective", "typical value", "weight"), rows=rows)
     picture = Picture(figure="robust", of=design, name=name, caption=caption)
-    return Chapter(title="The measure over the gain", blocks=(picture, terms))
+    return PageSection(title="The measure over the gain", blocks=(picture, terms))
 
 
-def _encounters(design: RobustDesign) -> Chapter | None:
+def _encounters(design: RobustDesign) -> PageSection | None:
     caption = (
         "Cumulative distributions of contact quantities over the fresh encounters. A curve that ends below 100 %: the "
         "other encounters end without contact. Dotted: limits and their required probabilities. A quantity without a "
@@ -282,10 +282,10 @@ def _encounters(design: RobustDesign) -> Chapter | None:
     if design.status is DesignStatus.NO_CONTACT:
         return None
     picture = Picture(figure="outcome", of=design, name="Distributions of contact quantities", caption=caption)
-    return Chapter(title="Distributions of contact quantities", blocks=(picture,))
+    return PageSection(title="Distributions of contact quantities", blocks=(picture,))
 
 
-def _evidence(design: RobustDesign) -> Chapter:
+def _evidence(design: RobustDesign) -> PageSection:
     note = (
         "All gains are compared on the same encounters. The gain is optimal for these encounters; the fresh samples "
         "show its results on others."

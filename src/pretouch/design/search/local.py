@@ -20,11 +20,11 @@ _SAME: Final = 1e-12  # relative accuracy of encounters
 _INSIDE: Final = 1e-10  # relative distance from a limit that the search keeps, because an SQP step may violate limits
 
 
-Rows: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+PageTable: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Function that maps coordinates to rows and their derivatives, each row divided by its scale."""
 
 
-def _cached_rows(trials: Trials, scale: FloatArray) -> Rows:
+def _cached_rows(trials: Trials, scale: FloatArray) -> PageTable:
     """Return a function for rows and derivatives that caches the last point, because solvers read them one by one."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 

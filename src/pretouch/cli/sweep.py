@@ -129,7 +129,7 @@ def _sweep(
 
 
 def _nominal(task: Task) -> Any:
-    """Return the result for the nominal encounter: its optimal gain, or the task if no gain is designed."""
+    """Return the designed gain of the nominal encounter, or the task itself if no gain is designed."""
     if task.gain is not None or task.objective is None or task.bounds is None or task.scenario.obstacle.course:
         return task
     from pretouch.design import design_gain  # noqa: PLC0415 - keeps `pretouch --help` quick

@@ -109,7 +109,7 @@ def _part(file: Reading) -> SensorPart | None:
 
 
 def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> SensorChain | None:
-    """Build the sensor chain; scenario file takes precedence over calibration, and calibration over data sheet."""
+    """Build the sensor chain from scenario file, calibration and data sheet, in this order of priority."""
     values = file.values("chain")
     if values is None or ("part" in values and part is None):
         return None

@@ -35,7 +35,8 @@ def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: Cali
 
 
 def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tuple[KeyPath, str]:
-    """Return the unit of the sensor output (empty for bare numbers) and the key that determines the unit."""
+    """Return the unit of the sensor output, and the key of the scenario file that determines this unit."""
+    # The unit is empty for bare numbers.
     if calibration is not None:
         return ("sensor", "calibration"), calibration.calibration.unit
     sensor = file.data["sensor"] if "sensor" in file.sections else {}

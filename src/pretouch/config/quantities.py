@@ -42,7 +42,7 @@ class UnfitValueError(ValueError):
 
     @classmethod
     def of(cls, mistakes: Iterable[tuple[KeyPath, str]]) -> UnfitValueError:
-        """Combine several mistakes, each with its path inside the value, to one error."""
+        """Combine several mistakes in a value to one error."""
         error = cls("")
         error.mistakes = list(mistakes)
         return error
@@ -89,7 +89,7 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Reader of one quantity: text with a unit, or a bare number in SI units.
+    """Parser of one quantity: text with a unit, or a bare number in SI units.
 
     Args:
         unit: the expected SI unit; empty for a pure number; "output" for a sensor output, which may be in V, in counts
@@ -129,7 +129,7 @@ class Quantity:
         return text + "".join(f' or "{word}"' for word in self.words)
 
     def __call__(self, value: Any) -> float | str:
-        """Convert a TOML value to a number in SI units, or return it unchanged if it is an allowed word."""
+        """Convert a TOML value to a number in SI units, and accept words such as "auto" without conversion."""
         if isinstance(value, str) and value in self.words:
             return value
         if self.unit == "rad/s" and isinstance(value, str) and "Hz" in value:
@@ -178,7 +178,8 @@ def output_unit(value: Any) -> str:
 
 
 def _reason(value: Any) -> str:
-    """Return in parentheses why a text is not a quantity; empty if only its dimension is wrong."""
+    """Return why a text is not a quantity, for example because of a decimal comma."""
+    # The result is empty if only the dimension is wrong.
     if not isinstance(value, str):
         return ""
     if re.search(r"\d,\d", value):

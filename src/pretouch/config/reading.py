@@ -67,7 +67,7 @@ class ScenarioSource:
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """Every file that was read for this task; no output may overwrite these files."""
+        """All files that were read for this task, which no output may overwrite."""
         return (self.path, *self.calibration_files)
 
     @property
@@ -76,7 +76,7 @@ class ScenarioSource:
         return _lines_of(self.text)
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Convert an error of a function to a mistake of the scenario file, with its line and key if known."""
+        """Convert an error of a function to an error that names the line of the scenario file."""
         if isinstance(error, ScenarioFileError):  # converted already by a nested verb
             return error
         message = self.explained(error)
@@ -85,11 +85,11 @@ class ScenarioSource:
         return ScenarioFileError(self.listed([(path, sentence)]) if has_line else f"{self.path}: {message}")
 
     def explained(self, error: InvalidInputError) -> str:
-        """Return the message of an error; for a distance out of range, add the range that is calibrated."""
+        """Return the message of an error; for a distance out of range, add the calibrated range."""
         return f"{error}; {self.supported}" if self.supported and isinstance(error, OutOfRangeError) else str(error)
 
     def listed(self, mistakes: Iterable[Mistake]) -> str:
-        """List mistakes by line, one per row."""
+        """List mistakes in the scenario file, one per row, in the order of their lines."""
         # A missing key has the line of its section, or else the last line.
         last = self.text.rstrip().count("\n") + 1
         rows = []
@@ -115,7 +115,7 @@ def _dotted(path: KeyPath) -> str:
 
 
 def split_message(message: str, section: str) -> Mistake:
-    """Split a message `name: found ..., expected ...` into the key that is meant and the sentence about it.
+    """Split an error message into the wrong key of the scenario file and the sentence about this key.
 
     The name is a key of `section`, or consists of the words for a section and a key.
 
@@ -204,7 +204,8 @@ class Reading:
         self.mistakes.append((path, sentence))
 
     def attempt(self, section: str, make: Callable[[], T], path: KeyPath = ()) -> T | None:
-        """Call `make`; if it raises an error, record a mistake at `path` or at the key in the message."""
+        """Call `make`; if it raises an error, record a mistake at the key that the error names."""
+        # A `path` takes precedence over the key in the message.
         try:
             return make()
         except InvalidInputError as error:
@@ -220,7 +221,7 @@ class Reading:
         return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
 
     def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
-        """Make the object that a section describes, without using the keys `without`."""
+        """Make the object that a section describes, such as a robot, without using some of its keys."""
         if section not in self.sections:
             return None
         variant, values = self.sections[section]

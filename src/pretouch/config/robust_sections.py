@@ -104,7 +104,7 @@ def _inputs(part: str) -> dict[str, str]:
 
 
 def _part(part: str) -> Callable[[Any], Any]:
-    """Make the reader of the uncertain inputs of one part of the encounter, such as the obstacle."""
+    """Make a parser for the uncertain inputs of one part of the encounter, such as the obstacle."""
     keys = {name: Key(_distribution_section(unit)) for name, unit in _inputs(part).items()}
     section = Section(keys | ({FROM_CALIBRATION: Key(_from_calibration)} if part == "sensor" else {}))
 

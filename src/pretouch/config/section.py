@@ -109,7 +109,7 @@ TAG: Final = Key(lambda _: None, REQUIRED)
 
 
 def checked(holds: Callable[[Any], bool], what: str) -> Reader:
-    """Make a reader that accepts a value only if a condition holds."""
+    """Make a parser that accepts a value only if a condition holds."""
 
     def read(value: Any) -> Any:
         if not holds(value):
@@ -120,18 +120,18 @@ def checked(holds: Callable[[Any], bool], what: str) -> Reader:
 
 
 def text(example: str) -> Reader:
-    """Make a reader that accepts only text that is not empty."""
+    """Make a parser that accepts only text that is not empty."""
     return checked(lambda v: isinstance(v, str) and bool(v.strip()) and "\0" not in v, f"text, for example {example}")
 
 
 def whole(least: int, example: str) -> Reader:
-    """Make a reader that accepts only integers of at least a given size."""
+    """Make a parser that accepts only integers of at least a given size."""
     what = f"a whole number of at least {least}, such as {example}"
     return checked(lambda v: type(v) is int and least <= v < 2**31, what)
 
 
 def name_of(*names: str) -> Reader:
-    """Make a reader that accepts only one of several names."""
+    """Make a parser that accepts only one of several names."""
 
     def read(value: Any) -> str:
         if not isinstance(value, str) or value not in names:
@@ -142,7 +142,7 @@ def name_of(*names: str) -> Reader:
 
 
 def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
-    """Make a reader of a list whose number of elements lies between `least` and `most`."""
+    """Make a parser for a list whose number of elements lies between `least` and `most`."""
 
     def read_all(value: Any) -> list[Any]:
         if not isinstance(value, list) or len(value) < least or (most is not None and len(value) > most):
@@ -195,13 +195,13 @@ def by_law(make: Callable[[ContinuousLaw], Section]) -> dict[str, Section]:
 
 
 def gain_of(law: ContinuousLaw) -> Quantity:
-    """Return the reader of the gain of a control law, in the unit of the gain."""
+    """Return a parser for the gain of a control law, in the unit of the gain."""
     unit = law.number.unit
     return Quantity(unit, '"-0.7 N*s"' if law == DAMPER else f'"0.0144 {unit}"', of=law.kind)
 
 
 def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] = ()) -> dict[str, Key]:
-    """Make section keys from the declared fields of dataclasses.
+    """Make the keys of a section from the fields of dataclasses.
 
     Args:
         classes: the classes; only fields that are quantities, flags or counts become keys.
@@ -220,7 +220,7 @@ def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] 
 
 
 def _reader_of(metadata: Mapping[str, Any]) -> Reader | None:
-    """Return the reader of a dataclass field from its metadata; None if the field is not declared."""
+    """Return a parser for a dataclass field from its metadata; None if the field is not declared."""
     if "unit" in metadata:
         unit = metadata["unit"] if metadata.get("of_output") is None else "output"
         return Quantity(unit, metadata["example"], metadata["sign"], metadata["infinite"])

@@ -46,7 +46,7 @@ def sensor_variants(*, foreign: bool = False) -> dict[str, Section]:
 
 
 def _points(unit: str) -> Key:
-    """Make the key of a list of distances or of sensor outputs."""
+    """Make the key for a list of distances or of sensor outputs."""
     if unit != "output":
         distances = list_of(Quantity(unit), 2, None, f"a list of two or more quantities in {unit}")
         return Key(distances, REQUIRED, '["0 mm", "10 mm", "20 mm"]')

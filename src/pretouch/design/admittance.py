@@ -199,7 +199,7 @@ class _AdmittanceSearch:
         return float(worst.min()) if worst.min() > HELD else None
 
     def answer(self, unchanged: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
-        """Return the result, given the gain designs with the unchanged and with the optimal admittance."""
+        """Return the joint design from the gain designs with the unchanged and with the optimal admittance."""
         freedom, certificate = self.trials.freedom, None
         status = DesignStatus.INFEASIBLE if np.isfinite(self.rows).all(axis=1).any() else DesignStatus.NO_CONTACT
         if chosen is not None:

@@ -30,7 +30,7 @@ _SMOOTH = 1e-2
 
 
 def _part(make: Callable[[Any], R]) -> cached_property[R]:
-    """Decorate a property of a single design: cache its value, and reject arrays of designs."""
+    """Decorator for a cached property that only the design of a single encounter has."""
 
     @wraps(make)
     def part(evidence: GainEvidence) -> R:
@@ -100,7 +100,7 @@ class GainEvidence(Answer):
         return self.problem.landscape(coordinate).merit
 
     def _between_gains(self) -> list[Minimum]:
-        """Return the minima of a feasible range so narrow that no scanned gain lies inside."""
+        """Find minima in a feasible range so narrow that the scan has no gain inside."""
         near = self._least_excess
         if near is None or near.value > HELD:
             return []
@@ -143,7 +143,7 @@ class GainEvidence(Answer):
 
     @_part
     def scan_result(self) -> ContactResult:
-        """The solved encounters of all scanned gains."""
+        """The encounters that were solved at all scanned gains."""
         return self.problem.run(self.problem.axis.gain(self.scanned.coordinate))
 
     @_part
@@ -183,7 +183,7 @@ class GainEvidence(Answer):
 
     @_part
     def place(self) -> str:
-        """Where the optimum lies: inside the range, on a bound or a constraint, at a corner or an edge of contact."""
+        """Where the optimum lies, for example inside the range, on a bound or at an edge of contact."""
         if self.settled is not None or not self.minima or not self.minima[0].edge:
             return "interior"
         best = self.minima[0]

@@ -30,7 +30,7 @@ _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 
 def designed_number(task: Task) -> float | None:
-    """Return the parameter of a task's control law: the drag for the required effect, or the optimal gain.
+    """Return the designed gain of a task, or the drag if the task requires an effect of a virtual drag.
 
     Returns:
         The number, such as D_p [N s] or phi [N s^2]; None if no gain meets the constraints or ends in contact.

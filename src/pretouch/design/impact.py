@@ -62,11 +62,10 @@ class ImpactModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElasticImpact(ImpactModel):
-    """Impact with an elastic contact force F = k d^n at depth d, with stiffness k and exponent n.
+    """Impact with an elastic contact force k d^n, which depends on the depth d of the contact.
 
     The peak force is k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)) at a speed v, with the reduced mass mu.
-
-    The peak follows from 1/2 mu v^2 = k d^(n+1) / (n+1): at the largest depth, the contact has stored all energy.
+    It follows from 1/2 mu v^2 = k d^(n+1) / (n+1): at the largest depth, the contact has stored all energy.
 
     Args:
         robot_mass: the physical reflected mass of the robot [kg].
@@ -90,7 +89,7 @@ class ElasticImpact(ImpactModel):
 
     @property
     def speed_exponent(self) -> float:
-        """The power of the speed to which the peak force is proportional, 2 n / (n+1)."""
+        """Exponent of the speed in the peak force, 2 n / (n+1) for a contact with the exponent n."""
         return 2 * self.exponent / (self.exponent + 1)
 
     def peak_force(self, relative_velocity: ArrayLike) -> Any:
@@ -107,9 +106,9 @@ class ElasticImpact(ImpactModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpringImpact(ElasticImpact):
-    """Impact on a linear contact stiffness k, with peak force |v| sqrt(mu k) at speed v and reduced mass mu.
+    """Impact on a linear contact stiffness.
 
-    This follows from 1/2 mu v^2 = 1/2 F^2 / k.
+    The peak force is F = |v| sqrt(mu k) at a speed v, from 1/2 mu v^2 = 1/2 F^2 / k with the reduced mass mu.
 
     Args:
         robot_mass: the physical reflected mass of the robot [kg].

@@ -40,7 +40,7 @@ _WITH_GRADIENTS: Final = frozenset(
 # contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """Criterion of an encounter, such as an objective, with its derivatives by the quantities at contact."""
+    """A number that rates an encounter, such as the objective, with its derivatives by contact quantities."""
 
     value: Callable[[ContactResult], Any]
     rates: Callable[[ContactState], Rates]
@@ -71,12 +71,12 @@ def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
 
 
 def ratio(constraint: Constraint, impact: ImpactModel | None) -> Criterion:
-    """Return the criterion |quantity| / limit, which is at most 1 if the constraint is met."""
+    """Return the ratio |quantity| / limit of a constraint as a criterion."""
     return magnitude(constraint.quantity, impact, constraint.limit)
 
 
 def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> Criterion:
-    """Return the magnitude of a quantity, in multiples of a unit, as a criterion."""
+    """Return the magnitude of a quantity, divided by a unit, as a criterion."""
 
     def rates(state: ContactState) -> Rates:
         return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)) / unit, state, impact)]
@@ -110,7 +110,7 @@ def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None)
 
 
 def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactModel | None) -> tuple[str, Any]:
-    """Express the rate by an impact force as a rate by the relative velocity; keep other quantities."""
+    """Convert derivatives by the impact force to derivatives by the relative velocity at contact."""
     if quantity != "impact_force":
         return quantity, rate
     if impact is None:
@@ -122,7 +122,7 @@ def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactMod
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainProblem(Value):
-    """A search problem: a task with one or many encounters, and the search coordinate of its gain.
+    """A task together with the scaled gain over which its optimum is searched.
 
     Args:
         task: the task.
@@ -149,7 +149,7 @@ class GainProblem(Value):
 
     @property
     def merit(self) -> Criterion:
-        """The task's objective as a criterion with derivatives."""
+        """The objective of the task, with its derivatives by contact quantities."""
         return merit(self.task.goal, abs(self.task.scenario.obstacle.velocity), self.task.impact)
 
     def changed(self, **changes: Any) -> GainProblem:
@@ -192,7 +192,7 @@ class GainProblem(Value):
         return GainProblem(task=self.task.replace(constraints=others), axis=GainAxis(low=low, high=high))
 
     def column(self, which: IntArray) -> GainProblem:
-        """Return selected encounters as a column, which can be combined with a row of gains."""
+        """Return selected encounters as a column, so that each can be combined with a row of gains."""
         shape = self.task.scenario.shape
 
         def select(value: Any) -> Any:
@@ -201,7 +201,7 @@ class GainProblem(Value):
         return self.changed(scenario=map_fields(self.task.scenario, select))
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Evaluate the objective and the constraints at gains that are given by their search coordinates."""
+        """Evaluate the objective and the constraints at gains that are given on the scaled axis of the search."""
         task, result = self.task, self.run(self.axis.gain(coordinate))
         reached, speed = result.reached, abs(task.scenario.obstacle.velocity)
         ratios = [c.magnitude(result.end, task.impact) / c.limit for c in task.limits]

@@ -219,14 +219,14 @@ class _Paths(NamedTuple):
     rows: FloatArray
 
     def growth(self, shares: FloatArray) -> FloatArray:
-        """Return Q, the exponent by which the speed falls to exp(-Q), at all points of the approach."""
+        """Return how much the speed has fallen along each approach, as the exponent Q of exp(-Q)."""
         rate, share = self.strength[..., 1:-1] * self.length, shares[self.step][..., None]
         ends = np.cumsum(share * (rate @ WEIGHTS)[..., None], axis=1)
         starts = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], axis=1)
         return np.concatenate([starts, starts + share * so_far(rate), ends], axis=2)
 
     def excursions(self, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the excursion for each reflectance [m], and its derivatives by the steps of the schedule."""
+        """Return the excursion for each reflectance [m], and its derivatives by the drag of each step."""
         growth = self.growth(shares)[..., 1:-1]
         grown = np.exp(growth) * self.length
         to_come = np.cumsum((grown @ WEIGHTS)[:, ::-1], axis=1)[:, ::-1, None] - so_far(grown)

@@ -78,12 +78,12 @@ def _value(samples: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _rise(samples: FloatArray, place: FloatArray) -> FloatArray:
-    """Return the derivative of a function from its samples at the Chebyshev nodes."""
+    """Return the derivative of a function that is sampled at Chebyshev nodes."""
     return chebyshev_sum(_BASIS.to_slope @ samples.T, place) / _HALF
 
 
 def _root(slope: FloatArray) -> FloatArray:
-    """Return the precise coordinate at which the slope of the objective is zero, near the searched gain."""
+    """Return the precise optimum near the gain that the search found, where the slope is zero."""
     place = np.zeros(len(slope))
     for _ in range(4):
         step = _value(slope, place) / _rise(slope, place) / _HALF
@@ -244,7 +244,7 @@ def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tup
 
 
 def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, derivative: FloatArray) -> IntArray:
-    """Store exact derivatives of optimal gains; return the indices of encounters without exact derivatives."""
+    """Compute exact derivatives of optimal gains, and return which encounters have none."""
     kinds = _kinds(problem.column(where), gain[where])
     remaining = [where[kinds == _UNKNOWN]]
     for kind in np.unique(kinds[kinds != _UNKNOWN]):
@@ -258,7 +258,7 @@ def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, d
 
 
 def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
-    """Return where each optimum lies: inside the bounds, on a bound, or on which constraint."""
+    """Return whether each optimum lies inside the bounds, on a bound, or on a constraint."""
     kinds = np.where(problem.axis.is_end(problem.axis.coordinate(gain)), _BOUND, _INSIDE)
     if problem.task.limits:
         end = problem.run(gain[:, None]).end

@@ -252,7 +252,7 @@ class Task(InNotebooks, Value):
 
 
 def with_file_location(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
-    """Decorate a function of a task so that its errors name the line and the key in the scenario file."""
+    """Decorator: errors of a function name the line and the key of the scenario file that caused them."""
 
     # The task may also be passed by name; the type `Concatenate` cannot express that.
     @wraps(verb)

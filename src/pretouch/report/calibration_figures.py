@@ -113,7 +113,7 @@ def _draw_levels(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the sensor output minus the offset over the distance, on a logarithmic axis."""
+    """Draw the sensor output minus its offset versus the distance, on a logarithmic axis."""
     scale = _begin(axes, report, "Signal, logarithmic", zoom=True)
     points = _points(report)
     axes.set_ylabel(f"output \u2212 offset [{_unit(report)}], log. axis", parse_math=False)

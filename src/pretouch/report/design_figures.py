@@ -36,7 +36,7 @@ _CLOSE: Final = 0.06  # of the panel: least distance between two marks
 
 @check_arguments
 def trade_off(design: GainDesign) -> Figure:
-    """Draw the objective over all gains, and the contact speed over its cost, such as the excursion.
+    """Draw the objective versus the gain, and the contact speed versus the excursion or another cost.
 
     Args:
         design: a design of any status.
@@ -52,7 +52,7 @@ def trade_off(design: GainDesign) -> Figure:
 
 
 def _misses(design: GainDesign) -> Panel:
-    """Return the plot of the smallest distance over the gain, for a design without contact at any gain."""
+    """Return the plot of the smallest distance versus the gain, for designs in which no gain makes contact."""
     scanned = design.scan_result
     gain = _shown_gain(design, np.asarray(scanned.gain, float))
     nearest = np.asarray(scanned.closest_distance, float)
@@ -67,7 +67,7 @@ def _misses(design: GainDesign) -> Panel:
 
 
 def _objective(design: GainDesign) -> Panel:
-    """Return the plot of the objective and its terms over the gain, with optimum and infeasible gains."""
+    """Return the plot of the objective and its terms versus the gain, with optimum and infeasible gains."""
     gain, total = np.asarray(_shown_gain(design, design.trade_off.gain)), design.trade_off.objective
     finite = total[np.isfinite(total)]
     low, high = float(finite.min()), float(finite.max())
@@ -98,7 +98,7 @@ def _objective(design: GainDesign) -> Panel:
 
 
 def _plane(design: GainDesign) -> Panel:
-    """Return the plot of the contact speed over its cost, such as the excursion, for all gains."""
+    """Return the plot of the contact speed versus the excursion, or versus another cost in the objective."""
     name = traded_quantity(design)
     state, reached = design.trade_off.state, design.trade_off.reached
     cost = np.where(reached, np.abs(quantity_of(name, state, design.impact)), np.nan)
@@ -174,7 +174,7 @@ def _edges(gain: FloatArray, *, logarithmic: bool) -> FloatArray:
 
 
 def _points(design: GainDesign, name: str) -> Iterator[tuple[float, float, dict[str, Any]]]:
-    """Yield the marked points of the trade-off between contact speed and cost, with their style."""
+    """Yield the marked points in the plot of contact speed versus cost, with their style."""
     nearest = design.nearest if design.result is None else None
     for run, how in (
         (design.no_mitigation, {"label": "no mitigation", "style": 1, "shape": "square"}),

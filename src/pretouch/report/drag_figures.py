@@ -76,7 +76,7 @@ def drag(design: DragDesign) -> Figure:
 
 
 def _trade_off(design: DragDesign, letter: GainDesign | None, speed: float) -> Panel:
-    """Return the plot of contact speed over approach speed against excursion, for all drags and gains."""
+    """Return the plot of contact speed over approach speed versus excursion, for all drags and gains."""
     curve = drag_trade_off(design.sensor, design.detection_distance, design.mass, _RATIOS)
     points = [(design.excursion, design.ratio, "chosen, at every speed", 0)]
     shown = [(curve.excursion, curve.ratio, "virtual drag", 0)]

@@ -16,7 +16,7 @@ from .style import CURVES
 
 
 def called(kind: str, label: str) -> str:
-    """Return how messages name an object: by its kind and its label, if it has a label."""
+    """Return the name of an object for messages, from its kind and its label."""
     return f"{kind} {label!r}" if label else kind
 
 

@@ -293,7 +293,8 @@ def _with_power(label: str, power: int) -> str:
 
 
 def _within_limits(curve: Curve, panel: Panel, which: str) -> Any:
-    """Return which points of a curve are within the axis limits, or all points without such limits."""
+    """Return which points of a curve are within the axis limits of a plot."""
+    # All points are within, if the panel sets no limits or no point is within them.
     limits, values = getattr(panel, f"{which}_limits"), np.asarray(getattr(curve, which), float)
     inside = (values >= limits[0]) & (values <= limits[1]) if limits else np.ones(len(values), dtype=bool)
     return inside if inside.any() else np.ones(len(values), dtype=bool)

@@ -139,7 +139,7 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
 
 
 def _bound(front: ParetoFront) -> Panel:
-    """Return the plot of the excursion over the contact speed, compared with the physical bound."""
+    """Return the plot of the excursion versus the contact speed, compared with the physical bound."""
     c = front.comparison
     if c is None or front.result is None:
         raise InvalidInputError("front: found one without a physical bound")

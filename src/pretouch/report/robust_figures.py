@@ -29,7 +29,7 @@ _ROBUST, _NOMINAL, _NONE = 0, 1, 2  # palette indices: a gain has the same style
 
 @check_arguments
 def robust(design: RobustDesign) -> Figure:
-    """Draw the robust objective over the gain, and the distribution of the objective for two gains.
+    """Draw the risk measure versus the gain, and the distribution of the objective at two gains.
 
     These are the robust and the nominal gain.
 
@@ -95,7 +95,7 @@ def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
 
 
 def _measure_panel(design: RobustDesign) -> Panel:
-    """Return the plot of the risk measure of the objective over the gain."""
+    """Return the plot of the risk measure of the objective versus the gain."""
     # Values far above the minimum are not drawn.
     sign, label, logarithmic = gain_axis(design.bounds, design.number)
     curve = design.trade_off
@@ -172,7 +172,7 @@ def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, R
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
-    """Yield the plots of the best gain and of the robust gain's loss over the value of one input."""
+    """Yield plots of the best gain, and of the robust gain's loss, versus the value of one input."""
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"

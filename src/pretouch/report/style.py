@@ -80,7 +80,7 @@ _SETTINGS: Final[dict[str, Any]] = {
 
 
 class Scale(NamedTuple):
-    """The unit in which a quantity is displayed: a value in SI is divided by `factor`."""
+    """The unit in which a quantity is displayed, with the factor between this unit and the SI unit."""
 
     factor: float
     unit: str

@@ -162,7 +162,7 @@ def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
 
 
 def _shown_until(verdict: Verdict, result: SimulationResult, predicted: ContactResult) -> float:
-    """Return the time [s] at which plots of runs without contact end."""
+    """Return the time [s] at which the plot of a run without contact ends."""
     distance, speed = float(verdict.scenario.distance), abs(float(verdict.scenario.relative_velocity))
     times = [distance / speed] if speed > 0 else []
     times += [float(predicted.end.time)] if predicted.reached.all() else []

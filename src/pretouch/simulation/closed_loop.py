@@ -131,7 +131,8 @@ class ClosedLoop:
         return None if own is None else continuous_law(own)
 
     def after(self, runs: int) -> ClosedLoop:
-        """Return the same loop with the noise of later runs, which starts a number of runs later."""
+        """Return the same loop, but with the sensor noise of later runs."""
+        # The noise of the first encounter is shifted by `runs`.
         return replace(self, first_run=self.first_run + runs)
 
     def run(

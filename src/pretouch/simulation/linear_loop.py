@@ -42,7 +42,7 @@ _DENSE: Final = 300  # periods of delay up to which all eigenvalues are computed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearLoop:
-    """The linearized open loop as a discrete system over one sensor period.
+    """The linearized open loop, discretized over one sensor period.
 
     The loop is opened at the damping d. The period lasts from the start of one exposure to the next.
 
@@ -95,7 +95,7 @@ class LinearLoop:
 
     @property
     def remembered(self) -> int:
-        """The largest number of periods for which the force of one reading has an effect."""
+        """The largest number of periods after which the force of a reading still has an effect."""
         return self.lag + len(self.feedthrough)
 
     def _advance(self, state: FloatArray, damping: float, pushes: FloatArray, feedthrough: FloatArray) -> FloatArray:
@@ -198,7 +198,7 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
 
 
 def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Crossover | None]:
-    """Find the delay in a range that allows the least damping; return its loop and stability limit."""
+    """Find the delay that allows the least damping, and return its loop and stability limit."""
     # The worst delay is nearly always the longest. Near a weakly damped mode, the limit has minima over the delay.
     tried: dict[float, tuple[LinearLoop, Crossover | None]] = {}
 
@@ -325,12 +325,12 @@ def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, 
 
 
 def _sign_changes(response: _Complex) -> BoolArray:
-    """Return between which neighboring samples the imaginary part of the response changes its sign."""
+    """Return the intervals between samples in which the imaginary part of the response changes sign."""
     return np.asarray(np.signbit(response.imag[1:]) != np.signbit(response.imag[:-1]))
 
 
 def _is_relevant(response: _Complex) -> BoolArray:
-    """Return between which neighboring samples the response may be as large as at the stability limit."""
+    """Return the intervals in which the open-loop response may be as large as at the stability limit."""
     size = np.abs(response)
     crossing = _sign_changes(response) & (response.real[1:] < 0) & (response.real[:-1] < 0)
     largest = np.minimum(size[1:], size[:-1])[crossing].max(initial=0.0)
@@ -338,7 +338,7 @@ def _is_relevant(response: _Complex) -> BoolArray:
 
 
 def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
-    """Return between which neighboring angles an undamped mode lies."""
+    """Return the intervals of angles that contain an undamped mode."""
     # There, P changes its sign without a crossover.
     contains = np.zeros(len(angle) - 1, dtype=bool)
     for pole in poles:

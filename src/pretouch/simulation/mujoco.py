@@ -321,7 +321,7 @@ def _run(slides: _Slides) -> tuple[FloatArray, bool]:
 def _drive(
     slides: _Slides, s: float, target: tuple[float, ...], state: tuple[float, float, float]
 ) -> tuple[float, float]:
-    """Return the drive force on the robot and the force of its servo, at a fraction of a controller period."""
+    """Return the force of the robot's drive and of its servo at a moment within a controller period."""
     # `PlantModel` states the equation of motion.
     period, (x, v, lagging) = slides.law.period, state
     _, stiffness, reference_damping, own_damping, ahead, servo, coulomb, friction_speed = slides.drive

@@ -141,7 +141,7 @@ class Loop(Value):
 def run_loop(
     loop: Loop, which: IntArray, rows: int = 0, *, touches: int = TOUCHES, course_rows: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Simulate selected encounters of a loop, on all cores if the law is compiled.
+    """Simulate selected encounters in the compiled loop, on all cores if the law is compiled.
 
     Args:
         loop: the loop.
@@ -181,7 +181,7 @@ def run_loop(
 
 
 def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> tuple[_Loop, _PythonStep | None]:
-    """Return the inputs of selected encounters in the structure of the compiled loop."""
+    """Fill the structures of the compiled loop with the inputs of selected encounters."""
     # The structure contains the output arrays of `run_loop`.
     scenes, period = _columns(loop, _scene_of(loop.scenario))[which], loop.laws[0].period
     course = loop.scenario.obstacle.course
@@ -213,7 +213,7 @@ def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> 
 
 
 def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _PythonStep | None]:
-    """Return parameters and initial states of control laws in the structure of the compiled loop."""
+    """Fill the structure of the compiled loop with parameters and initial states of the control laws."""
     used_laws, law_of = np.unique(loop.law_of.ravel()[which], return_inverse=True)
     starts = np.column_stack([used_laws[law_of.ravel()], scenes[:, (0, 1)] - scenes[:, (5, 6)]])
     distinct, start_of = np.unique(starts, axis=0, return_inverse=True)
@@ -265,7 +265,7 @@ def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, floa
 
 @cache_by_curve(1024)  # the number of sensor samples of a robust design on a loop, or of a verdict
 def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
-    """Tabulate the log output ln xi up to a distance [m], so finely that cubics are accurate to 1e-12.
+    """Tabulate the log output ln xi so finely that cubic interpolation is accurate to 1e-12.
 
     Returns:
         Values of ln xi and its slopes times the step, shape (n, 2); the first distance and the step [m].
@@ -324,8 +324,8 @@ def _to_sample(raw: RawSample) -> Sample:
 
 
 def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -> FloatArray:
-    """Copy parameters or states of compiled laws to a matrix; for a Python law, return indices."""
-    # The rows are aligned to 8 bytes.
+    """Copy parameters or states of control laws to a matrix for the compiled loop."""
+    # For a Python step, the matrix has indices. Rows are aligned to 8 bytes.
     if python_step is not None:
         return np.arange(len(parts), dtype=np.float64)[:, None]
     places = [location(part, name) for part in parts]
@@ -342,6 +342,6 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
 
 
 def contact_step(contact: tuple[float, ...], inverse_mass: float, speed: float) -> float:
-    """Return the integration step of a contact [s], which is 1/50 of its time scale."""
+    """Return the integration step during contact [s], 1/50 of the time scale of the contact."""
     # `inverse_mass` is 1 / reduced mass [1/kg], and `speed` the initial speed.
     return float(_contact_step(byref(_Contact(*contact)), inverse_mass, speed))

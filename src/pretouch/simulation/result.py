@@ -43,7 +43,7 @@ _MOST_BUFFERED: Final = 1_000_000  # most undelivered readings
 
 
 def check_loop(loop: Loop) -> Loop:
-    """Return a loop after checking its numbers; raise an error for invalid values or too many steps."""
+    """Check the numbers of a simulated loop and return the loop; raise an error for too many steps."""
     checked_numbers(loop.plant, loop.plant.coefficients(), COEFFICIENTS)
     if loop.contact is not None:
         checked_numbers(loop.contact, loop.contact.numbers(), CONTACT_NUMBERS)

@@ -259,7 +259,8 @@ class ContactModel(ABC):
 
     @abstractmethod
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
+        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
+        # The fourth number says whether damping grows with depth.
 
     def rows(self) -> Iterator[Row]:
         """Yield table rows with the parameters of the contact force and of the obstacle."""
@@ -309,7 +310,7 @@ class HuntCrossley(ContactModel):
             raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
+        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
         return self.stiffness, self.dissipation * self.stiffness, self.exponent, True, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:
@@ -345,7 +346,7 @@ class SpringDamper(ContactModel):
     damping: float = quantity("N*s/m", 0.0, sign="nonnegative")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
+        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
         return self.stiffness, self.damping, 1.0, False, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:

@@ -120,7 +120,7 @@ class GainLimit(Value):
 
 
 def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
-    """Return ascending distances from contact to the farthest start [m], within the valid range of the curve."""
+    """Return distances from contact to the farthest start [m], within the valid range of the sensor."""
     low, high = sensor.valid_range
     first = max(low, 0.0)
     return np.linspace(first, max(min(farthest, high), first), _PLACES)
@@ -129,7 +129,7 @@ def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
 def passage(
     law: ContinuousLaw, scenario: Scenario, sensor: SensorModel, value: float, farthest: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Return the distances of an encounter [m], and the relative velocities if the damping depends on them."""
+    """Return the distances that an encounter passes [m], and relative velocities if damping depends on them."""
     if law.degree == 1:
         return passed_distances(sensor, farthest), None
     motion = law.motion(scenario, sensor, value)
@@ -229,7 +229,7 @@ def gain_limit(
 def _linearize(
     law: ContinuousLaw, sensor: SensorModel, admittance: Admittance, distance: ArrayLike, relative_velocity: Any
 ) -> tuple[FloatArray, FloatArray, Admittance]:
-    """Return the distances [m] and the damping for a gain of 1, at which a law is linearized."""
+    """Return the damping that a law has with a gain of 1, at each distance [m]."""
     # The active admittance is returned as well. A law with unknown damping is refused.
     distances = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
     slope = np.abs(np.asarray(sensor.log_slope(distances)))
@@ -322,7 +322,7 @@ def lowest_rate(
 
 
 def _last_change(spare: Callable[[float], float], top: float) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return the ends of the highest interval below `top` in which a function becomes negative.
+    """Return the highest interval below `top` in which a function becomes negative.
 
     If a minimum between three points of the scan may be negative, it is searched for.
     """

@@ -95,7 +95,7 @@ class Axis(Value):
         return any(name not in ENCOUNTER_INPUTS for name in self.columns)
 
     def at(self, which: slice | FloatArray | Any) -> Axis:
-        """Return the axis with a selection of its values."""
+        """Return the sweep axis with a selection of its values."""
         return replace(self, columns={name: values[which] for name, values in self.columns.items()})
 
 

@@ -146,7 +146,7 @@ def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
 
 
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """Return the shape of equal parts into which a grid is divided, with a limited number of encounters.
+    """Return the shape of equal parts of a grid, each with a limited number of encounters.
 
     The last axes are taken whole, and the first axis that does not fit is divided.
 
@@ -189,7 +189,7 @@ def _check_values(plan: Plan) -> None:
 
 
 def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
-    """Return the task with the sensor, impact, constraint and objective values at one index of the axes."""
+    """Return the task with the values at one index of the sweep axes, for inputs that cannot be arrays."""
     for axis, i in zip(axes, index, strict=True):
         for name, values in axis.columns.items():
             if name not in ENCOUNTER_INPUTS:

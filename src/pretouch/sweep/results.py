@@ -95,7 +95,7 @@ _MOST_READ: Final = 10**7  # encounters, up to which the ranges of results are c
 
 
 def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
-    """Return a sweep as a JSON object, in SI units; with all values for up to 10,000 encounters."""
+    """Return a sweep as a JSON object in SI units, with all values for up to 10,000 encounters."""
     status = dataset[STATUS]
     size = int(np.prod(status.shape))
     axes = {}

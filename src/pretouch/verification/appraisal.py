@@ -94,7 +94,8 @@ class Draws:
 
 
 def draw_encounters(task: Task) -> Draws:
-    """Draw independent random encounters, as exact confidence bounds require, with the seed of the loop."""
+    """Draw independent random encounters with the seed of the loop."""
+    # Exact confidence bounds need independent encounters.
     if not task.uncertainty:
         obstacle = task.scenario.obstacle
         alike = replace(obstacle, position=np.full(task.runs, obstacle.position))
@@ -141,7 +142,7 @@ class LoopOutcomes:
 
     @property
     def standing(self) -> float:
-        """Score of the gain, at most 1: the lowest of the scores for requirements, stability and softness."""
+        """Score of the gain, at most 1: the lowest of the scores for limits, stability and softer contact."""
         return min(self.softness, self.stable, *(r.standing for r in self.requirements))
 
     @property
@@ -156,7 +157,7 @@ class LoopOutcomes:
 
     @property
     def softness(self) -> float:
-        """Score for softness: 1 if the gain makes contact softer, and less than 1 if it does not.
+        """Score for softer contact: 1 if the gain makes contact softer, and less than 1 if it does not.
 
         It is unmitigated speed / speed if contact is harder with the gain, and 0.99 if the gain has no effect.
         """
@@ -183,7 +184,7 @@ class LoopOutcomes:
 
 
 def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
-    """Return the status of a verdict from limits, effect and gain margin alone."""
+    """Return the status of a verdict from limits, contact speed and gain margin alone."""
     # Prediction, sensor speed and calibration are ignored.
     effect, margin = outcomes.effect, outcomes.margin
     if not outcomes.is_kept or outcomes.stable < 1:

@@ -137,7 +137,7 @@ class _Outcome:
         )
 
     def badness(self, predicted: _Outcome) -> tuple[int, float]:
-        """Return the number of failing sensors, and the 95 % quantile of the speed to rank equal numbers."""
+        """Return the number of sensors that fail, and a quantile of the contact speed to rank equal numbers."""
         failing = int(np.any(self.failures(predicted), axis=0).sum())
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
@@ -182,7 +182,7 @@ def _without_noise(chain: SensorChain) -> SensorChain:
 
 
 def _mount(drawn: DrawnCurve, task: Task) -> DrawnCurve:
-    """Mount a drawn sensor curve like the fitted curve, with the same recess and range."""
+    """Mount a randomly drawn sensor curve with the recess and the range of the fitted curve."""
     # The sensor chain already has the controller's offset.
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))

@@ -110,7 +110,7 @@ class Effect(Value):
 
     @property
     def excess(self) -> float | None:
-        """Relative excess of the mean contact speed over the predicted speed; None if no contact is predicted."""
+        """Fraction by which the mean contact speed exceeds the prediction; None if no contact is predicted."""
         return self.reached / self.predicted - 1 if self.predicted and self.reached is not None else None
 
     def to_dict(self) -> dict[str, Any]:
@@ -191,7 +191,7 @@ def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSpeed(Value):
-    """Comparison of the contact speed with that of an infinitely fast sensor, both without noise.
+    """The contact speed compared with an infinitely fast sensor, both without noise.
 
     Args:
         rate: readings per second of the loop [Hz].
@@ -255,7 +255,7 @@ def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
 def compare_with_fast_sensor(
     loop: ClosedLoop, run: Callable[[ClosedLoop], SimulationResult], quiet: SimulationResult, tolerance: float
 ) -> SensorSpeed | None:
-    """Compare the contact speed with that of an infinitely fast sensor; None without contact in both runs."""
+    """Compare the contact speed with the speed for an infinitely fast sensor; None without contact."""
     fast = with_fast_sensor(without_noise(loop))
     if fast is None:
         return None

@@ -187,7 +187,7 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def detection(self) -> Detection | None:
-        """Time and distance at which the controller first detected the object; None if it never did."""
+        """Time and distance at which the controller first detected the object; None without detection."""
         return detection_of(self.run, self.trace, self.sensor, self.scenario)
 
     @cached_property

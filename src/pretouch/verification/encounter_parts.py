@@ -50,7 +50,7 @@ class QuantityComparison(Value):
 
     @property
     def values(self) -> tuple[float | None, ...]:
-        """The four compared values: simulated and predicted with the gain, then both without mitigation."""
+        """The four compared values: simulated and predicted, each with the gain and without mitigation."""
         return self.loop, self.predicted, self.loop_unmitigated, self.predicted_unmitigated
 
     @property
@@ -65,7 +65,7 @@ class QuantityComparison(Value):
 
     @property
     def relative_difference(self) -> float | None:
-        """Relative excess of the simulated magnitude over the predicted magnitude; None if unknown."""
+        """Fraction by which the simulated magnitude exceeds the predicted magnitude; None if unknown."""
         if self.loop is None or not self.predicted:
             return None
         return abs(self.loop) / abs(self.predicted) - 1

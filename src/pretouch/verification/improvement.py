@@ -131,7 +131,7 @@ class Verified(NamedTuple):
 def find_improvements(
     problem: LoopProblem, verified: Verified
 ) -> tuple[Loss, tuple[LoopChange, ...], tuple[LoopChange, ...]]:
-    """Find changes that improve the loop, most helpful first, and the loss against the best gain on the loop."""
+    """Find changes that improve the loop, and how much better the best gain is than the verified gain."""
     # The results for the unchanged loop are returned as well.
     task, gain, runs = problem.draws.task, verified.gain, problem.draws.compared
     loop = task.loop
@@ -180,7 +180,7 @@ def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
 
 
 def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | None) -> Loss:
-    """Compare the objective of every run with that of the best gain on the loop."""
+    """Compare the objective of the verified gain with the objective of the best gain on the loop."""
     predicted, ideal = verified.predicted, None
     if predicted.reached.all():
         speed = abs(task.scenario.obstacle.velocity)
@@ -222,7 +222,7 @@ class _Search:
     tried: dict[float, _Tried] = field(default_factory=dict)  # the tried gains by coordinate
 
     def merit(self, coordinate: FloatArray) -> FloatArray:
-        """Return the mean objective at search coordinates of the gain; infinite if a requirement is missed."""
+        """Return the mean objective at scaled values of the gain; infinite if a requirement is missed."""
         places = {round(u, _DIGITS): u for u in coordinate.tolist()}
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
@@ -310,7 +310,7 @@ def _evaluate_change(
 
 
 def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requirement, Requirement]:
-    """Return the requirement that was missed most before a change, and the same one after the change."""
+    """Return the requirement that was missed most before a change, with its results before and after."""
     worst = before.worst
     return worst, next(r for r in after.requirements if r.name == worst.name)
 

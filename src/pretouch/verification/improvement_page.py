@@ -204,7 +204,7 @@ def _best_gain_in_words(loss: Loss) -> str:
 
 
 def _lacks_in_words(v: Verdict) -> str:
-    """Return in words which requirement only the best gain on the loop meets, and the verified gain misses."""
+    """Return in words which requirement the verified gain misses and the best gain on the loop meets."""
     check, loss = v.stability, v.loss
     if not all(limit.is_met for limit in v.limits):
         return "it misses a limit"

@@ -44,7 +44,7 @@ def _failures(v: Verdict) -> Iterator[str]:
 
 
 def _harm_reasons(v: Verdict) -> Iterator[str]:
-    """Yield reasons if the gain makes contact no softer, in the runs, without noise, or as predicted."""
+    """Yield reasons for a verdict if the gain does not make contact softer."""
     effect, quiet = v.effect, v.noiseless_effect
     if effect is not None and effect.is_harder:
         yield f"contact is harder than without mitigation{_harder(effect)}"
@@ -67,7 +67,7 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _harder(effect: Effect) -> str:
-    """Return by how much contact is harder with the gain on average, or in how many runs."""
+    """Return in words by how much contact is harder with the gain on average, or in how many runs."""
     if effect.difference <= 0:
         return f" in {effect.harder_count} of {effect.runs} runs"
     speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
@@ -112,7 +112,8 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _harder_than_promised(v: Verdict) -> Iterator[str]:
-    """Yield reasons if contact is harder than predicted, harder than with a fast sensor, or not clearly softer."""
+    """Yield reasons for a verdict if contact is harder than predicted, or not clearly softer."""
+    # Contact may also be harder than with a faster sensor.
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:
         reached, predicted = (format_quantity(x or 0.0, "m/s") for x in (effect.reached, effect.predicted))

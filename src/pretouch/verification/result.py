@@ -125,7 +125,7 @@ class LimitCheck(Value):
         return f"{self.label} <= {self.limit:g} {self.unit.replace('*', ' ')}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the check as one JSON object, in SI."""
+        """Return the results for the limit as one JSON object, in SI units."""
         names = ("name", "label", "limit", "unit", "is_met", "predicted", "held", "value", "margin", "source")
         told = {name: getattr(self, name) for name in names}
         return {**told, "probability": self.required.probability, "held_at_least": self.low}

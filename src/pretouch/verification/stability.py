@@ -70,12 +70,12 @@ class StabilityCheck(Value):
 
     @property
     def critical_distance(self) -> float:
-        """The distance at which the strongest stable gain is smallest [m]."""
+        """The distance [m] at which the strongest stable gain is smallest in magnitude."""
         return self.limit.critical_distance
 
     @property
     def frequency(self) -> float:
-        """Frequency of the oscillation at the stability limit [Hz]; NaN if there is none."""
+        """Frequency of the oscillation at the stability limit [Hz]; NaN if there is no oscillation."""
         return self.limit.damping.frequency
 
     @property

@@ -134,7 +134,7 @@ def encounter(  # noqa: PLR0917
 def allowed_speed(
     contact_speed: float | None, impact_force: float | None, impact: ImpactModel | None, speed: float
 ) -> float:
-    """Return the largest allowed contact speed from a limit of the contact speed or of the impact force.
+    """Return the largest allowed contact speed, from a limit of the contact speed or of the impact force.
 
     Args:
         contact_speed: the limit of the contact speed [m/s]; or None.
@@ -159,7 +159,7 @@ def allowed_speed(
 
 
 def _last(keeps: Callable[[FloatArray], Any], high: float) -> float:
-    """Return the largest number up to `high` that meets a limit, if all larger numbers exceed the limit."""
+    """Return the largest number up to `high` that still meets a limit, by repeated refinement of a grid."""
     low = 0.0
     if bool(keeps(np.array([high]))[0]):
         return high

@@ -142,7 +142,7 @@ def speeds_of(design: DragDesign) -> tuple[float, float, float]:
 
 
 def at_speeds(scenario: Scenario, speed: FloatArray) -> Scenario:
-    """Return copies of an encounter as uniform approaches at other speeds [m/s]."""
+    """Return copies of an encounter in which the object approaches at other constant speeds [m/s]."""
     velocity, acceleration = scenario.plant.velocity - speed, scenario.reference.acceleration
     return replace(scenario, obstacle=replace(scenario.obstacle, velocity=velocity, acceleration=acceleration))
 

@@ -103,7 +103,7 @@ class DragDesign(Described, Value):
 
     @property
     def result(self) -> ContactResult:
-        """The solved encounter of the task, with its contact."""
+        """The encounter of the task, solved with the designed drag."""
         return DRAG.contact(self.scenario, self.sensor, self.drag, horizon=self.designed_task.horizon)
 
     @property
@@ -206,7 +206,7 @@ class DragDesign(Described, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragLimits(Value):
-    """Guarantees for every schedule of the drag that stays between two constant drags.
+    """Guarantees for every drag schedule that stays between two constant drags.
 
     Args:
         weak: the weaker drag.
@@ -231,17 +231,17 @@ class DragLimits(Value):
 
     @property
     def ratio(self) -> tuple[float, float]:
-        """Smallest and largest ratio of contact speed to approach speed, in a uniform approach."""
+        """Smallest and largest ratio of contact speed to approach speed, for an object at constant speed."""
         return self.strong.ratio, self.weak.ratio
 
     @property
     def excursion(self) -> tuple[float, float]:
-        """Smallest and largest excursion at contact in a uniform approach [m]."""
+        """Smallest and largest excursion [m] at contact with an object at constant speed."""
         return self.weak.excursion, self.strong.excursion
 
     @property
     def peak(self) -> float:
-        """Upper bound of the acceleration divided by the squared speed of a uniform approach [1/m].
+        """Upper bound of the plant's acceleration, divided by the squared approach speed [1/m].
 
         It exceeds the peaks of both constant drags: the schedule may switch to the strong drag after the weak one has
         hardly reduced the speed.

@@ -39,7 +39,7 @@ class BoundComparison(Value):
 
     @property
     def ratio(self) -> Any:
-        """The excursion divided by the smallest possible excursion; NaN if the smallest possible excursion is 0."""
+        """The excursion divided by the smallest excursion that any robot needs, never below 1."""
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(
                 np.asarray(self.least_excursion) > 0, np.divide(self.excursion, self.least_excursion), np.nan

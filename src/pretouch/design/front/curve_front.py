@@ -21,7 +21,7 @@ _CURVE_SPACING: Final = 0.01  # distance between neighbors on the front, as a sh
 # The curve is scanned until it is well interpolated. The ends of the front's pieces are then found to rounding: the
 # minima of the quantities, the edges of feasibility, and the points where another part of the curve becomes better.
 def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
-    """Find the Pareto front of quantities that depend on one coordinate between 0 and 1."""
+    """Find the Pareto front of quantities that all depend on one coordinate, such as the gain."""
     # `evaluate` returns quantities, shape (n, k), at coordinates, shape (n,).
     # Quantities are infinite if not feasible. The points are sorted by the first quantity, or for three quantities by
     # the coordinate. Dominated coordinates separate the pieces. The front is empty if nothing is feasible.
@@ -50,7 +50,7 @@ _WORST: Final = 16  # number of intervals that are refined
 def _between(
     evaluate: Callable[[FloatArray], FloatArray], at: FloatArray, values: FloatArray, connected: BoolArray
 ) -> FloatArray:
-    """Evaluate points between neighbors of the front, more densely where interpolation is least accurate."""
+    """Evaluate more points between neighbors on the front, especially where interpolation is inaccurate."""
     low, high = at[:-1][connected], at[1:][connected]
     if not len(low):
         return values[:0]
@@ -66,7 +66,7 @@ def _between(
 
 
 class _Samples:
-    """All evaluated points of the curve of gains, in the order of their coordinates."""
+    """All points that a search for a Pareto front has evaluated, in the order of their coordinate."""
 
     def __init__(self, evaluate: Callable[[FloatArray], FloatArray]) -> None:
         def landscape(at: FloatArray) -> Landscape:
@@ -77,7 +77,7 @@ class _Samples:
         self.at, self.values = scanned.coordinate, scanned.landscape.objective.T
 
     def add(self, at: FloatArray) -> None:
-        """Evaluate the quantities at more coordinates and insert them in order."""
+        """Evaluate the quantities at more points and insert the points in order."""
         at = np.setdiff1d(at, self.at)
         if not len(at):
             return

@@ -52,7 +52,7 @@ class FoundFront:
 
 
 def extent_of(values: FloatArray) -> FloatArray:
-    """Return the range of each quantity over a front; for a constant quantity, return its magnitude."""
+    """Return the range of each quantity on a front, or the magnitude of a quantity that is constant."""
     if not len(values):
         return np.ones(values.shape[1])
     extent, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
@@ -88,7 +88,7 @@ def non_dominated(values: FloatArray) -> BoolArray:
 
 
 def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
-    """Return the smallest shift of a front after which it dominates each point (the additive epsilon)."""
+    """Return by how much a front must shift to dominate each point (the additive epsilon indicator)."""
     # It is not positive if the front dominates the point (Zitzler et al. 2003), and -inf for points that are infinite.
     epsilon = np.full(len(points), -np.inf)
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))

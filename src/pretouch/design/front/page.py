@@ -110,7 +110,7 @@ def _title(point: FrontPoint) -> str:
 
 
 def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measured]]:
-    """Yield label and value of a point's parameters and quantities, and of its physical bound."""
+    """Yield labels and values of the parameters and quantities at a point of the Pareto front."""
     n = front.number
     yield Named(n.name, n.symbol), Measured(point.gain, n.unit)
     for name in front.free[1:]:

@@ -60,7 +60,7 @@ def find_front(trials: Trials) -> FoundFront:
 
 
 class _FrontPoints:
-    """The points of the front that a search has found so far, none of which dominates another."""
+    """The current points of a Pareto front during its search, none of which dominates another."""
 
     def __init__(self, trials: Trials, extent: FloatArray) -> None:
         self.trials = trials
@@ -99,7 +99,7 @@ class _FrontPoints:
                 return
 
     def between(self) -> FloatArray:
-        """Return the quantities of points that further searches find between the points of the front."""
+        """Return the quantities of further points that a search finds between the points of the front."""
         return self._between_two() if self.values.shape[1] == 2 else self._between_many()
 
     def _between_two(self) -> FloatArray:
@@ -134,7 +134,7 @@ class _FrontPoints:
         return shortfall(values / self.extent, self.values / self.extent)
 
     def pieces(self) -> IntArray:
-        """Return the index of the connected piece of each point; wide gaps separate the pieces."""
+        """Return for each point the number of its connected piece of the front; wide gaps separate pieces."""
         if self.values.shape[1] != 2:
             return np.zeros(len(self.values), dtype=np.int64)
         gap = (np.abs(np.diff(self.values, axis=0)) / self.extent).max(axis=1)
@@ -142,7 +142,7 @@ class _FrontPoints:
 
 
 def _spread(points: FloatArray, count: int) -> list[int]:
-    """Choose points that lie far apart, beginning with the point that has the lowest sum of quantities."""
+    """Choose a few points that lie far apart from each other."""
     chosen = [int(points.sum(axis=1).argmin())]
     apart = np.abs(points - points[chosen[0]]).max(axis=1)
     while len(chosen) < min(count, len(points)):

@@ -174,7 +174,7 @@ def _bound(trials: Trials) -> PhysicalBound | None:
 
 
 class _FrontPointMaker:
-    """Makes labeled points from single encounters and compares them with the Pareto front."""
+    """Makes the marked points of a Pareto front, such as the knee, and compares them with the front."""
 
     def __init__(self, trials: Trials, names: tuple[str, ...], front: FoundFront) -> None:
         self.trials, self.names, self.front = trials, names, front.values

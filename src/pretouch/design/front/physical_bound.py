@@ -125,13 +125,13 @@ class PhysicalBound(Value):
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
-        """Return the excursion at which a braking obstacle has slowed to robot speed limit plus contact speed."""
+        """Return the excursion at which a braking obstacle exceeds the robot's speed limit by the contact speed."""
         if self.acceleration <= 0:
             return np.full(np.shape(w), np.nan)
         return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)
 
     def _time(self, excursion: FloatArray) -> FloatArray:
-        """Return the time at which the obstacle is past the robot's rest position by the excursion."""
+        """Return the time at which the obstacle reaches a robot that has retreated by the excursion."""
         return _arrival(self.distance + excursion, self.velocity, self.acceleration)
 
     def _duration(self, excursion: FloatArray) -> FloatArray:
@@ -196,7 +196,7 @@ def why_no_bound(scenario: Scenario) -> str:
 
 
 def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
-    """Return the first time at which a uniformly accelerated approach closes a distance; infinite if never."""
+    """Return the time that a uniformly accelerated object needs for a distance; infinite if never reached."""
     # It solves distance + velocity t + acceleration t^2 / 2 = 0 for a velocity below 0.
     square = np.asarray(velocity**2 - 2 * acceleration * distance)
     with np.errstate(invalid="ignore"):

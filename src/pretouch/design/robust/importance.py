@@ -114,7 +114,7 @@ def _shares(f_a: FloatArray, f_b: FloatArray, f_c: FloatArray) -> tuple[float, f
 
 
 def _linear_shares(problem: RobustProblem, gain: float) -> dict[str, float] | None:
-    """Return each input's share in the variance of the objective, estimated from gradients at the means."""
+    """Estimate each input's share in the variance of the objective, from gradients at the mean values."""
     task, uncertainty = problem.task, problem.task.uncertainty
     if not problem.has_slopes():
         return None

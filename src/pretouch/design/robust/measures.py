@@ -40,7 +40,7 @@ class Measure(ABC):
         """Estimate the risk measure from independent samples; return it with its confidence interval."""
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the difference of two risk measures over the same encounters, and its standard error.
+        """Return how the risk measure differs between two gains in the same encounters, with standard error.
 
         A bootstrap over the pairs gives the standard error; NaN if the difference is not finite.
         """
@@ -52,7 +52,7 @@ class Measure(ABC):
 
 
 def checked_measure(measure: Any) -> Measure:
-    """Return a risk measure after checking that its class overrides all methods that belong together."""
+    """Return a risk measure after checking that its class defines value, label and estimate together."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
             f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a Measure"
@@ -144,11 +144,12 @@ class Quantile(_AtProbability):
         return f"{100 * self.probability:g} % quantile"
 
     def of(self, values: Any) -> Any:
-        """Return the quantile: the smallest value that the given share of values does not exceed."""
+        """Return the sample quantile of the values along the last axis."""
         return sample_quantile(values, self.probability)
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the quantile and a confidence interval between order statistics, for any distribution."""
+        """Return the quantile and a confidence interval that holds for every distribution."""
+        # The interval lies between order statistics.
         from scipy.stats import binom  # noqa: PLC0415 - SciPy is imported only for a validation
 
         ordered, n = np.sort(values), len(values)
@@ -179,7 +180,8 @@ class ConditionalValueAtRisk(_AtProbability):
         return f"mean of the worst {100 * (1 - self.probability):g} %"
 
     def of(self, values: Any) -> Any:
-        """Return the tail mean q + mean(max(f - q, 0)) / (1 - p) of values f, with their p-quantile q."""
+        """Return the tail mean: the mean of the values beyond a quantile."""
+        # With the quantile q of probability p, it is q + mean(max(f - q, 0)) / (1 - p).
         f = np.asarray(values, dtype=np.float64)
         q = np.asarray(sample_quantile(f, self.probability))[..., None]
         with np.errstate(invalid="ignore"):
@@ -222,7 +224,8 @@ class WorstCase(Measure):
 
 
 def sample_quantile(values: Any, probability: float) -> Any:
-    """Return the sample quantile along the last axis: the value that the given share does not exceed."""
+    """Return the quantile of a sample along the last axis, for a given probability."""
+    # It is the smallest value such that at least this share of the values does not exceed it.
     f = np.asarray(values, dtype=np.float64)
     rank = min(max(math.ceil(probability * f.shape[-1] - 1e-9), 1), f.shape[-1]) - 1
     return float_or_array(np.partition(f, rank, axis=-1)[..., rank])

@@ -41,7 +41,7 @@ class RobustOutcomes(Value):
         return np.where(self.reached, np.broadcast_to(values, self.reached.shape), np.inf)
 
     def reaches(self, quantity: str, share: float) -> float:
-        """Return the magnitude of a quantity that the given share of encounters does not exceed, in SI units."""
+        """Return the value that a quantity does not exceed in the given share of encounters, in SI units."""
         return float(np.sort(self.magnitude(quantity))[math.ceil(share * len(self.objective)) - 1])
 
     def __repr__(self) -> str:

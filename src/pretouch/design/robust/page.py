@@ -47,7 +47,7 @@ def importance_section(importance: tuple[InputImportance, ...]) -> PageSection |
 
 
 def price_section(design: RobustDesign) -> PageSection | None:
-    """Return the report section with the loss of the robust gain against the best gain for known inputs."""
+    """Return the report section on the loss of the robust gain if one input were known exactly."""
     if not design.prices:
         return None
     caption = (

@@ -55,7 +55,7 @@ class RobustProblem(GainProblem):
         return limits_of(self.task.constraints)
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Evaluate the risk measure and the constraints at gains that are given by search coordinates."""
+        """Evaluate the risk measure and the constraints at gains that are given on the scaled axis of the search."""
         gains = self.axis.gain(coordinate)
         parts = list(self._parts(gains))
         return Landscape(
@@ -64,7 +64,7 @@ class RobustProblem(GainProblem):
         )
 
     def values(self, gain: float) -> tuple[FloatArray, FloatArray]:
-        """Return objectives and ratios |quantity| / limit of all encounters at one gain."""
+        """Return the objective and the ratios |quantity| / limit of every encounter at one gain."""
         # Objectives have the shape (n,) and ratios (k, n); both are infinite without contact.
         objective, ratios, _ = self._evaluate(np.array([gain]))
         return objective[0], ratios[:, 0]
@@ -85,7 +85,7 @@ class RobustProblem(GainProblem):
         return self.criterion(which).slope(result.end, of)
 
     def lowest_needed(self) -> float:
-        """Return a search coordinate beyond which no stronger gain can be the optimum.
+        """Return the scaled value of the strongest gain that can still be optimal.
 
         Gains are evaluated from the weakest to the strongest. Part of the measure can only grow with the gain; the
         search ends when this part exceeds the best measure so far.
@@ -118,7 +118,7 @@ class RobustProblem(GainProblem):
         return all(bool(touches_later(*ensemble.at(i)).all()) for i in range(len(ensemble)))
 
     def _parts(self, gains: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Yield the risk measure, its lower bound for stronger gains, and constraint ratios, in blocks of gains."""
+        """Yield risk measures and constraint ratios for blocks of gains, with a lower bound for stronger gains."""
         block = _BLOCK if self.ensemble.evaluator is None else _BLOCK_OF_EVALUATOR
         step = max(1, block // len(self.ensemble))
         for start in range(0, len(gains), step):
@@ -131,7 +131,7 @@ class RobustProblem(GainProblem):
             )
 
     def _evaluate(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return objectives, constraint ratios and a lower bound of the objectives of stronger gains."""
+        """Return objectives and constraint ratios for several gains, with a lower bound for stronger gains."""
         result = self.ensemble.contacts(gains[:, None])
         reached, state, speed = result.reached, result.end, self.ensemble.speed
         objective = appraise(self.task.goal, state, reached, speed, self.task.impact)

@@ -37,7 +37,7 @@ class Required:
             object.__setattr__(self, "probability", checked_probability(self.probability))
 
     def share(self, ratios: Any) -> Any:
-        """Return the quantile of the ratios |quantity| / limit at the required probability."""
+        """Return the quantile of |quantity| / limit at the required probability of the constraint."""
         return (
             float_or_array(np.max(ratios, axis=-1))
             if self.probability == 1

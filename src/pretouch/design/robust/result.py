@@ -144,7 +144,7 @@ class RobustDesign(Answer):
 
     @property
     def reachable(self) -> tuple[tuple[Required, float, float], ...]:
-        """For each constraint alone, the smallest limit that a gain meets with the required probability."""
+        """The smallest limit of each constraint that some gain meets with the required probability."""
         reachable = []
         for limit, ratios in zip(self.limits, self.scan.landscape.ratios, strict=True):
             best = int(np.argmin(ratios))
@@ -226,7 +226,7 @@ class RobustDesign(Answer):
 
     @cached_property
     def prices(self) -> tuple[Price, ...]:
-        """Comparisons of the robust gain with optimal gains for each known input, the largest loss first.
+        """Loss of the robust gain against the best gain for each known input, the largest loss first.
 
         Empty without a robust gain, and with `evaluate`.
         """

@@ -100,7 +100,7 @@ def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, 
 
 
 def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
-    """Return the first encounters of a search: corners, middle and inner points of the box of inputs."""
+    """Return the encounters from which a worst-case search starts: corners, middle and inner points."""
     corners = np.array(list(product(*box.values())))
     middle = np.array([[0.5 * (low + high) for low, high in box.values()]])
     inside = sample_inputs({name: Interval(low=low, high=high) for name, (low, high) in box.items()}, _INSIDE)

@@ -21,7 +21,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Freedom:
-    """The free parameters of a search, each with a coordinate from 0 to 1.
+    """The free parameters of a search, each scaled to the range from 0 to 1.
 
     The gain comes first. Points have the shape (n, size).
     """
@@ -43,17 +43,17 @@ class Freedom:
         return len(self.names)
 
     def gain(self, at: FloatArray) -> FloatArray:
-        """Return the gains at points of the search."""
+        """Convert search points, scaled to 0 to 1, to gains."""
         low, high = self.axis.span
         return self.axis.gain(low + (high - low) * at[:, 0])
 
     def coordinate(self, gain: float) -> float:
-        """Return the search coordinate of a gain, from 0 to 1."""
+        """Convert a gain to its search coordinate from 0 to 1."""
         low, high = self.axis.span
         return float(np.clip((self.axis.coordinate(gain) - low) / (high - low), 0.0, 1.0))
 
     def admittance(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return natural frequency [rad/s] and damping ratio at points of the search."""
+        """Convert search points, scaled to 0 to 1, to natural frequencies [rad/s] and damping ratios."""
         fixed = self.scenario.admittance
         column = iter(at.T[1:])
         frequency = (
@@ -67,7 +67,7 @@ class Freedom:
         return frequency, np.full(len(at), ratio)
 
     def scenarios(self, at: FloatArray) -> Scenario:
-        """Return the encounters at points of the search."""
+        """Return the encounters for search points, each with its own admittance."""
         if self.size == 1:
             return self.scenario
         frequency, ratio = self.admittance(at)
@@ -76,12 +76,12 @@ class Freedom:
         return replace(self.scenario, admittance=admittance)
 
     def choice(self, at: FloatArray) -> tuple[Scenario, float]:
-        """Return the encounter and the gain at one point of the search."""
+        """Return the encounter and the gain for one search point."""
         scenario = map_fields(self.scenarios(at[None]), lambda v: v.item() if np.ndim(v) else v)
         return scenario, float(self.gain(at[None])[0])
 
     def chain(self, at: FloatArray) -> tuple[tuple[tuple[str, float], ...], ...]:
-        """Return the inputs that depend on each search coordinate, with their derivatives."""
+        """Return the physical inputs that depend on each search coordinate, with their derivatives."""
         point = at[None]
         low, high = self.axis.span
         gain = float(self.gain(point)[0])
@@ -164,7 +164,7 @@ def _is_log(bounds: Range) -> bool:
 
 
 def _between(bounds: Range, at: FloatArray) -> FloatArray:
-    """Return the values of a parameter at coordinates from 0 to 1 between its bounds."""
+    """Convert coordinates from 0 to 1 to values of a parameter between its bounds."""
     low, high = bounds
     value = low * np.exp(np.log(high / low) * at) if _is_log(bounds) else low + (high - low) * at
     return np.asarray(np.where(at == 1, high, np.clip(value, low, high)))

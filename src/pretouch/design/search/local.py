@@ -25,7 +25,7 @@ PageTable: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def _cached_rows(trials: Trials, scale: FloatArray) -> PageTable:
-    """Return a function that caches all criteria and derivatives at the last point of a solver."""
+    """Return a function that evaluates criteria and derivatives, and caches the last point."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
     def evaluate(at: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -57,7 +57,7 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArra
 def advance(
     trials: Trials, start: FloatArray, origin: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Return the point of the Pareto front on a ray in the space of quantities; None if none is found."""
+    """Return the point of a Pareto front in a given direction from an origin; None if none is found."""
     # The search minimizes t subject to quantities <= origin + t scale (Pascoletti and Serafini 1984).
     count = len(trials.measures)
     rows = _cached_rows(trials, np.concatenate([scale, np.ones(len(trials.constraints))]))
@@ -99,7 +99,7 @@ def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any
 
 
 def _to_feasible(trials: Trials, at: FloatArray, value: Callable[[FloatArray], float]) -> FloatArray | None:
-    """Move a feasible point onto nearby bounds if they are as good; return None if it is not feasible."""
+    """Return a feasible point, moved onto nearby bounds if they are as good; None if it is not feasible."""
     moved = np.where(at <= _NEAR, 0.0, np.where(at >= 1 - _NEAR, 1.0, at))
     inner, bound = _if_feasible(trials, at), _if_feasible(trials, moved)
     if inner is None or bound is None or np.array_equal(at, moved):

@@ -70,7 +70,7 @@ def settle_one(problem: GainProblem) -> tuple[float, float] | None:
 
 
 def _design_block(problem: GainProblem, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Find the gains of a column of encounters; return gains, objectives, and which results are certain."""
+    """Find the optimal gains of many encounters on a fixed grid of gains, and which results are certain."""
     u = np.linspace(*problem.axis.span, count)
     scanned = problem.landscape(u[None])
     every, merit = scanned.objective, scanned.merit

@@ -70,7 +70,7 @@ would need three times as many gains.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Landscape(Value):
-    """Objective and constraint ratios at many coordinates of an axis.
+    """Objective and constraint ratios at many points of a scanned axis.
 
     Args:
         objective: the objective, shape (n,), or several, shape (k, n); infinite without contact.
@@ -98,11 +98,11 @@ class Landscape(Value):
 
     @property
     def merit(self) -> FloatArray:
-        """The objective at feasible coordinates, and infinity at all others."""
+        """The objective, or infinity where the encounter is not feasible."""
         return np.where(self.feasible, self.objective, np.inf)
 
     def joined(self, other: Landscape, order: IntArray) -> Landscape:
-        """Return the results of both sets of coordinates together, in the given order."""
+        """Return the union of two sets of scanned points, in a given order."""
         return Landscape(
             objective=np.concatenate([self.objective, other.objective], axis=-1)[..., order],
             ratios=np.concatenate([self.ratios, other.ratios], axis=1)[:, order],

@@ -21,7 +21,7 @@ _NODES: Final = np.arange(-2.0, 3.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trials:
-    """Evaluates encounters at points of the search over gain and admittance.
+    """Evaluates encounters for the gains and admittances that a search tries.
 
     Points have the shape (n, size).
     """
@@ -41,28 +41,28 @@ class Trials:
         return (*self.measures, *(ratio(c, self.encounters.task.impact) for c in self.constraints))
 
     def run(self, at: FloatArray) -> ContactResult:
-        """Solve the encounters at points of the search."""
+        """Solve the encounters for search points, which represent gains and admittances."""
         return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
 
     def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return all criteria at each point, infinite without contact, and which points make contact."""
+        """Return all criteria for each search point, and which search points end in contact."""
         result = self.run(at)
         reached = np.asarray(result.reached)
         rows = self.rows_of(result)
         return np.where(reached[:, None], np.reshape(rows, (len(at), -1)), np.inf), reached
 
     def feasible(self, rows: FloatArray) -> BoolArray:
-        """Return which points end in contact and meet every limit, from the criteria of the points."""
+        """Return which search points end in contact and meet every limit."""
         ratios = rows[:, len(self.measures) :]
         return np.asarray(np.isfinite(rows).all(axis=1) & (ratios <= HELD).all(axis=1))
 
     def values(self, at: FloatArray) -> FloatArray:
-        """Return the criteria to minimize at each point, infinite at points that are not feasible."""
+        """Return the criteria to minimize for each search point; infinite if the point is not feasible."""
         rows, _ = self.rows(at)
         return np.where(self.feasible(rows)[:, None], rows[:, : len(self.measures)], np.inf)
 
     def differentiate(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return all criteria at one point, and their derivatives; infinite and zero without contact."""
+        """Return all criteria and their derivatives for one search point; infinite and zero without contact."""
         # Derivatives are exact if the result has gradients for all quantities of a row, else differences are used.
         result = self.run(at[None])
         if not np.asarray(result.reached).all():
@@ -76,7 +76,7 @@ class Trials:
         return rows, slopes
 
     def rows_of(self, result: ContactResult) -> FloatArray:
-        """Return all criteria of solved encounters, with the encounters along the first axis."""
+        """Return all criteria of solved encounters."""
         return np.stack([np.asarray(c.value(result), dtype=np.float64) for c in self.criteria], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:

@@ -62,7 +62,7 @@ class Section:
     example: str = "{ ... }"
 
     def __call__(self, table: Any, unknown: Callable[[str], str] | None = None) -> dict[str, Any]:
-        """Return the values of a table by key; raise an error that lists all mistakes in the table."""
+        """Return the values of a TOML table by key; raise an error that lists all mistakes in the table."""
         if not isinstance(table, Mapping):
             raise UnfitValueError(f"expected a table such as {self.example}")
         unknown_keys = [name for name in table if name not in self.keys]

@@ -250,7 +250,7 @@ class GainEvidence(Answer):
 
 
 def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
-    """Find status, optimal gain and objective by fast searches; None if one encounter has no certain result."""
+    """Design gains by fast searches; return None if the result for a single encounter is uncertain."""
     if problem.task.scenario.shape:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()

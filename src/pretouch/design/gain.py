@@ -157,7 +157,7 @@ class GainDesign(GainEvidence):
 
 
 def _conflict(design: GainDesign) -> str:
-    """Describe the constraints that no gain meets, or that no gain meets at the same time."""
+    """Describe which constraints no gain meets, or which constraints conflict with each other."""
     impossible = [o for o in design.constraints if not o.achievable]
     if impossible:
         return "; ".join(

@@ -93,7 +93,7 @@ class ElasticImpact(ImpactModel):
         return 2 * self.exponent / (self.exponent + 1)
 
     def peak_force(self, relative_velocity: ArrayLike) -> Any:
-        """Return the peak force [N], at which the contact has stored the whole kinetic energy of the impact."""
+        """Return the peak force [N] of the elastic impact."""
         n, power = self.exponent, self.speed_exponent
         factor = self.stiffness ** (1 / (n + 1)) * ((n + 1) / 2 * self.reduced_mass) ** (power / 2)
         return float_or_array(factor * np.abs(relative_velocity) ** power)

@@ -204,7 +204,7 @@ def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> Dra
 
 
 class _Paths(NamedTuple):
-    """The approach of objects of each reflectance, in pieces of the distance from detection to contact.
+    """The approach of an object for each reflectance, divided into pieces of the distance.
 
     Args:
         step: index of the schedule's step on each piece, shape (m, pieces).

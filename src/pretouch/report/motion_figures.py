@@ -239,7 +239,7 @@ def _limits(design: GainDesign, name: str) -> dict[str, float]:
 
 
 def _worth_drawing(limits: dict[str, float], values: FloatArray) -> dict[str, float]:
-    """Return the limits that are close enough to the motion to be drawn."""
+    """Return the limits that lie close enough to the plotted motion to be drawn."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     reach = _FAR * max(high - low, 1e-12)
     below = abs(low) >= abs(high)

@@ -115,7 +115,7 @@ class _Loop(Structure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loop(Value):
-    """The complete description of simulated runs, from which every run can be repeated.
+    """Everything that determines simulated runs, so that every run can be repeated.
 
     `shape` is the shape of the array of runs.
 

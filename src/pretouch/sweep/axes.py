@@ -91,7 +91,7 @@ class Axis(Value):
 
     @property
     def looped(self) -> bool:
-        """Whether the solver must be called once per value of this axis, as for a sensor parameter."""
+        """Whether each value of this axis needs its own call of the solver, as for sensor parameters."""
         return any(name not in ENCOUNTER_INPUTS for name in self.columns)
 
     def at(self, which: slice | FloatArray | Any) -> Axis:

@@ -47,12 +47,12 @@ def connected(dask: Any) -> Iterator[Any]:
 
 
 def worker_count(client: Any) -> int:
-    """Return the number of threads of a cluster; at least 1, even if no worker is connected yet."""
+    """Return the number of threads of a Dask cluster; at least 1, even if no worker is connected yet."""
     return max(1, int(sum(client.nthreads().values())))
 
 
 def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[BlockRecord], None]) -> None:
-    """Compute blocks of a sweep on the workers of a Dask cluster.
+    """Compute blocks of encounters on the workers of a Dask cluster.
 
     The workers must have access to the store at the same path.
     """
@@ -75,13 +75,14 @@ def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[B
 
 
 def _open(path: str, plan: Plan) -> ZarrStore:
-    """Open the store of a sweep on a worker, so that the plan is sent only once."""
+    """Open the stored sweep on a Dask worker."""
+    # So the plan is sent once and not with every block.
     _check_folder(Path(path))
     return ZarrStore(path, plan)
 
 
 def _run(store: ZarrStore, block: int) -> BlockRecord:
-    """Compute a block of a sweep on a worker, unless it is finished already."""
+    """Compute a block of encounters on a Dask worker, unless the block is already finished."""
     _check_folder(store.path)  # without shared storage, zarr would create a new folder here
     if store.finished()[block]:
         return BlockRecord(encounters=store.size(block), repeated=True)

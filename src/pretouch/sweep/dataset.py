@@ -267,7 +267,7 @@ def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
 
 
 def is_intact(dataset: xr.Dataset, plan: Plan) -> bool:
-    """Return whether a dataset can be read completely, fits the plan and has only valid statuses."""
+    """Return whether a dataset can be read completely, fits the planned sweep and has only valid statuses."""
     try:
         codes = dataset[STATUS].values
         shapes = {dataset[name].shape for name in (STATUS, *plan.results)}

@@ -92,7 +92,7 @@ _TRIAL: Final = 32  # a chunk is 32 times as large as the trial that measures th
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlockRecord:
-    """Number of encounters of a block of a sweep, and the time that the block took.
+    """Number of encounters in a block of a sweep, and the time spent on the block.
 
     Args:
         encounters: number of encounters.
@@ -134,7 +134,7 @@ class Progress(Value):
 
 
 def chunks_per_block(plan: Plan, *, workers: int = 1) -> int:
-    """Choose the number of chunks per block from the duration of a trial.
+    """Choose how many chunks of the grid form a block of work, from the duration of a trial.
 
     The results of the sweep do not depend on this number.
 
@@ -159,7 +159,7 @@ def chunks_per_block(plan: Plan, *, workers: int = 1) -> int:
 
 
 def run_block(plan: Plan, store: Store, block: int) -> BlockRecord:
-    """Compute and store a block of a sweep; computing and writing overlap."""
+    """Compute and store a block of encounters; computing and writing overlap."""
     computing = writing = 0.0
 
     def write(region: Region, columns: Columns) -> float:

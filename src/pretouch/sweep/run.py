@@ -146,7 +146,7 @@ def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
 def _complete(
     store: S, progress: Callable[[Progress], object] | None, run_blocks: Callable[..., None] | None = None
 ) -> S:
-    """Compute the remaining blocks of a sweep and report progress."""
+    """Compute the remaining blocks of encounters of a sweep and report progress."""
     # They are computed in this process unless `run_blocks` is given.
     start, finished = time.perf_counter(), store.intact()
     before = sum(store.size(int(block)) for block in np.flatnonzero(finished))

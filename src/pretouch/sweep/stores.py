@@ -57,7 +57,7 @@ def refuse_beyond_memory(plan: Plan) -> None:
 
 
 class Store:
-    """Storage for the results of a sweep, which records the finished blocks.
+    """Storage for the results of a sweep, which records the finished blocks of encounters.
 
     Args:
         plan: the sweep.
@@ -74,15 +74,15 @@ class Store:
         return [self.plan.region(i) for i in range(first, min(first + self.chunks_per_block, self.plan.chunk_count))]
 
     def size(self, block: int) -> int:
-        """Return the number of encounters in a block of the sweep."""
+        """Return the number of encounters in a block."""
         return sum(math.prod(part.stop - part.start for part in region) for region in self.regions(block))
 
     def finished(self) -> BoolArray:
-        """Return which blocks of the sweep are finished at this moment."""
+        """Return which blocks of encounters are finished at this moment."""
         return np.asarray(self._arrays[LEDGER][:] == 1)
 
     def intact(self) -> BoolArray:
-        """Return which blocks of the sweep are finished and undamaged."""
+        """Return which blocks of encounters are finished and undamaged."""
         return self.finished()
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
@@ -91,7 +91,7 @@ class Store:
             self._arrays[name][region] = column
 
     def finish(self, block: int) -> None:
-        """Record that a block is finished, after its data are written."""
+        """Record that a block of encounters is finished, after its results are written."""
         self._arrays[LEDGER][block] = 1
 
     def dataset(self) -> xr.Dataset:
@@ -154,7 +154,7 @@ class ZarrStore(Store):
         super().__init__(plan, per_block, arrays)
 
     def intact(self) -> BoolArray:
-        """Return which blocks are finished and undamaged; damaged blocks are marked as unfinished."""
+        """Return which blocks of encounters are finished and undamaged; mark damaged blocks as unfinished."""
         intact = self.finished()
         for block in np.flatnonzero(intact) if self.plan.chunk_count <= _MOST_CHECKED else ():
             intact[block] = all(map(self._is_intact, self.regions(int(block))))
@@ -185,7 +185,7 @@ class ZarrStore(Store):
             super().write(region, columns)
 
     def finish(self, block: int) -> None:
-        """Record that a block is finished, after its data are written."""
+        """Record that a block of encounters is finished, after its results are written."""
         with self._explaining():
             super().finish(block)
 

@@ -165,7 +165,7 @@ def find_improvements(
 
 
 def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
-    """Return changes of the loop to try, which depend on the fastest approach and the largest noise."""
+    """Return changes of the loop that may help, given the fastest approach and the largest noise."""
     draws, check, free = problem.draws, verified.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
     slope = np.abs(np.asarray(sensor.log_slope(verified.passed[0])))

@@ -195,7 +195,7 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
 
 
 def _best_gain_in_words(loss: Loss) -> str:
-    """Return in words which gains the search for the best gain allowed."""
+    """Return a label for the best gain on the loop that names its required gain margin."""
     if loss.sought_margin is None:
         return "best gain on this loop"
     if loss.sought_margin >= USUAL_MARGIN:

@@ -21,7 +21,7 @@ _NOTHING: Final = 1e-9  # an acceleration below this share of the deceleration t
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class BoundComparison(Value):
-    """Comparison of encounters with the physical bound for the same largest acceleration.
+    """Comparison of encounters with the physical bound of any controller, at the same acceleration.
 
     Args:
         acceleration: the largest acceleration of the encounter [m/s^2].
@@ -58,7 +58,7 @@ class BoundComparison(Value):
 def compare_with_bound(
     trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult
 ) -> BoundComparison | None:
-    """Compare encounters with the physical bound for the same acceleration; None if no bound applies."""
+    """Compare encounters with the physical bound of any controller; None if this bound does not apply."""
     original = trials.freedom.scenario
     if not trials.encounters.is_continuous or why_no_bound(original):
         return None

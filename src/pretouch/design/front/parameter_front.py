@@ -69,7 +69,7 @@ class _FrontPoints:
         self.values = np.empty((0, len(extent)))
 
     def add(self, at: FloatArray | None) -> None:
-        """Add a point unless it is dominated, and remove points that it dominates."""
+        """Add a new point to the front if no other point dominates it, and remove dominated points."""
         if at is None:
             return
         values = self.trials.values(at[None])

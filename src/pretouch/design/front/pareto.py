@@ -162,7 +162,7 @@ def _why_no_bound(trials: Trials) -> str:
 
 
 def _bound(trials: Trials) -> PhysicalBound | None:
-    """Return the physical bound for the acceleration limit and speed limit of the task, if it applies."""
+    """Return the physical bound of any controller for the task's limits of acceleration and speed."""
     limits = {c.name: c.limit for c in trials.constraints}
     if _why_no_bound(trials) or "acceleration" not in limits:
         return None

@@ -147,7 +147,7 @@ class PhysicalBound(Value):
 def find_physical_bound(
     scenario: Scenario, *, acceleration_limit: ArrayLike, speed_limit: float = math.inf
 ) -> PhysicalBound:
-    """Find the physical bound of an encounter, which holds for every controller.
+    """Find the smallest excursion and contact speed that any controller can reach in an encounter.
 
     Args:
         scenario: one encounter, with the plant at rest at its reference; the admittance has no effect.

@@ -282,7 +282,7 @@ class RobustDesign(Answer):
 
 
 def _conflict(design: RobustDesign) -> str:
-    """Describe the limits that no gain meets with the required probability, alone or together."""
+    """Describe which limits no gain meets with the required probability, or that the limits conflict."""
     reasons = []
     for required, magnitude, gain in design.reachable:
         c, p = required.constraint, required.probability

@@ -43,17 +43,17 @@ class Freedom:
         return len(self.names)
 
     def gain(self, at: FloatArray) -> FloatArray:
-        """Convert search points, scaled to 0 to 1, to gains."""
+        """Convert search coordinates between 0 and 1 to gains."""
         low, high = self.axis.span
         return self.axis.gain(low + (high - low) * at[:, 0])
 
     def coordinate(self, gain: float) -> float:
-        """Convert a gain to its search coordinate from 0 to 1."""
+        """Convert a gain to its search coordinate between 0 and 1."""
         low, high = self.axis.span
         return float(np.clip((self.axis.coordinate(gain) - low) / (high - low), 0.0, 1.0))
 
     def admittance(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Convert search points, scaled to 0 to 1, to natural frequencies [rad/s] and damping ratios."""
+        """Convert search coordinates between 0 and 1 to natural frequencies [rad/s] and damping ratios."""
         fixed = self.scenario.admittance
         column = iter(at.T[1:])
         frequency = (

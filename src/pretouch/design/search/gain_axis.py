@@ -63,7 +63,7 @@ class GainAxis:
 
     @property
     def span(self) -> tuple[float, float]:
-        """The scaled values of both bounds of the gain."""
+        """The lower and the upper bound of the gain as scaled values."""
         low, high = self.coordinate(np.array(self.ends))
         return float(low), float(high)
 

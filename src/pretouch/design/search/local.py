@@ -25,7 +25,7 @@ PageTable: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def _cached_rows(trials: Trials, scale: FloatArray) -> PageTable:
-    """Return a function that evaluates criteria and derivatives, and caches the last point."""
+    """Return a function that evaluates objectives, constraints and derivatives, and caches the last point."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
     def evaluate(at: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -40,7 +40,7 @@ def _cached_rows(trials: Trials, scale: FloatArray) -> PageTable:
 
 
 def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArray | None:
-    """Minimize a weighted sum of criteria within limits and bounds; None if the result is not feasible."""
+    """Minimize a weighted sum of objectives within limits and bounds; None if the result is not feasible."""
     count, ratios = len(trials.measures), len(trials.constraints)
     rows = _cached_rows(trials, np.ones(count + ratios))
     first = float(weights @ rows(start)[0][:count]) or 1.0
@@ -89,7 +89,7 @@ def advance(
 
 
 def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any) -> FloatArray:
-    """Minimize a function within bounds and inequality constraints, with given derivatives."""
+    """Minimize a function within bounds and inequality constraints, using given derivatives."""
     from scipy.optimize import minimize  # noqa: PLC0415 - keeps `import pretouch` fast
 
     limits = [] if slack is None else [{"type": "ineq", "fun": slack[0], "jac": slack[1]}]

@@ -46,7 +46,7 @@ class Effort:
     smooth: bool = True
 
     def counts(self, lowest: float) -> float:
-        """Return the largest function value that is still relevant, a multiple of the lowest value."""
+        """Return the function value above which intervals and minima are not refined."""
         return math.inf if math.isinf(self.relevant) else self.relevant * lowest
 
 
@@ -82,7 +82,7 @@ class Landscape(Value):
 
     @property
     def reached(self) -> BoolArray:
-        """Whether the encounter ends in contact, at each coordinate."""
+        """At which points of the axis the encounter ends in contact."""
         return np.isfinite(self.objective)
 
     @property
@@ -93,12 +93,12 @@ class Landscape(Value):
 
     @property
     def feasible(self) -> BoolArray:
-        """Whether the encounter ends in contact and meets every constraint, at each coordinate."""
+        """At which points of the axis the encounter ends in contact and meets every constraint."""
         return self.reached & (self.worst_ratio <= HELD)
 
     @property
     def merit(self) -> FloatArray:
-        """The objective, or infinity where the encounter is not feasible."""
+        """The objective at feasible points of the axis, and infinity at all other points."""
         return np.where(self.feasible, self.objective, np.inf)
 
     def joined(self, other: Landscape, order: IntArray) -> Landscape:

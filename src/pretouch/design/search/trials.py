@@ -37,7 +37,7 @@ class Trials:
 
     @property
     def criteria(self) -> tuple[Criterion, ...]:
-        """The criteria to minimize, followed by the ratio |quantity| / limit of every constraint."""
+        """The objectives to minimize, followed by the ratio |quantity| / limit of every constraint."""
         return (*self.measures, *(ratio(c, self.encounters.task.impact) for c in self.constraints))
 
     def run(self, at: FloatArray) -> ContactResult:
@@ -45,7 +45,7 @@ class Trials:
         return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
 
     def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return all criteria for each search point, and which search points end in contact."""
+        """Return objectives and constraint ratios of each search point, and which points end in contact."""
         result = self.run(at)
         reached = np.asarray(result.reached)
         rows = self.rows_of(result)
@@ -57,12 +57,13 @@ class Trials:
         return np.asarray(np.isfinite(rows).all(axis=1) & (ratios <= HELD).all(axis=1))
 
     def values(self, at: FloatArray) -> FloatArray:
-        """Return the criteria to minimize for each search point; infinite if the point is not feasible."""
+        """Return the objectives to minimize for each search point; infinite if the point is not feasible."""
         rows, _ = self.rows(at)
         return np.where(self.feasible(rows)[:, None], rows[:, : len(self.measures)], np.inf)
 
     def differentiate(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return all criteria and their derivatives for one search point; infinite and zero without contact."""
+        """Return objectives and constraint ratios at one search point, with their derivatives."""
+        # They are infinite, with zero derivatives, without contact.
         # Derivatives are exact if the result has gradients for all quantities of a row, else differences are used.
         result = self.run(at[None])
         if not np.asarray(result.reached).all():
@@ -76,11 +77,11 @@ class Trials:
         return rows, slopes
 
     def rows_of(self, result: ContactResult) -> FloatArray:
-        """Return all criteria of solved encounters."""
+        """Return objectives and constraint ratios of solved encounters,."""
         return np.stack([np.asarray(c.value(result), dtype=np.float64) for c in self.criteria], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
-        """Return the exact derivatives of the criteria; NaN for criteria without exact derivatives."""
+        """Return the exact derivatives of objectives and constraint ratios; NaN if there are none."""
         criteria = self.criteria
         slopes = np.full((len(criteria), len(at)), np.nan)
         if not self.encounters.is_differentiable or not any(criterion.has_gradients for criterion in criteria):
@@ -95,7 +96,7 @@ class Trials:
         return slopes
 
     def _differences(self, at: FloatArray) -> FloatArray:
-        """Return derivatives of the criteria by differences of order 4, one-sided near a bound."""
+        """Return derivatives of objectives and constraint ratios by finite differences of order 4."""
         size = len(at)
         shift = np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)  # shift of the middle node, in steps
         offsets = _STEP * (_NODES + shift[:, None])

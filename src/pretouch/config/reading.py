@@ -213,15 +213,15 @@ class Reading:
             return None
 
     def values(self, section: str) -> dict[str, Any] | None:
-        """Return the values of a section; None if the section is missing or has mistakes."""
+        """Return the values of a section of the scenario file; None if the section is missing or has mistakes."""
         return self.sections[section][1] if section in self.sections else None
 
     def settings(self, section: str) -> dict[str, Any]:
-        """Return the values of an optional section, or its default values if the section is missing."""
+        """Return the values of an optional section of the scenario file, or its default values."""
         return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
 
     def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
-        """Make the object that a section describes, such as a robot, without using some of its keys."""
+        """Make the object that a section of the scenario file describes, without using some of its keys."""
         if section not in self.sections:
             return None
         variant, values = self.sections[section]
@@ -230,7 +230,7 @@ class Reading:
 
 
 def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
-    """Yield a mistake for each unknown section, with the section that was probably meant."""
+    """Yield a mistake for each unknown section of the scenario file, with a suggested correction."""
     for name in data:
         if name in SECTIONS:
             continue
@@ -259,7 +259,7 @@ def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mista
 
 
 def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[str, Section]) -> Section | Mistake:
-    """Choose the variant of a section by the key that names the variant, such as `kind`."""
+    """Choose the variant of a section of the scenario file by a key such as `kind`."""
     names = tuple(name for name in variants(section) if name != CALIBRATION)
     key = _TAGS[section]
     if key in content:
@@ -276,7 +276,7 @@ def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[st
 
 
 def _unknown_key(source: ScenarioSource, name: str, variant: Section, content: Mapping[str, Any], key: str) -> str:
-    """Return a message about an unknown key that suggests the right key or the right section."""
+    """Return a message about an unknown key of the scenario file that suggests the right key or section."""
     takes = ", ".join(variant.keys)
     if key in keys_of(name):
         return _key_of_another_variant(source, name, takes, content, key)
@@ -296,7 +296,7 @@ _INSTEAD: Final = {
 
 
 def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, content: Mapping[str, Any], key: str) -> str:
-    """Return a message for a key that belongs to another variant of its section."""
+    """Return a message about a key that is not allowed for the selected kind of its section."""
     owners = [tag for tag, other in variants(name).items() if key in other.keys]
     if name == "sensor" and CALIBRATION in content:
         return (

@@ -67,7 +67,7 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
 
 
 def _distribution_section(unit: str) -> Section:
-    """Return the section that describes the distribution of an input with a given unit."""
+    """Return the scenario-file section that describes the distribution of an input in a given unit."""
     what = f"quantities in {written_unit(unit)}" if unit else "numbers"
     example = f"[{_EXAMPLES.get(unit, _EXAMPLES[''])}]"
     pair = f"a list of two {what}, the smaller one first"

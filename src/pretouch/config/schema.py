@@ -39,7 +39,8 @@ def _check_second_term(values: Mapping[str, Any]) -> None:
 
 
 def _two_term_objective(first: str, unit: str, example: str) -> Section:
-    """Return the section of a two-term objective, whose second term is contact velocity or impact force."""
+    """Return the scenario-file section of an objective with two terms."""
+    # The second term is contact velocity or impact force.
     return Section(
         {
             "velocity_scale": Key(Quantity("m/s", '"0.3 m/s"', "nonzero", words=_OBSTACLE)),
@@ -227,7 +228,7 @@ def needed(kind: str, chosen: Iterable[str]) -> dict[str, str]:
 
 
 def variants(section: str) -> Mapping[str, Section]:
-    """Return the variants of a section by the name or key that selects a variant."""
+    """Return the variants of a section of the scenario file, such as one for each sensor model."""
     if section == "sensor":
         return sensor_variants()
     if section == "uncertainty":
@@ -240,5 +241,5 @@ def variants(section: str) -> Mapping[str, Section]:
 
 
 def keys_of(section: str) -> tuple[str, ...]:
-    """Return all keys that a section may have, in the order of the schema."""
+    """Return all keys that a section of the scenario file may have, in the order of the schema."""
     return tuple(dict.fromkeys(key for variant in variants(section).values() for key in variant.keys))

@@ -190,7 +190,7 @@ def nearest(name: str, valid: tuple[str, ...]) -> str | None:
 
 
 def by_law(make: Callable[[ContinuousLaw], Section]) -> dict[str, Section]:
-    """Make the variants of a section that depends on the control law, one for each law."""
+    """Make the variants of a scenario-file section that depends on the control law, one for each law."""
     return {kind: make(law) for kind, law in LAWS.items()}
 
 
@@ -201,7 +201,7 @@ def gain_of(law: ContinuousLaw) -> Quantity:
 
 
 def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] = ()) -> dict[str, Key]:
-    """Make the keys of a section from the fields of dataclasses.
+    """Make the keys of a scenario-file section from the fields of dataclasses.
 
     Args:
         classes: the classes; only fields that are quantities, flags or counts become keys.

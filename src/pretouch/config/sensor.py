@@ -33,7 +33,7 @@ _GEOMETRY: Final = {
 
 
 def section_of_curve(curve: type[SensorModel]) -> Section:
-    """Make the section that describes a sensor curve by its parameters and lists of points."""
+    """Make the scenario-file section of a sensor curve from its parameters and lists of points."""
     points = {f.name: _points(f.metadata["points"]) for f in fields(curve) if "points" in f.metadata}
     return Section({**_GEOMETRY, **declared_keys(curve), "model": TAG, **points}, make=curve)
 
@@ -46,7 +46,7 @@ def sensor_variants(*, foreign: bool = False) -> dict[str, Section]:
 
 
 def _points(unit: str) -> Key:
-    """Make the key for a list of distances or of sensor outputs."""
+    """Make the scenario-file key for a list of distances or of sensor outputs."""
     if unit != "output":
         distances = list_of(Quantity(unit), 2, None, f"a list of two or more quantities in {unit}")
         return Key(distances, REQUIRED, '["0 mm", "10 mm", "20 mm"]')

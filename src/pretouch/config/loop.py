@@ -89,7 +89,7 @@ def _plant(file: Reading) -> PlantModel | None:
 
 
 def _contact(file: Reading) -> ContactModel | None:
-    """Build the contact model; None if the scenario file has none, or has a mistake in it."""
+    """Build the contact model; None if the section [contact] is missing or has mistakes."""
     robot = file.data.get("robot", {} if "robot" in file.meant else {"kind": "ideal"})
     if "contact" in file.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
         file.refuse(

@@ -100,7 +100,7 @@ def _controller(law: ContinuousLaw) -> Section:
 
 
 def _check_drag(values: Mapping[str, Any]) -> None:
-    """Check that a drag is given as a number or by exactly one required effect."""
+    """Check that a drag is given by a number, by exactly one effect, or by the objective."""
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(

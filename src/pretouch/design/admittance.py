@@ -192,7 +192,7 @@ class _AdmittanceSearch:
         return AdmittanceMap(natural_frequency=frequency, damping_ratio=ratio, objective=best)
 
     def best_ratio(self) -> float | None:
-        """Return how far the best grid point exceeds its limits, as |quantity| / limit; None if one is feasible."""
+        """Return how far the best grid point exceeds its limits, as |quantity| / limit; None if a point is feasible."""
         worst = self._worst()
         if not self.trials.constraints or not np.isfinite(worst).any():
             return None

@@ -35,7 +35,7 @@ def premises_hold(scenario: Scenario) -> BoolArray:
 
 
 def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
-    """Return a lower bound of the objective for all gains stronger than that of a given contact."""
+    """Return a lower bound of the objective for all gains stronger than the gain of a given contact."""
     # The bound is the part of the objective that can only grow with time; obstacle_speed is |x_o'| at the start [m/s].
     total = np.zeros(np.shape(state.time))
     if type(objective) is not Objective:

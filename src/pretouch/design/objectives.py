@@ -50,7 +50,7 @@ class Term:
             raise InvalidInputError("scale: found 0, expected a typical value other than 0")
 
     def scale_for(self, obstacle_speed: Any) -> Any:
-        """Return the scale of this term in SI units, which may be the obstacle's speed [m/s]."""
+        """Return the scale of an objective's term in SI units, such as the obstacle's speed [m/s]."""
         if not isinstance(self.scale, str):
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
@@ -60,7 +60,7 @@ class Term:
         return np.abs(obstacle_speed)
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Any:
-        """Return the value of this term at contact, weight * (quantity / scale)^2."""
+        """Return the value of an objective's term at contact, weight * (quantity / scale)^2."""
         # `obstacle_speed` is |x_o'| at the start [m/s].
         return self.weight * (quantity_of(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
 

@@ -139,7 +139,7 @@ class GainProblem(Value):
 
     @property
     def is_continuous(self) -> bool:
-        """Whether the motion equations are solved in continuous time."""
+        """Whether the full motion equations are solved in continuous time."""
         return self.task.evaluate is None and self.task.method != "uniform-motion"
 
     @property

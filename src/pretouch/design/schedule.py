@@ -84,7 +84,7 @@ class DragSchedule(Value):
 
     @property
     def verdict(self) -> str:
-        """A sentence that compares the excursion of the schedule with that of a constant drag."""
+        """A sentence that compares the excursions of the schedule and of a constant drag."""
         whole = self.constant.excursion
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
             return (

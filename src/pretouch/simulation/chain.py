@@ -205,7 +205,7 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
-    """Timing of a sampled loop: the rate of sensor readings, and delay and duration of the force after each one.
+    """Timing of a sampled loop: rate of sensor readings, delay of the force, and duration of the force.
 
     Args:
         rate: readings per second 1/T > 0 [Hz].
@@ -276,7 +276,7 @@ class LoopTiming:
 
 @check_arguments
 def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool = False) -> LoopTiming:
-    """Return the timing of a sampled loop with this sensor chain and this controller.
+    """Return the timing of a sampled loop from its sensor chain and its controller.
 
     A new reading waits for the next step of the controller. If the ratio of both rates is an integer, this wait is the
     same for all readings of a run. It follows from the chain's phase; with a random phase it is any time up to a

@@ -192,7 +192,7 @@ class ClosedLoop:
     def stable_bounds(
         self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel, margin: float
     ) -> tuple[float, float]:
-        """Narrow bounds of the gain to the gains that keep a gain margin; raise an error if none does."""
+        """Narrow the bounds of the gain to gains with a required gain margin; raise an error if there are none."""
         strongest = 0.0
         for _ in range(
             _ROUNDS

@@ -166,7 +166,7 @@ def _exponentials(matrices: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossover:
-    """The smallest damping at which an eigenvalue of the loop leaves the unit circle, with its frequency.
+    """Damping and frequency at which an eigenvalue of the sampled loop leaves the unit circle.
 
     Args:
         angle: omega T of the oscillation.

@@ -76,7 +76,7 @@ class Draws:
         return self._each(self.scenarios.distance)
 
     def run(self, loop: ClosedLoop, gain: ArrayLike, count: int | None = None) -> SimulationResult:
-        """Simulate the first `count` encounters with one or several gains; by default, all encounters."""
+        """Simulate all encounters, or the first `count` encounters, with one or several gains."""
         # Several gains have the shape (m, 1).
         n = self.task.runs if count is None else count
         several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
@@ -215,7 +215,7 @@ class LoopProblem:
         return loop if custom or needed & _IN_CONTACT else replace(loop, follow_time=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
-        """Simulate the first `count` encounters with one gain and evaluate each run; by default, all encounters."""
+        """Simulate all encounters, or the first `count` encounters, with one gain and evaluate each run."""
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
     def appraise_each(self, gains: FloatArray) -> list[LoopOutcomes]:

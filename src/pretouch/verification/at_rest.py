@@ -63,7 +63,7 @@ def _rest(law: Controller) -> float:
 
 
 def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> float | None:
-    """Return a signal floor above which noise does not move a robot at rest; None if none is found."""
+    """Return a signal floor that keeps a robot at rest still despite noise; None if none is found."""
     # With the present floor, the robot moves by `moved` [m].
     below = floor = law.conditioning.floor
     far = moved

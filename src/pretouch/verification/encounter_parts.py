@@ -200,7 +200,7 @@ def compare_contacts(
 
 
 def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ...]:
-    """Return the contacts of a single run, at most 32 of them."""
+    """Return the contacts of a single run, at most 32."""
     contacts = []
     for row in run.contact_list[~np.isnan(run.contact_list[:, 0])]:
         time, velocity, *rest = map(finite_or_none, row)

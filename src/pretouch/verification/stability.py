@@ -131,7 +131,7 @@ Passed: TypeAlias = tuple[FloatArray, FloatArray | None]
 
 
 def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit | None:
-    """Return the strongest stable gain at each distance of an encounter; None if it cannot be computed."""
+    """Return the strongest stable gain at each distance of an encounter; None if no limit can be computed."""
     law, own = loop.law, loop.continuous
     if not isinstance(law, Controller) or own is None or np.isnan(own.damping(1.0, -1.0, -1.0)):
         return None

@@ -98,7 +98,7 @@ def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
 @check_arguments
 @with_file_location
 def design_drag(task: Task) -> DragDesign:
-    """Choose the virtual drag of a task so that it has the required effect.
+    """Choose the virtual drag that has the effect required by a task.
 
     Args:
         task: the encounter, which starts at the detection distance, the sensor, and `effect`. The default of the

@@ -79,7 +79,7 @@ class DragEffect(Value):
     def drag(
         self, sensor: SensorModel, distance: float, mass: float, impact: ImpactModel | None = None
     ) -> tuple[Any, float]:
-        """Find the drag that has this effect on an approaching object.
+        """Find the drag that has the required effect on an approaching object.
 
         Args:
             sensor: the sensor curve, which must be valid down to contact.

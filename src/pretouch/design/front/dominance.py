@@ -60,8 +60,8 @@ def extent_of(values: FloatArray) -> FloatArray:
 
 
 def non_dominated(values: FloatArray) -> BoolArray:
-    """Return which points are not dominated; of equal points, only the first one counts."""
-    # Points have the shape (n, 2) or (n, 3). Infinite points do not count.
+    """Return which points are not dominated; equal points count only once."""
+    # Points have the shape (n, 2) or (n, 3). Infinite points do not count. Of equal points, the first one is returned.
     n, k = values.shape
     best = np.zeros(n, dtype=bool)
     order = np.lexsort((np.arange(n), *values.T[::-1]))

@@ -85,7 +85,7 @@ class RobustProblem(GainProblem):
         return self.criterion(which).slope(result.end, of)
 
     def lowest_needed(self) -> float:
-        """Return the scaled value of the strongest gain that can still be optimal.
+        """Return the scaled value of a gain beyond which no stronger gain can be optimal.
 
         Gains are evaluated from the weakest to the strongest. Part of the measure can only grow with the gain; the
         search ends when this part exceeds the best measure so far.

@@ -101,12 +101,12 @@ class RobustDesign(Answer):
 
     @property
     def strongest(self) -> float:
-        """The strongest gain that was searched; stronger gains provably cannot be optimal."""
+        """The strongest gain that was searched; stronger gains within the bounds cannot be optimal."""
         return float(self.problem.axis.gain(self.scan.coordinate[0 if self.number.sign < 0 else -1]))
 
     @property
     def loss_of_nominal(self) -> LossOfNominal | None:
-        """The loss of the nominal gain against the robust gain on fresh samples; None if it is not finite."""
+        """The loss of the nominal gain against the robust gain on fresh samples; None if not finite."""
         return None if self.validation is None else self.validation.loss
 
     @cached_property

@@ -50,7 +50,7 @@ _WORST: Final = 16  # number of intervals that are refined
 def _between(
     evaluate: Callable[[FloatArray], FloatArray], at: FloatArray, values: FloatArray, connected: BoolArray
 ) -> FloatArray:
-    """Evaluate more points between neighbors on the front, especially where interpolation is inaccurate."""
+    """Evaluate more points between neighbors on the Pareto front, especially where interpolation is inaccurate."""
     low, high = at[:-1][connected], at[1:][connected]
     if not len(low):
         return values[:0]
@@ -93,14 +93,14 @@ class _Samples:
         return len(where) > 0
 
     def find_ends(self) -> None:
-        """Locate the ends of the front by halving each interval that has exactly one end on the front."""
+        """Locate the ends of the Pareto front by halving each interval that has exactly one end on the front."""
         for _ in range(_HALVINGS):
             best = non_dominated(self.values)
             if not self.halve((best[1:] != best[:-1]) & (np.diff(self.at) > 1e-13)):
                 return
 
     def fill(self) -> None:
-        """Halve the intervals of the front whose ends differ much in their quantities."""
+        """Halve the intervals of the Pareto front whose ends differ much in their quantities."""
         for _ in range(_FINEST):
             best = non_dominated(self.values)
             with np.errstate(invalid="ignore"):
@@ -110,7 +110,7 @@ class _Samples:
 
 
 def _thin_out(values: FloatArray, best: BoolArray) -> BoolArray:
-    """Remove points of the front that have close neighbors, but keep ends and minima."""
+    """Remove points of the Pareto front that have close neighbors, but keep ends and minima."""
     kept, front = best.copy(), np.flatnonzero(best)
     if not len(front):
         return kept

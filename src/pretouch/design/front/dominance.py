@@ -35,7 +35,7 @@ class FoundFront:
         scanned: tuple[FloatArray, FloatArray],
         between: FloatArray,
     ) -> FoundFront:
-        """Make a front and determine its error, from scanned encounters and quantities between its points."""
+        """Make a Pareto front and determine its error, from scanned encounters and quantities between its points."""
         approximation_error = np.inf
         if len(at):
             extent, others = extent_of(values), np.concatenate([scanned[1], between])
@@ -52,7 +52,7 @@ class FoundFront:
 
 
 def extent_of(values: FloatArray) -> FloatArray:
-    """Return the range of each quantity on a front, or the magnitude of a quantity that is constant."""
+    """Return the range of each quantity on a Pareto front, or the magnitude of a quantity that is constant."""
     if not len(values):
         return np.ones(values.shape[1])
     extent, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
@@ -88,7 +88,7 @@ def non_dominated(values: FloatArray) -> BoolArray:
 
 
 def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
-    """Return by how much a front must shift to dominate each point (the additive epsilon indicator)."""
+    """Return by how much a Pareto front must shift to dominate each point (the additive epsilon indicator)."""
     # It is not positive if the front dominates the point (Zitzler et al. 2003), and -inf for points that are infinite.
     epsilon = np.full(len(points), -np.inf)
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))

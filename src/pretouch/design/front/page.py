@@ -130,7 +130,7 @@ def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measu
 
 
 def _sentences(front: ParetoFront) -> Iterator[str]:
-    """Yield sentences that compare the front with the user's choice and any controller's physical bound."""
+    """Yield sentences that compare the Pareto front with the user's choice and any controller's physical bound."""
     if front.choice is not None and front.knee is not None:
         yield _about_choice(front, front.choice)
     if front.no_bound:

@@ -69,7 +69,7 @@ class _FrontPoints:
         self.values = np.empty((0, len(extent)))
 
     def add(self, at: FloatArray | None) -> None:
-        """Add a new point to the front if no other point dominates it, and remove dominated points."""
+        """Add a new point to the Pareto front if no other point dominates it, and remove dominated points."""
         if at is None:
             return
         values = self.trials.values(at[None])
@@ -81,12 +81,12 @@ class _FrontPoints:
         self.at, self.values = at_all[best], values_all[best]
 
     def search(self, start: FloatArray, origin: FloatArray) -> None:
-        """Search for a point of the front from a starting point; if the search fails, add the start itself."""
+        """Search for a point of the Pareto front from a starting point; if the search fails, add the start itself."""
         point = advance(self.trials, start, origin, self.extent)
         self.add(start if point is None else point[0])
 
     def fill(self) -> None:
-        """Fill wide gaps between neighboring points by further searches, if the front has two quantities."""
+        """Fill wide gaps between neighboring points by further searches, if the Pareto front has two quantities."""
         if self.values.shape[1] != 2:
             return
         for _ in range(_ROUNDS):
@@ -99,7 +99,7 @@ class _FrontPoints:
                 return
 
     def between(self) -> FloatArray:
-        """Return the quantities of further points that a search finds between the points of the front."""
+        """Return the quantities of further points that a search finds between the points of the Pareto front."""
         return self._between_two() if self.values.shape[1] == 2 else self._between_many()
 
     def _between_two(self) -> FloatArray:
@@ -134,7 +134,7 @@ class _FrontPoints:
         return shortfall(values / self.extent, self.values / self.extent)
 
     def pieces(self) -> IntArray:
-        """Return for each point the number of its connected piece of the front; wide gaps separate pieces."""
+        """Return for each point the number of its connected piece of the Pareto front; wide gaps separate pieces."""
         if self.values.shape[1] != 2:
             return np.zeros(len(self.values), dtype=np.int64)
         gap = (np.abs(np.diff(self.values, axis=0)) / self.extent).max(axis=1)

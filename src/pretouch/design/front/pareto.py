@@ -38,7 +38,7 @@ _LEAST: Final = 1e-3  # depth below which a front counts as straight
 def find_knee(
     trials: Trials, at: FloatArray, values: FloatArray, scanned: FloatArray, scanned_values: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Return the coordinates of the knee of a front and its depth relative to the extent of the front."""
+    """Return the coordinates of the knee of a Pareto front and its depth relative to the extent of the front."""
     # The result is None for a front that is straight, bulges outward, or has no trade-off.
     low, extent = values.min(axis=0), np.ptp(values, axis=0)
     if len(values) < 3 or not (extent > 0).all():
@@ -181,7 +181,7 @@ class _FrontPointMaker:
         self.extent = extent_of(front.values)
 
     def ends(self, at: FloatArray) -> tuple[FrontPoint, ...]:
-        """Return the ends of the front: the points with the smallest value of each quantity."""
+        """Return the ends of the Pareto front: the points with the smallest value of each quantity."""
         if not len(at):
             return ()
         least = [self.trials.freedom.choice(at[i]) for i in np.argmin(self.front, axis=0)]

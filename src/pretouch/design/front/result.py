@@ -137,17 +137,17 @@ class ParetoFront(Answer):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """The SI unit of each quantity of the front."""
+        """The SI unit of each quantity of the Pareto front."""
         return tuple(map(unit_of, self.quantities))
 
     def of(self, quantity: str) -> FloatArray:
-        """Return the magnitudes of one quantity along the front, in SI units."""
+        """Return the magnitudes of one quantity along the Pareto front, in SI units."""
         if quantity not in self.quantities:
             raise InvalidInputError(f"quantity: found {quantity!r}, expected one of {', '.join(self.quantities)}")
         return np.asarray(self.values[:, self.quantities.index(quantity)])
 
     def meets(self, **limits: float) -> BoolArray:
-        """Return which points of the front meet further limits in SI units, such as `displacement=0.05`."""
+        """Return which points of the Pareto front meet further limits in SI units, such as `displacement=0.05`."""
         meets = np.ones(len(self.gain), dtype=bool)
         for name, limit in limits.items():
             meets &= self.of(name) <= limit
@@ -186,7 +186,7 @@ class ParetoFront(Answer):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the front as one JSON object with numbers in SI units and None for missing numbers."""
+        """Return the Pareto front as one JSON object with numbers in SI units and None for missing numbers."""
         bound, least = self.bound, None
         if bound is not None:
             speed = bound.least_contact_speed

@@ -77,7 +77,7 @@ class Trials:
         return rows, slopes
 
     def rows_of(self, result: ContactResult) -> FloatArray:
-        """Return objectives and constraint ratios of solved encounters,."""
+        """Return objectives and constraint ratios of solved encounters."""
         return np.stack([np.asarray(c.value(result), dtype=np.float64) for c in self.criteria], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:

@@ -18,7 +18,7 @@ _PROBES: Final = 257
 
 
 def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
-    """Return for which encounters a stronger gain is proved to make contact later (docs/fast-designs.md)."""
+    """Return for which encounters a stronger gain is proved to make contact later (docs/developers/fast-designs.md)."""
     falling = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
     return np.asarray(premises_hold(scenario) & falling)
 

@@ -118,7 +118,8 @@ def check_types(value: Any, before: str = "") -> None:
 
 @cache
 def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
-    """Return name, lower limit, whether the limit itself is excluded, and field of each dataclass quantity."""
+    """Return the limits of each dataclass quantity in a form that is fast to check."""
+    # Each entry has the name, the lower limit, whether the limit itself is excluded, and the field.
     ends = {"positive": (0.0, True), "nonnegative": (0.0, False)}
     checks = []
     for f in declared(cls):

@@ -205,7 +205,7 @@ class _Problem:
         return np.append(low, lowest_offset(self.curve)), np.append(high, float(self.curve.output.max()))
 
     def fit(self) -> Fits:
-        """Fit each problem roughly from several start points, then refine the best result."""
+        """Solve each curve fit roughly from several start points, then refine the best result."""
         distance, output, count = self.curve.distance, self.curve.output, len(self.above)
         reach = float(np.ptp(output))
         offset = np.full(count, float(output.min()) - 0.02 * reach) if self.offsets is None else self.offsets

@@ -201,7 +201,9 @@ def fit_sensor(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> SensorFit:
-    """Fit one sensor model, such as the letter's curves L(3), L(5), L(6), to the logarithm of calibration readings.
+    """Fit one sensor model to a calibration, such as inverse power L(3) or exponential L(5) and L(6).
+
+    The model is fitted to ln xi.
 
     An invalid option raises `InvalidInputError`.
 
@@ -312,7 +314,7 @@ def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
 def _fit_curve(
     model: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Fit a parametric sensor curve, and return ln xi at the distances and the fields of `SensorFit`."""
+    """Fit a parametric sensor curve, and return its log outputs and the fields of `SensorFit`."""
     used, family = prepared.used, _family(model, prepared.used)
     best = fit_free(used, family, noise, offset.value)
     problem = problem_at(used, family, noise, offset.value)
@@ -328,7 +330,7 @@ def _fit_curve(
 
 
 def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | None:
-    """Return the RMS error of ln xi at distances that are excluded from the fit one by one."""
+    """Return the RMS error of the log output at distances that are excluded from the fit one by one."""
     curve, count = problem.curve, len(problem.curve.distance)
     if count - 1 < problem.family.size:
         return None
@@ -341,7 +343,7 @@ def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | No
 def _fit_table(
     _: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Use the averaged readings as a table, and return ln xi at the distances and the fields of `SensorFit`."""
+    """Use the averaged readings as a table, and return their log outputs and the fields of `SensorFit`."""
     distance, xi = prepared.used.distance, prepared.used.output - offset.value
     sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
     without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]
@@ -360,7 +362,7 @@ def _fit_table(
 
 
 def _slope_error(distance: FloatArray, xi: FloatArray, errors: FloatArray, at: float) -> float:
-    """Return the standard error of the slope of a sensor table, from the standard errors of ln xi at its points."""
+    """Return the standard error of the slope of a sensor table, from the standard errors of its log outputs."""
     # The interpolant's slope is not the difference of two neighbors: its error is about 1.4 times as large midway
     # between two points, and 0.7 times as large at a point.
     k = int(np.searchsorted(distance, at))

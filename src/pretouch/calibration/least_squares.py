@@ -101,7 +101,7 @@ def _finite(values: FloatArray) -> FloatArray:
 
 
 def _at_bound(x: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Return which fit parameters are at a bound and would decrease the cost only beyond it."""
+    """Return which fit parameters are held at a bound because the cost decreases beyond it."""
     return np.asarray(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
 
 

@@ -53,7 +53,7 @@ class AllowedCurves(Protocol):
     """Interface of an object that generates sensor curves that fit the readings."""
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Return monotone sensor curves through all readings, independent of any curve family."""
+        """Return sensor curves through all readings, monotone between neighbors and independent of any family."""
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
         """Draw random sensor curves with soft saturation by their posterior probabilities."""

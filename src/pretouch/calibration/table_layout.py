@@ -208,7 +208,7 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
 
 
 def _drifts(table: TextTable, index: int, distance: int) -> bool:
-    """Return whether most values of a column occur at too few distances to be separate curves."""
+    """Return whether a column drifts, so that most of its values occur at too few distances for a curve."""
     distances_of: dict[str, set[str]] = {}
     for cell, distance_cell in zip(table.columns[index], table.columns[distance], strict=True):
         distances_of.setdefault(cell, set()).add(distance_cell)

@@ -135,7 +135,7 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
 
 
 def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
-    """Return a warning if even the best sensor model deviates from the readings."""
+    """Return a warning if even the best sensor model does not follow the readings."""
     if prepared.noise is None or prepared.noise.misfit <= _LARGE_MISFIT:
         return []
     table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""

@@ -48,7 +48,7 @@ class Witness(Value):
     ceilings: CeilingFits
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Return sensor curves that pass through the readings and fall monotonically between neighbors.
+        """Return sensor curves through the readings, within their errors, that are monotone between neighbors.
 
         The first is linear in ln xi between neighbors, the second SciPy's PCHIP; the others alternate between linear
         and random slopes, and move each reading within its error.
@@ -99,7 +99,7 @@ def witness_of(
 
 
 def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
-    """Return the falling sequence nearest to ln xi, or ln xi itself if the readings rise significantly."""
+    """Return the falling sequence nearest to the log outputs, or the log outputs unchanged if they clearly rise."""
     if (np.diff(level) <= 0).all():
         return level
     from scipy.optimize import isotonic_regression  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -109,7 +109,7 @@ def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
 
 
 def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray) -> FloatArray:
-    """Return the slopes of a shape-preserving cubic spline (PCHIP) through the readings."""
+    """Return the slopes of a shape-preserving piecewise cubic (PCHIP) through the readings."""
     if len(distance) == 2:
         return np.repeat(secants, 2)
     from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for fits

@@ -295,7 +295,7 @@ class VirtualDamper:
 
     @property
     def continuous(self) -> str:
-        """The name of the continuous-time law L(2) that this sampled law applies."""
+        """The name of the continuous-time virtual damper L(2) that this sampled law applies."""
         return "virtual-damper"
 
     @property

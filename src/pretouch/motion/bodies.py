@@ -42,7 +42,7 @@ class Stretch(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacle(_Body):
-    """The object that the robot meets, with the uniform acceleration of L(9) or a course of several accelerations.
+    """The object that the robot meets, with uniform acceleration as in L(9) or with several accelerations.
 
     Position and velocity are those of the object's contact surface.
 

@@ -49,7 +49,7 @@ def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
 
 
 def _law_and_value(value: Any, law: Any) -> tuple[ContinuousLaw, Any]:
-    """Return the control law and the values of its number, which a sampled law contains both."""
+    """Return the control law and the values of its number; a sampled law contains both."""
     if law is DAMPER and hasattr(value, "continuous"):
         return continuous_law(value), value.value
     return continuous_law(law), value
@@ -65,7 +65,7 @@ def find_contact(
     method: str = "auto",
     horizon: float = 600.0,
 ) -> ContactResult:
-    """Find the first contact of encounters, l = 0 of L(21) and L(23), and the demands on the robot until then.
+    """Find the first contact of encounters, at zero distance as in L(21) and L(23), and the demands on the robot.
 
     The motion is that of L(1) with the virtual force L(2), of another law, or the uniform motion L(16)-(19). A distance
     that reaches zero and turns there, within 1e-12 of its terms, is a contact with l' = 0. A distance that only decays
@@ -117,7 +117,7 @@ def solve_motion(
     horizon: float = 600.0,
     samples: int = 200,
 ) -> Motion:
-    """Solve encounters and sample their whole motion by L(1), with the virtual force L(2) or another law.
+    """Solve the motion equation L(1) with the virtual force L(2) or another law, and sample the whole motion.
 
     Args:
         scenario: one encounter or an array of encounters.

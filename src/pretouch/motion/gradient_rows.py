@@ -219,7 +219,7 @@ def _halve(
 
 
 def bend_at_contact(sensor: SensorModel) -> float:
-    """Return the derivative dg/dl of the sensor slope at contact [1/m^2].
+    """Return the derivative of the sensor slope with respect to distance at contact, dg/dl [1/m^2].
 
     It is the derivative of the polynomial that approximates g next to the surface. Its error is about 1e-11 of g over
     the length on which the curve changes.

@@ -271,13 +271,15 @@ class _Change:
 
     @property
     def displacement_velocity(self) -> Any:
-        """Derivative of the robot's velocity relative to the reference, x~' = x_o' - l', with respect to the input."""
+        """Derivative of the robot's velocity relative to the reference with respect to the input."""
+        # The relative velocity at contact gives x~' = x_o' - l'.
         direct = self.inputs.get("v", 0.0) + self.inputs.get("a", 0.0) * self.solution.raw("time")
         return direct + self.solution.request.relative.a * self.time - self.relative_velocity
 
     @property
     def virtual_force(self) -> Any:
-        """Derivative of the virtual force F_p = D_p g(0) l' at contact with respect to the input."""
+        """Derivative of the virtual force at contact with respect to the input."""
+        # At contact, F_p = D_p g(0) l'.
         s = self.solution
         slope, gain, speed = float(s.request.sensor.log_slope(0.0)), s.request.relative.gain, s.raw("relative_velocity")
         direct = self.inputs.get("gain", 0.0) * speed
@@ -285,7 +287,8 @@ class _Change:
 
     @property
     def displacement_acceleration(self) -> Any:
-        """Derivative of the robot's relative acceleration x~'' = (F_p - D x~' - K x~) / M with respect to the input."""
+        """Derivative of the robot's acceleration relative to the reference with respect to the input."""
+        # The admittance gives x~'' = (F_p - D x~' - K x~) / M.
         s, r = self.solution, self.solution.request.relative
         total = self.virtual_force - r.damping * self.displacement_velocity - r.stiffness * self.displacement
         if "mass" in self.inputs:
@@ -298,20 +301,20 @@ class _Change:
 
     @property
     def position(self) -> Any:
-        """Derivative of the robot's position x = x~ + x_d(t) at contact with respect to the input."""
+        """Derivative of the robot's absolute position at contact with respect to the input."""
         time = self.solution.raw("time")
         direct = {"reference.position": 1.0, "reference.velocity": time, "reference.acceleration": time**2 / 2}
         return self.displacement + self.solution.reference(1) * self.time + direct.get(self.by, 0.0)
 
     @property
     def velocity(self) -> Any:
-        """Derivative of the robot's velocity x' = x~' + x_d'(t) at contact with respect to the input."""
+        """Derivative of the robot's absolute velocity at contact with respect to the input."""
         direct = {"reference.velocity": 1.0, "reference.acceleration": self.solution.raw("time")}
         return self.displacement_velocity + self.solution.reference(2) * self.time + direct.get(self.by, 0.0)
 
     @property
     def acceleration(self) -> Any:
-        """Derivative of the robot's acceleration x'' = x~'' + x_d'' at contact with respect to the input."""
+        """Derivative of the robot's absolute acceleration at contact with respect to the input."""
         return self.displacement_acceleration + (1.0 if self.by == "reference.acceleration" else 0.0)
 
 

@@ -96,7 +96,7 @@ _ALWAYS_FINITE: Final = [i for i, name in enumerate(COLUMNS) if name != "settlin
 
 
 def _solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve some encounters by the closed form L(10)-(13); contact is the first zero of the distance l."""
+    """Solve some encounters by the closed form of the distance, L(10)-(13); contact is its first zero."""
     values, gain = request.part(which)
     solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
 
@@ -113,7 +113,7 @@ def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Integrate the motion L(1) with the virtual force L(2) for some encounters.
+    """Integrate the motion equation L(1) with the virtual force L(2) for some encounters.
 
     Encounters that leave the approximated part of the curve are repeated with a longer part.
 
@@ -200,7 +200,7 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
 def uniform_motion(
     values: FloatArray, curvature: float, rate: float, gain: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Solve L(15) for the uniform motion l = A t + B of L(16), with A by L(17) and B by L(18).
+    """Solve the motion equation L(15) by a uniform motion l = A t + B, L(16), with coefficients by L(17) and L(18).
 
     L(17) requires the root with 0 <= |A| <= |v_o| and the sign of v_o. With s = sqrt(1 + 8 b_2 D_p v_o / K_a) the roots
     are 2 v_o / (1 + s) and 2 v_o / (1 - s). Only the first can satisfy both conditions, and it becomes v_o for
@@ -233,7 +233,7 @@ def uniform_motion(
 
 
 def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve some encounters by the uniform motion L(16)-(19) until the distance l is zero."""
+    """Solve some encounters by the uniform-motion solution L(16)-(19) until contact."""
     curvature, rate = _second_order_parameters(request.sensor)
     values, gain = request.part(which)
     a, b = uniform_motion(values, curvature, rate, gain)

@@ -129,7 +129,7 @@ def solve_linear(
     *,
     status: IntArray,
 ) -> None:
-    """Solve the motion L(7) and distance L(8) for a constant sensor slope, one encounter at a time.
+    """Solve the motion equation L(7) and its distance form L(8) for a constant slope, encounter by encounter.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -233,7 +233,7 @@ def solve_series(
     status: IntArray,
     course: tuple[FloatArray, FloatArray] | None = None,
 ) -> None:
-    """Integrate the motion L(1) with the virtual force L(2), which is L(4), L(7) or L(14) for the letter's curves.
+    """Integrate the motion equation L(1) with the virtual force L(2): L(4), L(7) or L(14) for the letter's curves.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).

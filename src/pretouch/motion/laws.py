@@ -88,7 +88,7 @@ class ContinuousLaw(Protocol):
 
     @property
     def degree(self) -> int | None:
-        """The power of d(ln xi)/dt to which the virtual force is proportional, or None."""
+        """The power of the log output's rate of change to which the virtual force is proportional, or None."""
 
     def contact(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, *, method: str = ..., horizon: float = ...
@@ -108,7 +108,8 @@ class ContinuousLaw(Protocol):
         """Sample the whole motion of encounters for one or several values of the law's number."""
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping dF/dl' of the law [N s/m] at a slope [1/m] and relative velocity [m/s]; NaN if unknown."""
+        """Return the damping of the law [N s/m], the derivative of its force with respect to relative velocity."""
+        # An unknown damping is NaN.
 
 
 @final
@@ -239,7 +240,8 @@ class Drag:
         return sample_drag(scenario, sensor, value, horizon=horizon, samples=samples)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping 2 phi g^2 |l'| of the virtual drag [N s/m] in an approach, and 0 for a receding object."""
+        """Return the damping of the virtual drag [N s/m], which grows with the approach speed."""
+        # The damping is 2 phi g^2 |l'| in an approach, and 0 for a receding object.
         return 2 * np.asarray(value) * np.square(slope) * np.maximum(0.0 - np.asarray(relative_velocity), 0.0)
 
 

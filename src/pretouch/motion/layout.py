@@ -9,7 +9,7 @@ from pretouch._core.numbers import FloatArray
 
 
 class Relative(NamedTuple):
-    """Quantities of encounters relative to their reference, as in L(8) and L(9), with their gains.
+    """Quantities of encounters relative to their reference, as in the equations L(8) and L(9), with gains.
 
     Each column has one number that all encounters share, or one number per encounter. The motion of the reference is
     needed only for absolute quantities.

@@ -246,7 +246,7 @@ def _of_cubics(sensor: PiecewiseCubic) -> FloatArray:
 
 
 def _own_windows(sensor: SensorModel, top: float, degree: int) -> FloatArray:
-    """Return the polynomials of one sensor curve on its own intervals; no rows if they cannot approximate it."""
+    """Return the polynomials of a sensor curve on intervals of its own, or an empty table if none approximate it."""
     windows = polynomial_windows(sensor.log_slope, (0.0, top), degree)
     return np.zeros((0, TERMS + degree + 1)) if windows is None else windows
 

@@ -73,7 +73,8 @@ class _Answer(Protocol):
 
 
 def solved_on(answer: _Answer) -> str:
-    """Return how a design solved its encounters: `motion` (equations), `loop` (simulation) or `other` (custom)."""
+    """Return whether a design used the motion equations, a simulated loop or a custom solver."""
+    # The words are `motion`, `loop` and `other`.
     if not answer.on_evaluator:
         return "motion"
     return "loop" if answer.method == "loop" else "other"

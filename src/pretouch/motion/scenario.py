@@ -142,7 +142,7 @@ class Scenario(InNotebooks, Value):
         return self.obstacle.velocity - self.plant.velocity
 
     def relative_columns(self) -> tuple[Any, ...]:
-        """Return the admittance, and robot and obstacle at the start relative to the reference, by L(9).
+        """Return admittance, robot and obstacle at the start, relative to the reference as in L(9).
 
         An obstacle with a course is refused.
 
@@ -165,7 +165,7 @@ class Scenario(InNotebooks, Value):
         )
 
     def relative(self) -> FloatArray:
-        """Return admittance, robot and obstacle relative to the reference, by L(9), as one array.
+        """Return admittance, robot and obstacle relative to the reference, as in L(9), in one array.
 
         Returns:
             The columns, stacked along a last axis of 10 over the broadcast shape.

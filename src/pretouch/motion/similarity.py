@@ -57,7 +57,7 @@ class EncounterSimilarity(Value):
         return ContactResult(_Rescaled(result, self, scenario), result.method)
 
     def of_degree(self, degree: int) -> EncounterSimilarity:
-        """Return the scale factors for a law whose force grows with a power of d(ln xi)/dt."""
+        """Return the scale factors for a law whose force grows with a power of the log output's rate."""
         # For a force proportional to s'^d, the gain factor is k^d / s^(d - 1).
         if degree == 1:
             return self
@@ -68,14 +68,14 @@ class EncounterSimilarity(Value):
 
 @dataclass(frozen=True, slots=True)
 class _Rescaled(Value):
-    """Results of encounters that were solved with a scaled reference sensor and are scaled back."""
+    """Results of encounters that were solved with a reference sensor and converted to their own sensors."""
 
     reference: ContactResult
     similarity: EncounterSimilarity
     scenario: Scenario
 
     def column(self, name: str) -> Any:
-        """Return a quantity such as the contact time for all encounters, scaled back from the reference sensor."""
+        """Return a quantity such as the contact time for all encounters, converted to their own sensors."""
         value = self.reference.columns.column(name)
         if name in _LENGTHS:
             return value / self.similarity.length
@@ -83,13 +83,13 @@ class _Rescaled(Value):
 
     @property
     def gradients(self) -> _RescaledGradients:
-        """The derivatives of the quantities at contact, scaled back from the reference sensor."""
+        """The derivatives of the quantities at contact, converted from the reference sensor to each own sensor."""
         return _RescaledGradients(self)
 
 
 @dataclass(frozen=True, slots=True)
 class _RescaledGradients(Value):
-    """Derivatives at contact of encounters that were solved with a scaled reference sensor and are scaled back.
+    """Derivatives at contact that were computed with a reference sensor and converted to other sensors.
 
     A length is q = Q(s x, s^0 M, k D_p) / s, and a time is q = Q.
 

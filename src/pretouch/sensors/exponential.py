@@ -108,7 +108,7 @@ class _SecondOrderFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialFirstOrder(SensorModel):
-    """First-order exponential sensor curve xi = a_1 exp(c_1 l), L(5), whose slope is constant.
+    """First-order exponential curve of the sensor output, xi = a_1 exp(c_1 l) of L(5), with a constant slope.
 
     Args:
         scale: a_1 > 0, in the unit of the output; it does not affect the motion.
@@ -161,7 +161,7 @@ class ExponentialFirstOrder(SensorModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialSecondOrder(SensorModel):
-    """Second-order exponential sensor curve xi = a_2 exp(b_2 l^2 + c_2 l), L(6).
+    """Second-order exponential curve of the sensor output over distance, xi = a_2 exp(b_2 l^2 + c_2 l) of L(6).
 
     With b_2 > 0 the output has its minimum at the turning point l = -c_2 / (2 b_2). Beyond it the modeled virtual
     force would have the wrong sign, so the valid range ends there.
@@ -197,7 +197,7 @@ class ExponentialSecondOrder(SensorModel):
 
     @property
     def turning_point(self) -> float:
-        """The distance -c_2 / (2 b_2) [m] at which the sensor slope is zero, or infinity if b_2 <= 0."""
+        """The distance [m] at which the sensor slope is zero, or infinity if the curvature b_2 is not positive."""
         return -self.rate / (2 * self.curvature) if self.curvature > 0 else math.inf
 
     @property

@@ -128,7 +128,7 @@ class _InversePowerFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InversePower(SensorModel):
-    """Inverse power sensor curve xi = scale / (l + l_0)^n, L(3), with scale = alpha beta psi.
+    """Inverse power curve of the sensor output over distance, xi = scale / (l + l_0)^n of L(3).
 
     Args:
         scale: alpha beta psi > 0, in the unit of the output times m^n; it does not affect the motion.

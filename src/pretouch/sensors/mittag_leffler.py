@@ -174,7 +174,7 @@ class _MittagLefflerFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MittagLeffler(SensorModel):
-    """Mittag-Leffler sensor curve xi = a E_alpha(c l), which equals the exponential L(5) for alpha = 1.
+    """Mittag-Leffler curve of the sensor output, xi = a E_alpha(c l), which generalizes the exponential L(5).
 
     For alpha < 1 the curve decays algebraically.
 

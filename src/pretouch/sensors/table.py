@@ -18,7 +18,7 @@ from .model import SensorModel, _limit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table(SensorModel):
-    """Sensor curve through measured points, with ln xi interpolated by a monotone cubic spline.
+    """Sensor curve through measured points, with the log output interpolated by a monotone piecewise cubic.
 
     The interpolant (Fritsch and Carlson, SciPy's `PchipInterpolator`) has a continuous slope g and falls as the table
     does. The curve is valid between its first and its last distance.
@@ -90,7 +90,7 @@ def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> An
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PiecewiseCubic(SensorModel):
-    """Sensor curve whose ln xi is a cubic polynomial on each interval between given points.
+    """Sensor curve whose log output is a cubic polynomial on each interval between given points.
 
     The slopes at both ends of each interval are given as well.
 
@@ -138,8 +138,8 @@ class PiecewiseCubic(SensorModel):
         return self.distances
 
     def coefficients(self) -> FloatArray:
-        """Return the four polynomial coefficients of ln xi on each interval, shape (N - 1, 4)."""
-        # In ln xi = sum c_k z^k, z is l minus the middle of the interval [m].
+        """Return the four polynomial coefficients of the log output on each interval."""
+        # In ln xi = sum c_k z^k, z is l minus the middle of the interval [m]. The result has the shape (N - 1, 4).
         width = np.diff(self.distances)
         (near, far), slopes = np.array([self.log_outputs[:-1], self.log_outputs[1:]]), np.array(self.slopes)
         first, last = slopes[:, 0], slopes[:, 1]

@@ -174,7 +174,7 @@ class Reservations(Value):
 
     @property
     def _reasons(self) -> tuple[str, str]:
-        """The reasons why calibration data support the sensor curve no nearer and no farther."""
+        """The reasons why calibration data end at the nearest and at the farthest supported distance."""
         # The distances in these reasons count from the sensor's zero.
         window, near = self.report.window, self.supported[0]
         return f" ({window.start_reason})" if near >= -_NO_DISTANCE else "", f" ({window.end_reason})"
@@ -319,7 +319,7 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
 
 
 def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> float:
-    """Return ln xi at a distance, or for a drag the integral of g^2, which measures the effect of the force."""
+    """Return the log output at a distance, or for a drag the integral of the squared slope up to the start."""
     # Degree 1: ln xi at the distance. Degree 2: the integral of g^2 from the distance to the start. Both within the
     # valid range.
     low, high = sensor.valid_range

@@ -205,7 +205,7 @@ class Reservations(Value):
         """Return the warnings about the calibration as a dictionary for JSON, in SI units."""
         # The offset is not in SI but in the unit of the outputs.
         window, offset = self.report.window, self.report.offset
-        names = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "left")
+        names = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "leaves_range")
         offset_names = ("value", "standard_error", "low", "high", "kind")
         return {
             "headline": self.headline,

@@ -114,6 +114,15 @@ class GainDesign(GainEvidence):
         """Warnings to read before relying on the gain, most important first."""
         return tuple(_warnings(self, self.scan_result))
 
+    @cached_property
+    def without_margin(self) -> GainDesign | None:
+        """The optimal design without the required gain margin if that margin alone makes this one infeasible."""
+        task = self.problem.task
+        if self.scenario.shape or self.status is not DesignStatus.INFEASIBLE or task.stability_margin is None:
+            return None
+        free = design_gain(task.replace(stability_margin=None))
+        return None if free.gain is None else free
+
     @property
     def headline(self) -> str:
         """The answer in one or two sentences."""
@@ -128,7 +137,11 @@ class GainDesign(GainEvidence):
                 text += f"{than} {format_quantity(free, 'm/s')} without mitigation"
             return f"{text}."
         if self.nearest is not None:
-            return "Infeasible: " + _conflict(self)
+            task, cause = self.problem.task, ""
+            if self.without_margin is not None:
+                rate = format_quantity(task.loop.chain.rate, "Hz")
+                cause = f" with the required gain margin of {task.stability_margin:g} at this sensor rate ({rate})"
+            return f"Infeasible{cause}: {_conflict(self)}."
         return "No gain within the bounds ends in contact."
 
     def to_dict(self) -> dict[str, Any]:

@@ -129,6 +129,12 @@ def _findings(design: GainDesign) -> Iterator[str]:
 def _next_step(design: GainDesign) -> str:
     if design.scenario.relative_velocity > 0:
         return "give the obstacle a negative velocity: this object moves away"
+    if design.without_margin is not None:
+        gain = design.without_margin.gain
+        return (
+            f"read the sensor faster: `pretouch verify` names the rate for {design.number.equals(gain)}, the optimum "
+            "without the margin"
+        )
     if design.result is None:
         return (
             "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"

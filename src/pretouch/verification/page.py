@@ -18,7 +18,7 @@ from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 from .effect import VerdictStatus
 from .improvement_page import best_change_section, changes_section, gain_section
 from .result import Comparison, LimitCheck, RunSpread, Verdict
-from .stability import StabilityCheck
+from .stability import StabilityCheck, rounded_up
 
 Row = tuple[Cell, ...]
 
@@ -137,6 +137,8 @@ def _findings(v: Verdict) -> Iterator[str]:
 def _next_step(v: Verdict) -> str:
     if v.scenario.relative_velocity > 0:
         return "give the obstacle a negative velocity: this object moves away"
+    if v.gain is None and v.needed_rate is not None:
+        return _next_step_for_margin(v.loop.chain.rate, v.needed_rate)
     if v.gain is None:
         return "relax a limit, widen the bounds of the gain, or detect the object earlier"
     if v.calibration_check is not None and not v.calibration_check.is_good_enough:
@@ -148,6 +150,13 @@ def _next_step(v: Verdict) -> str:
     if v.reasons and report is not None and report.reasons and report.verdict != "usable":
         return f"improve the calibration: {report.reasons[0].removesuffix('.')}"
     return "none of the tried changes helps; see the report for the causes" if v.changes and v.reasons else ""
+
+
+def _next_step_for_margin(rate: float, needed: float) -> str:
+    """Return what gives the optimum its gain margin; rates in Hz."""
+    if math.isinf(needed):
+        return "shorten latency and filters, or relax a limit: no sensor rate gives the optimum its gain margin"
+    return f"read the sensor at {rounded_up(needed):g} Hz instead of {rate:g} Hz, or relax a limit"
 
 
 def _strongest(check: StabilityCheck, number: LawNumber) -> str:
@@ -165,10 +174,8 @@ def _list_chapter(title: str, sentences: tuple[str, ...]) -> PageSection | None:
 def _reasons(v: Verdict) -> PageSection | None:
     if v.gain is not None or not v.reasons:
         return _list_chapter(_WHY.get(v.status, ""), v.reasons)
-    tried = (
-        "Nothing was simulated. Relax a limit, widen the range of gains, detect the object earlier, or change the "
-        "admittance."
-    )
+    step = _next_step(v)
+    tried = f"Nothing was simulated. {step[:1].upper()}{step[1:]}."
     unit = v.law.number.unit
     head = ("limit", "at most", "best value of any gain", f"at {v.law.number.symbol}")
     rows: tuple[Row, ...] = tuple(

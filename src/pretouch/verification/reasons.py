@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
 from pretouch._core.units import format_quantity
+from pretouch.design import GainDesign
 from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN
 from .effect import OFTEN, Effect, VerdictStatus, chase_in_words
 from .encounter_parts import percent
 from .result import LimitCheck, Verdict
+from .stability import rounded_up
 
 _ROUNDING: Final = 1e-9  # relative rounding error of a speed
 
@@ -22,6 +25,20 @@ def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
     return VerdictStatus.HOLDS_NARROWLY if narrow else VerdictStatus.HOLDS, tuple(narrow)
+
+
+def no_gain_with_margin(design: GainDesign, rate: float) -> str:
+    """Return that only the required gain margin leaves no gain, and the sensor rate at which the optimum has it."""
+    task, free = design.problem.task, design.without_margin
+    optimum = design.number.equals(0.0 if free is None else free.gain)
+    if math.isinf(rate):
+        needed = "no sensor rate gives it this margin, because latency, filters or robot are too slow"
+    else:
+        needed = f"it has this margin from a sensor rate of {rounded_up(rate):g} Hz on"
+    return (
+        f"at a sensor rate of {task.loop.chain.rate:g} Hz, no gain with a gain margin of {task.stability_margin:g} "
+        f"meets every limit; without this margin, {optimum} is optimal; {needed}"
+    )
 
 
 def _failures(v: Verdict) -> Iterator[str]:

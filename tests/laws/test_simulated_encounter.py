@@ -280,7 +280,7 @@ def test_the_headline_is_made_of_the_numbers() -> None:
     speed, time = encounter.comparison("relative_velocity"), encounter.comparison("time")
     assert speed.relative_difference is not None
     assert time.difference is not None
-    harder = "harder" if speed.relative_difference > 0 else "softer"
+    harder = "faster" if speed.relative_difference > 0 else "slower"
     later = "later" if time.difference > 0 else "earlier"
     assert encounter.headline == (
         f"Contact on the loop at {abs(encounter.run.relative_velocity):.3g} m/s; predicted 0.0815 m/s "

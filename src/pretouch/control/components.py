@@ -277,5 +277,5 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
 
 
 def format_output(value: float) -> str:
-    """Return a sensor output with the placeholder "unit of \u03be" as its unit."""
-    return f"{value:.6g} [unit of \u03be]"
+    """Return a sensor output in words; a controller does not know the unit of its readings."""
+    return f"{value:.6g} (unit of the readings)"

@@ -8,11 +8,12 @@ from typing import Final
 
 from pretouch._core.units import format_quantity
 from pretouch.design import GainDesign
+from pretouch.design.robust.required import runs_to_show
 from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN
 from .effect import OFTEN, Effect, VerdictStatus, chase_in_words
-from .encounter_parts import percent
+from .encounter_parts import faster_in_words
 from .result import LimitCheck, Verdict
 from .stability import rounded_up
 
@@ -111,10 +112,12 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
         yield f"the gain margin is {stability.margin:.3g} (2 is usual)"
     for check in (check for check in v.limits if check.is_met):
         p = check.required.probability
-        if check.low < p < 1:  # no bound can reach 1; a requirement of 1 applies only to the simulated runs
+        if _is_unshown(check):
+            needed = _runs_to_show(check, v.confidence)
+            advice = "" if needed is None else f"; {needed} runs would show it if the share stays the same"
             yield (
                 f"{check.statement} is met in {share_in_words(check.held)} of {v.runs} runs; this shows only "
-                f"{share_in_words(check.low)} with {100 * v.confidence:g} % confidence ({100 * p:g} % required)"
+                f"{share_in_words(check.low)} with {100 * v.confidence:g} % confidence ({100 * p:g} % required){advice}"
             )
         # The gain itself is chosen, not drawn at random, so a gain exactly at its limit is no reason.
         elif check.name != "gain" and check.margin is not None and check.margin < ROOM * check.limit:
@@ -127,20 +130,35 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
         yield f"no contact is predicted with this gain, but {share} of the runs end in contact"
 
 
+def _is_unshown(check: LimitCheck) -> bool:
+    """Return whether a limit is met as often as required, but in too few runs to show it."""
+    # No bound can reach 1; a requirement of 1 applies only to the simulated runs.
+    return check.is_met and check.low < check.required.probability < 1
+
+
+def _runs_to_show(check: LimitCheck, confidence: float) -> int | None:
+    return runs_to_show(check.held, check.required.probability, confidence)
+
+
+def runs_advised(v: Verdict) -> int | None:
+    """Return how many runs would show every limit, if too few runs are the only reason; None if no number would."""
+    needed = [_runs_to_show(check, v.confidence) for check in v.limits if _is_unshown(check)]
+    if not needed or len(needed) != len(v.reasons) or None in needed:
+        return None
+    return max(count for count in needed if count is not None)
+
+
 def _harder_than_promised(v: Verdict) -> Iterator[str]:
     """Yield reasons if contact is harder than predicted or than with a faster sensor, or not shown to be softer."""
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:
         reached, predicted = (format_quantity(x or 0.0, "m/s") for x in (effect.reached, effect.predicted))
         yield (
-            f"contact is {percent(effect.excess)} harder than predicted: {reached} on average instead of "
+            f"contact is {faster_in_words(effect.excess, 'predicted')}: {reached} on average instead of "
             f"{predicted} ({allowed:.3g} % allowed)"
         )
     if sensor is not None and not sensor.is_fast_enough:
-        yield (
-            f"the sensor is too slow: contact is {sensor.harder_in_words} than with an infinitely fast sensor "
-            f"({allowed:.3g} % allowed)"
-        )
+        yield f"the sensor is too slow: {sensor.excess_in_words}"
     if effect is None or effect.is_harder or effect.is_absent:
         return
     if not effect.is_softer:

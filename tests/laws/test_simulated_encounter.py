@@ -209,7 +209,9 @@ def test_flags_say_what_was_reported_since_when_and_for_how_long() -> None:
         1e-3 * (on & (trace.time < encounter.run.time)).sum()
     )
     assert flags["in-contact"].approach_duration == 0
-    assert any("force-limited" in warning for warning in encounter.warnings)
+    assert any(
+        "Before contact, the virtual force was limited: first after" in warning for warning in encounter.warnings
+    )
     assert not any("in-contact" in warning for warning in encounter.warnings)
 
 

@@ -82,9 +82,9 @@ def test_a_difference_counts_from_two_standard_errors_on(
 def test_contact_that_is_harder_in_more_runs_than_half_is_harder_whatever_its_mean() -> None:
     """Of runs on which a gain does nothing half are harder by chance, within two deviations of sqrt(n) / 2."""
     known = {"speed": 0.29, "unmitigated": 0.3, "difference": -0.01, "standard_error": 0.02}
-    assert Effect(**known, runs=100, harder=61).is_harder
-    assert not Effect(**known, runs=100, harder=60).is_harder
-    assert not Effect(**known, runs=4, harder=4).is_harder
+    assert Effect(**known, runs=100, harder_count=61).is_harder
+    assert not Effect(**known, runs=100, harder_count=60).is_harder
+    assert not Effect(**known, runs=4, harder_count=4).is_harder
 
 
 @pytest.mark.parametrize("gain", [0.3, 0.01])

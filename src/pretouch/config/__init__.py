@@ -246,7 +246,7 @@ class _Builder(Reading):
         window = None if calibration is None else calibration.window
         consequence = "every answer then begins with a warning that no data support it there"
         if low > 0:
-            cause, other = "", 'extend the curve with minimum_distance = "0 mm"'
+            cause, other = "", 'extend the curve with minimum_distance = "0 mm" (not for a table)'
             if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
                 cause, other = f" ({window.start_reason.partition(' (')[0]})", "calibrate with lower amplification"
             self.refuse(

@@ -9,6 +9,7 @@ from typing import Any
 from pretouch._core.blocks import Cell, Code, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
+from pretouch.sensors.recessed import recess_in_words
 
 from .result import CalibrationReport, Estimate, SensorFit
 
@@ -17,7 +18,7 @@ Row = tuple[Cell, ...]
 
 def calibration_page(report: CalibrationReport) -> Page:
     """Create the report page of a calibration: verdict, usable distances, ranking of models and parameters."""
-    usable, best, name = report.verdict == "usable", report.best, report.calibration.name
+    usable, best = report.verdict == "usable", report.best
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
     if best is None:
         blocks: tuple[Any, ...] = (_ranking(report) if report.not_fitted else None,)
@@ -40,10 +41,20 @@ def calibration_page(report: CalibrationReport) -> Page:
         key_figures=tuple(_key_figures(report)),
         warnings=() if usable else report.reasons,
         findings=tuple(f"left out: {text}" for text in report.left_out),
-        next_step="" if best is None else f'add calibration = "{name}" to the section [sensor] of a scenario file',
+        next_step="" if best is None else _next_step(report),
         lead="calibration",
         blocks=(_picture(report), *first, *blocks, PageSection(title="Provenance", blocks=tuple(_provenance(report)))),
     )
+
+
+def _next_step(report: CalibrationReport) -> str:
+    """Return the keys of a scenario file for this sensor, with the recess that puts contact into its window."""
+    nearest = report.window.l_min
+    text = f'add calibration = "{report.calibration.name}" to the section [sensor] of a scenario file'
+    if nearest <= 0:
+        return text
+    recess = recess_in_words(nearest)
+    return f'{text}, with recess = "{recess}" for a sensor that is mounted {recess} behind the contact surface'
 
 
 def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:

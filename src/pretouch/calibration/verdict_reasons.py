@@ -141,6 +141,6 @@ def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
     table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""
     return [
         f"Averaged readings deviate from the best model, {fits[0].model}, by {100 * prepared.noise.misfit:.0f} % of "
-        "the signal (RMS) beyond their noise. Over one step of distance, the virtual force has about the same error: "
-        f"check how distances were set.{table}"
+        "the signal (RMS) beyond their noise: check how distances were set. Over one step of distance, the virtual "
+        f"force has about the same error.{table}"
     ]

@@ -285,5 +285,5 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
 
 
 def format_output(value: float) -> str:
-    """Format a sensor output as text with "unit of \u03be" as its unit."""
-    return f"{value:.6g} [unit of \u03be]"
+    """Format a sensor output as text; a controller does not know the unit of its readings."""
+    return f"{value:.6g} (unit of the readings)"

@@ -153,7 +153,8 @@ class Controller:
 
     def rows(self) -> Iterator[Row]:
         """Yield table rows with the parameters of the controller and its law, for a report."""
-        yield "law", type(self.law).__name__
+        name = getattr(self.law, "continuous", None)  # a user-defined law is shown by its own name
+        yield "law", name.replace("-", " ") if isinstance(name, str) else type(self.law).__name__
         yield "period", Measured(self.period, "s")
         law_rows = getattr(self.law, "rows", None)
         yield from law_rows() if law_rows is not None else ()

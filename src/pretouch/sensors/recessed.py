@@ -113,3 +113,13 @@ class Recessed(SensorModel):
         """Return distances from the sensor's own zero, limited to the valid range because sums are rounded."""
         low, high = self.sensor.valid_range
         return np.clip(distance + self.recess, low, high)
+
+
+def recess_in_words(nearest: float) -> str:
+    """Return the recess that puts contact where a curve starts [m from the sensor's zero], rounded up to whole um.
+
+    Examples:
+        >>> recess_in_words(0.0075), recess_in_words(0.0123441)
+        ('7.5 mm', '12.345 mm')
+    """
+    return f"{math.ceil(1e6 * nearest * (1 - 1e-12)) / 1e3:.10g} mm"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,6 +12,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.motion import DAMPER, ContactStatus, ContinuousLaw, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import SensorModel
+from pretouch.sensors.recessed import recess_in_words
 
 from .witness_check import WitnessCheck, check_on_readings
 
@@ -121,8 +121,7 @@ class Reservations(Value):
             parts.append(f"from {near}{nearest} to contact at 0 mm")
             advice = recess_advice(self.report.window.l_min, self.recess)
             remedies.append(
-                f"mount the sensor deeper, with {advice}, or calibrate it down to contact, with a lower "
-                "amplification if its output clips"
+                f"{advice}, or calibrate it down to contact, with a lower amplification if its output clips"
             )
         if self.share_beyond > _DECISIVE:
             share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]}"
@@ -352,29 +351,16 @@ def _speed_without_force(
     return abs(float(contact.end.relative_velocity)) if contact.reached.all() else None
 
 
-def recess_in_words(nearest: float) -> str:
-    """Return the recess that places the contact surface where a sensor curve starts, as text in mm.
-
-    It is rounded up to whole um.
-
-    Examples:
-        >>> recess_in_words(0.0075), recess_in_words(0.0123441)
-        ('7.5 mm', '12.345 mm')
-    """
-    return f"{math.ceil(1e6 * nearest * (1 - 1e-12)) / 1e3:.10g} mm"
-
-
 def recess_advice(nearest: float, present: float) -> str:
-    """Return the recess setting to recommend, which places the contact surface where a sensor curve starts.
-
-    The present recess [m] is named as well.
+    """Return how to mount the sensor so that contact is where its curve starts; distances from the sensor's zero [m].
 
     Examples:
-        >>> recess_advice(0.021, 0.015)
-        'recess = "21 mm" (now 15 mm)'
+        >>> recess_advice(0.021, 0.015)[:77]
+        'mount the sensor 21 mm (now 15 mm) behind the contact surface, with recess = '
     """
-    now = f" (now {format_quantity(present, 'm')})" if present else ""
-    return f'recess = "{recess_in_words(nearest)}"{now}'
+    now, recess = f" (now {format_quantity(present, 'm')})" if present else "", recess_in_words(nearest)
+    mounting = f'mount the sensor {recess}{now} behind the contact surface, with recess = "{recess}"'
+    return f"{mounting} (positions count from the new surface)"
 
 
 def _offset_in_words(offset: OffsetEstimate, unit: str) -> str:

@@ -13,7 +13,7 @@ from properties import register_profiles
 register_profiles(times=20)
 
 EXAMPLES = (
-    ("xarray", "sweep", "pretouch.sweep.run.sweep"),
+    ("xarray", "sweep", "pretouch.sweeps.run.sweep"),
     ("mujoco", "mujoco", "pretouch.simulation.mujoco.witness_encounter"),
 )
 

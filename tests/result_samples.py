@@ -17,7 +17,7 @@ from pretouch.design.drag import DragLimits, drag_by, drag_trade_off
 from pretouch.design.schedule import schedule_drag
 from pretouch.sensors import PiecewiseCubic
 from pretouch.simulation.mujoco import WitnessResult, WitnessTrace
-from pretouch.sweep import Axis, Progress
+from pretouch.sweeps import Axis, Progress
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

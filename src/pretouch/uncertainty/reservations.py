@@ -198,7 +198,7 @@ class Reservations(Value):
     def to_dict(self) -> dict[str, Any]:
         """Return the reservations as one JSON object, in SI; the offset is in the unit of the outputs."""
         window, offset = self.report.window, self.report.offset
-        names = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "left")
+        names = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "leaves_range")
         offset_names = ("value", "standard_error", "low", "high", "kind")
         return {
             "headline": self.headline,

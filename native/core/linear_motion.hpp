@@ -111,7 +111,7 @@ static inline Functions functions(Lanes t, const Rates &rates) {
 }
 
 // Output rows of the encounters from the i-th on; null if not needed.
-struct PageTable {
+struct Rows {
     pretouch_rows to;
     int64_t i, left;
     Masks found;
@@ -129,7 +129,7 @@ struct PageTable {
 enum { OF_SLOPE = LINEAR_INPUTS, DERIVATIVES };
 
 // Writes x~, x~', x~'', l' and the integral of x~.
-[[gnu::noinline]] static void write_states(const Encounters &q, const PageTable &rows) {
+[[gnu::noinline]] static void write_states(const Encounters &q, const Rows &rows) {
     const auto &[mu1, mu2, by1, by2, width, by_width] = q.rates;
     const auto [h, slope, f, f3, fast, twice, third] = functions(q.time, q.rates);
     const Lanes velocity = q.force * h + q.u0 * slope;
@@ -143,7 +143,7 @@ enum { OF_SLOPE = LINEAR_INPUTS, DERIVATIVES };
 // The motion at contact, and the output of its derivatives.
 struct Contact {
     Lanes velocity, acceleration, by_approach;  // x~', x~'' and 1 / l'
-    const PageTable &rows;
+    const Rows &rows;
 
     // Writes the derivatives of t, x~ and l' to one input, from those of -l, -l' at a fixed time and those of x_o.
     void keep(int input, Lanes of_distance, Lanes of_speed, Lanes fixed) const {
@@ -154,7 +154,7 @@ struct Contact {
     }
 };
 
-[[gnu::noinline]] static void write_gradients(const Encounters &q, Lanes gain, double slope, const PageTable &rows) {
+[[gnu::noinline]] static void write_gradients(const Encounters &q, Lanes gain, double slope, const Rows &rows) {
     const auto [rates, gap, force, by_mass, x0, u0, v, t, found] = q;  // a copy, so that no store can alias it
     const Lanes total = rates.mu1 + rates.mu2, product = rates.mu1 * rates.mu2, zero = {};
     const auto [h, h1, f, f3, fast, j, jf] = functions(t, rates);
@@ -215,7 +215,7 @@ static inline Lanes largest(Lanes at_start, Lanes at_peak, Lanes at_end) {
 }
 
 // Writes the largest demands; drift, pull: velocity and acceleration of the reference.
-[[gnu::noinline]] static void write_peaks(const Encounters &q, Lanes coupling, Lanes drift, Lanes pull, const PageTable &rows) {
+[[gnu::noinline]] static void write_peaks(const Encounters &q, Lanes coupling, Lanes drift, Lanes pull, const Rows &rows) {
     const auto [rates, gap, force, by_mass, x0, u0, v, end, found] = q;  // a copy, so that no store can alias it
     const Lanes mu1 = rates.mu1, by1 = rates.by1, total = mu1 + rates.mu2, product = mu1 * rates.mu2;
     const Lanes b = force - mu1 * u0, start = force - total * u0;

@@ -57,7 +57,7 @@ PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, con
                                             double *found, int8_t *status);
 
 /* ---- many encounters with a constant slope, vectorized (lanes_linear.cpp) ---- */
-/* PageTable with one number per encounter: the first row, and the distance between rows. */
+/* Rows with one number per encounter: the first row, and the distance between rows. */
 typedef struct {
     double *at;
     int64_t stride;
@@ -188,7 +188,7 @@ typedef struct {
     pretouch_chain chain;
     const pretouch_curve *curves;
     const int64_t *curve_of;
-    double period, plant_step, horizon, follow; /* of the controller, of the plant, to wait for contact, to follow it */
+    double period, plant_step, horizon, follow_time; /* of the controller, of the plant, to wait for contact, to follow it */
     uint64_t seed;
     const pretouch_scene *scenes;
     const int64_t *draws; /* which run's noise each meets */

@@ -44,7 +44,7 @@ MISTAKES = [
     (IN_CHAIN, 'noise = 1\nhighest = "2 counts"', "highest", "chain.highest", "found readings that saturate at 2"),
     (IN_CHAIN, 'distance_noise = "1 mm"', "[chain]", "chain", "only for a part that measures_distance"),
     (IN_CHAIN, 'noise = 20\nmisfit = "2 %"', "[chain]", "chain.misfit_length", "found 0 m with a misfit of 0.02"),
-    (IN_CHAIN, "measures_distance = 1", "reports", "chain.measures_distance", "found 1, expected true or false"),
+    (IN_CHAIN, "measures_distance = 1", "measures", "chain.measures_distance", "found 1, expected true or false"),
     (IN_CHAIN, 'phase = "any"', "phase", "chain.phase", 'found "any", expected a quantity in s or "random"'),
     (IN_CHAIN, 'rate = "0 Hz"', "rate", "chain.rate", "expected a positive quantity in Hz"),
     (IN_CHAIN, "nois = 20", "nois", "chain.nois", 'found an unknown key, expected "noise"'),

@@ -62,7 +62,7 @@ class FrontPoint(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the point as one JSON object, in SI."""
-        names = ("name", "gain", "natural_frequency", "damping_ratio", "behind", "feasible", "depth")
+        names = ("name", "gain", "natural_frequency", "damping_ratio", "distance_to_front", "feasible", "depth")
         document = {name: getattr(self, name) for name in names}
         return {**document, **self.values, **({} if self.bound is None else self.bound.to_dict())}
 

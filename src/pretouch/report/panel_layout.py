@@ -192,7 +192,6 @@ def _place(axes: Axes, name: Name, marks: list[FloatArray]) -> bool:
                 size=_SIZES[name.kind],
                 reach=reach,
                 side=name.side,
-                strict=True,
                 marks=marks,
             )
             if label is not None:

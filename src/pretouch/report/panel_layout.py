@@ -43,7 +43,7 @@ _SAMPLE: Final = 26.0  # pt, width of a line sample in a legend and of the space
 
 
 def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figure:
-    """Draw panels in a grid; names without a free place in their panel are in a legend above it."""
+    """Draw plots in a grid; names of curves that do not fit into a plot are in a legend above the plot."""
     width = _WIDTH_OF_ONE if len(panels) == 1 < columns else _WIDTH
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
@@ -164,7 +164,7 @@ def legend_above(axes: Axes, entries: Sequence[tuple[str, str, Any]]) -> None:
 
 
 def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
-    """Write names into a panel; return the indices of names that must be listed above instead."""
+    """Write names of curves into a plot; return the indices of names that do not fit."""
     names = list(enumerate(names_of(axes, panel)))
     hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
     marks = marks_in(axes)
@@ -177,7 +177,7 @@ def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
 
 
 def _place(axes: Axes, name: Name, marks: list[FloatArray]) -> bool:
-    """Write a name in one line or two; return whether there was a free place."""
+    """Write a name in one or two lines next to its curve; return whether there was a free place."""
     if name.kind == "span":
         fill, size = name.sample["markerfacecolor"], _SIZES["span"]
         return label_inside(axes, name.x, name.y, name.text, color=name.color, size=size, fill=fill) is not None
@@ -209,7 +209,7 @@ def _in_two_lines(text: str) -> str:
 
 
 def _break(text: Text, words: str, room: float, side: int, renderer: Any, *, hyphens: bool = False) -> None:
-    """Break a text into the fewest lines that fit into `room` [pixel], across or upward; its unit is not broken."""
+    """Break a text into the fewest lines that fit into `room` [pixel], without breaking its unit."""
     head, bracket, unit = words.partition("[")
     whole = head + bracket + unit.replace(" ", "\u00a0")
     width = len(whole) + 1

@@ -16,8 +16,7 @@ from pretouch.design import find_physical_bound
 from pretouch.design.drag import DragLimits, drag_by, drag_trade_off
 from pretouch.design.schedule import schedule_drag
 from pretouch.sensors import PiecewiseCubic
-from pretouch.simulation.mujoco import WitnessResult, WitnessTrace
-from pretouch.sweep import Axis, Progress
+from pretouch.sweeps import Axis, Progress
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -69,18 +68,6 @@ def _signals(law: control.Controller) -> tuple[Any, ...]:
     state, output = law.step(parameters, law.start(), sample)
     given = control.Parts(sensing, state.drive, (0.1,)), control.Push(-1e-3, 0.0)
     return parameters, sensing, state, sample, seen, output, *given
-
-
-def _witness() -> WitnessResult:
-    row = np.linspace(0.0, 1.0, 3)
-    names = ("time", "distance", "position", "velocity", "obstacle_position", "obstacle_velocity")
-    return WitnessResult(
-        **dict.fromkeys(("time", "position", "velocity", "relative_velocity", "peak_force", "impact_force"), 0.1),
-        status=pt.ContactStatus.CONTACT,
-        impulse=0.2,
-        rebound_velocity=float("nan"),
-        trace=WitnessTrace(**dict.fromkeys((*names, "drive_force", "contact_force"), row)),
-    )
 
 
 RESULTS: dict[str, Callable[[], Any]] = {
@@ -172,7 +159,6 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "speed limit": lambda: pt.simulation.speed_limit(
         SENSOR, SCENARIO.admittance, pt.simulation.LoopTiming(rate=250.0), 0.0144, detection_distance=0.0422
     ),
-    "witness": _witness,
     "conformance": lambda: pt.check_sensor(SENSOR),
     "letter": lambda: pt.letter.reproduce(["figure-5", "impact-force"]),
     "progress": lambda: Progress(finished=1, total=2, seconds=3.0),

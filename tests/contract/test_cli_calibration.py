@@ -93,7 +93,7 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     near, reason = near_end()
     assert f"{UNSUPPORTED}{near} ({reason}) to contact at 0 mm." in first
     assert "Not supported by the readings: " in first  # they are flat near contact, and the extended curve is not
-    assert f'To fix this, mount the sensor deeper, with recess = "{near}", or calibrate it down to contact' in first
+    assert f"To fix this, mount the sensor {near} behind the contact surface, with recess =" in first
     assert (f"With no virtual force nearer than {near}, contact is at " in first) == (verb != "pareto")
     if verb != "sweep":
         brief = run(verb, file, *VERBS[verb], "--no-report")[1]
@@ -161,16 +161,17 @@ def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_r
     code, _, err = run(verb, scenario("clipped.toml", CLIPPED), *VERBS[verb])
     near, reason = near_end()
     assert code == 2
-    assert f"starts {near} in front of the contact surface, at the start of the calibrated range ({reason})" in err
-    assert f'set recess = "{near}", or calibrate again with a lower amplification, so that the ' in err
-    assert "does not flatten or clip there, or extend the curve" in err
+    assert f"a curve that starts {near} from contact ({reason.partition(' (')[0]}), expected one down to contact" in err
+    mounting = f'mount the sensor {near} behind the contact surface, with recess = "{near}" (positions count from the '
+    assert f"{mounting}new surface), or calibrate with lower amplification" in err
+    assert len(err.partition("sensor: ")[2].split()) <= 50
 
 
 def test_the_ways_out_of_a_refusal_lead_out(run):
     recessed = CLIPPED + '\nrecess = "5 mm"'
     err = run("design", scenario("clipped.toml", recessed))[2]
-    assert "starts 7 mm in front" in err
-    assert 'recess = "12 mm"' in err
+    assert "starts 7 mm from contact" in err
+    assert 'mount the sensor 12 mm (now 5 mm) behind the contact surface, with recess = "12 mm"' in err
     assert run("design", scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"'), "--no-report")[0] == 0
     code, out, _ = run(
         "design", scenario("both.toml", recessed + '\nminimum_distance = "0 mm"'), "--no-report", "--verbose"
@@ -184,7 +185,8 @@ def test_the_ways_out_of_a_refusal_lead_out(run):
 
 def test_a_curve_that_the_file_cuts_is_not_blamed_on_the_calibration(run):
     err = run("design", scenario("cut.toml", WHOLE + '\nminimum_distance = "2 mm"'))[2]
-    assert "starts 2 mm in front of the contact surface, expected a range that includes contact" in err
+    assert "starts 2 mm from contact, expected one down to contact" in err
+    assert 'or extend the curve with minimum_distance = "0 mm"' in err
 
 
 @pytest.mark.parametrize(
@@ -200,3 +202,20 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
         "; the calibration supports the curve from 0 mm (first measured distance) to 56 mm (last measured distance)"
         in err
     )
+
+
+def test_the_mounting_of_a_sensor_is_named_by_its_fit_and_assumed_by_design_and_verdict(run):
+    near, _ = near_end()
+    _, out, _ = run("fit", "clipped.csv", "--no-report")
+    mounting = f'with recess = "{near}" for a sensor that is mounted {near} behind the contact surface.'
+    assert mounting in " ".join(out.split())
+    _, whole, _ = run("fit", "sensor.csv", "--no-report")
+    assert "Next: add calibration" in whole
+    assert "recess" not in whole
+    recessed = scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"')
+    for verb in ("design", "verify"):
+        run(verb, recessed, *VERBS[verb])
+        page = Path(f"sunk-{verb}.html").read_text(encoding="utf-8")
+        assert "The sensor is mounted 12 mm behind the contact surface. Positions and distances count from" in page
+    run("design", scenario("flush.toml", WHOLE))
+    assert "mounted" not in Path("flush-design.html").read_text(encoding="utf-8")

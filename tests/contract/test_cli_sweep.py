@@ -19,8 +19,8 @@ from pretouch import load_scenario, sweep
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import Task
 from pretouch.report import plots
-from pretouch.sweep import results
-from pretouch.sweep.axes import read_axis
+from pretouch.sweeps import results
+from pretouch.sweeps.axes import read_axis
 from sweep_samples import CURVED
 from sweep_samples import SCENARIO as ENCOUNTER
 
@@ -173,7 +173,7 @@ def test_a_figure_is_written_once_and_what_cannot_be_drawn_is_refused_first(run:
         assert (code, err) == (0, "")
         assert out.splitlines()[-1] == f"Figure: {name}"
         assert Path(name).read_bytes().startswith(start)
-    monkeypatch.setattr(sys.modules["pretouch.sweep"], "sweep", None)  # not reached
+    monkeypatch.setattr(sys.modules["pretouch.sweeps"], "sweep", None)  # not reached
     assert "a.png: this file exists and is not overwritten" in run(*asked, "--figure", "a.png")[2]
     assert "expected a name that ends in .png" in run(*asked, "--figure", "a.jpg")[2]
     single = ("sweep", "approach.toml", "--axis", "obstacle.velocity=-1", "--figure", "b.png")
@@ -184,7 +184,7 @@ def test_an_interrupt_says_how_to_go_on(run: Any, monkeypatch: Any) -> None:
     def interrupt(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["pretouch.sweep"], "sweep", interrupt)
+    monkeypatch.setattr(sys.modules["pretouch.sweeps"], "sweep", interrupt)
     asked = ("sweep", "approach.toml", "--axis", SPEEDS)
     assert run(*asked) == (130, "", "")
     code, out, err = run(*asked, "--output", "out.zarr")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import doctest
-import importlib.util
 import os
 import re
 import shlex
@@ -73,8 +72,6 @@ def test_the_programs_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pyte
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     assert blocks
-    if "witness_encounter(" in text and importlib.util.find_spec("mujoco") is None:
-        blocks = [block for block in blocks if "witness_encounter(" not in block]
     names: dict[str, Any] = {}
     for block in blocks:
         exec(compile(block, page, "exec"), names)  # noqa: S102 - our own page

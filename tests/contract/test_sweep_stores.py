@@ -19,8 +19,8 @@ import pytest
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError, OutputExistsError
 from pretouch._core.files import write_text
-from pretouch.sweep import stores
-from pretouch.sweep.results import counts
+from pretouch.sweeps import stores
+from pretouch.sweeps.results import counts
 from sweep_samples import AXES, BLOCKS, CONSTANT, CURVED, RESULTS, SCENARIO, cut_small, note_chunks, noted, sweep_to
 
 pytest.importorskip("zarr", reason="needs the extra 'sweep'")

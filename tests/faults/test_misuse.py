@@ -282,7 +282,7 @@ VERBS = [
     Case("letter.reproduce", {"ids": ("table-2",), "progress": print}),
     *(
         Case(f"plots.{name}", {inspect.signature(getattr(pt.plots, name)).parameters.__iter__().__next__(): RESULT})
-        for name in dir(pt.plots)
+        for name in pt.plots.__all__
     ),
 ]
 CURVE = {"x": Numbers([0.0, 1.0]), "y": Numbers([0.0, 1.0]), "low": Numbers([0.0, 1.0]), "high": Numbers([0.0, 1.0])}
@@ -688,7 +688,7 @@ def test_every_public_name_is_tried_or_is_none_that_takes_arguments_of_a_user() 
     public = {}
     for place in ("", "robust", "plots", "report", "simulation", "control", "motion", "design", "letter"):
         room = getattr(pt, place) if place else pt
-        for name in getattr(room, "__all__", None) or dir(room):
+        for name in room.__all__:
             value = getattr(room, name)
             if callable(value) and not (inspect.isclass(value) and issubclass(value, Exception)):
                 public.setdefault(value, f"{place}.{name}".removeprefix("."))

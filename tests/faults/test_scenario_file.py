@@ -38,6 +38,11 @@ def test_the_file_of_the_issue_is_read_in_si(write):
 VALUES = [
     ('"10 N*s/m"', '"10 N/m"', "damping", "admittance.damping", '"10 N/m"', "a quantity in N*s/m"),
     ('"10 N*s/m"', '"-1 N*s/m"', "damping", "admittance.damping", '"-1 N*s/m"', "a nonnegative quantity in N*s/m"),
+    ('"1 kg"', '"1"', "mass", "admittance.mass", '"1"', '"1 kg", or 1 without quotes, which is in kg'),
+    ('"42.2 mm"', '"4.2"', "position", "obstacle.position", '"4.2"', '"4.2 mm", or 4.2 without quotes, which is in m'),
+    ('"42.2 mm"', '"42.2"', "position", "obstacle.position", '"42.2"', 'unit, such as "42.2 mm" or "42.2 m"'),
+    ("1.30e-5", '"1.3"', "scale", "sensor.scale", '"1.3"', '"1.3 V" or "1.3 counts", or 1.3 without quotes'),
+    ('"-10 N*s"', '"-10"', "bounds", "gain.bounds[0]", '"-10"', '"-10 N*s", or -10 without quotes, which is in N*s'),
     ('"1 kg"', '"0 kg"', "mass", "admittance.mass", '"0 kg"', "a positive quantity in kg"),
     ('"1 kg"', "true", "mass", "admittance.mass", "true", "a quantity in kg"),
     ('"1 kg"', "[1, 2]", "mass", "admittance.mass", "a list of 2 values", "a quantity in kg"),

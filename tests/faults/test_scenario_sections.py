@@ -73,7 +73,7 @@ def test_a_sensor_that_is_none_is_refused_at_its_key(message, sensor, key, says)
 def test_a_sensor_that_does_not_reach_contact_is_refused_with_the_way_out(message):
     table = 'model = "table"\ndistances = ["5 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'
     told = message("[sensor]\n" + table + WHOLE.replace(SENSOR, ""))
-    assert "line 1: sensor: found a valid range that starts 5 mm in front of" in told
+    assert "line 1: sensor: found a curve that starts 5 mm from contact, expected one down to contact" in told
     assert 'recess = "5 mm"' in told
 
 
@@ -211,4 +211,5 @@ def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, 
 def test_an_object_that_recedes_is_told_that_an_approach_is_negative(write):
     found = pt.design_gain(load_scenario(write(replaced('"-0.3 m/s"', '"0.3 m/s"'))))
     assert found.status.value == "no-contact"
-    assert found.warnings[0].endswith("The object recedes: an approach has a negative velocity.")
+    first = "every gain ended without contact, because the object recedes: an approach has a negative velocity."
+    assert found.warnings[0].startswith(first)

@@ -13,9 +13,9 @@ import pytest
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError, MissingExtraError
 from pretouch.cli import sweep as cli_sweep
-from pretouch.sweep import executors
-from pretouch.sweep.axes import read_axis
-from pretouch.sweep.executors import Progress
+from pretouch.sweeps import executors
+from pretouch.sweeps.axes import read_axis
+from pretouch.sweeps.executors import Progress
 from sweep_samples import CONSTANT, CURVED, OBJECTIVE, SCENARIO
 
 DESIGN: dict[str, Any] = {"objective": OBJECTIVE, "bounds": (-10.0, -0.01)}

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch.sensors.recessed import recess_in_words
 from pretouch.uncertainty import reservations_of
-from pretouch.uncertainty.reservations import recess_in_words
 
 TRUTH = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 
@@ -178,7 +178,7 @@ def test_distances_count_from_the_contact_surface_and_those_in_brackets_from_the
     zero = "the sensor's zero, 5 mm behind the contact surface"
     assert "from 3 mm (first measured distance) to contact at 0 mm. Distances in brackets count from" in found.headline
     assert f"Distances in brackets count from {zero}." in found.headline
-    assert 'mount the sensor deeper, with recess = "8 mm" (now 5 mm), or ' in found.headline
+    assert 'mount the sensor 8 mm (now 5 mm) behind the contact surface, with recess = "8 mm" (' in found.headline
     assert any(zero in line and "all others count from the contact surface" in line for line in found.lines)
     bare = answer(0.008, 0.06)
     assert zero not in str(bare)

@@ -209,7 +209,9 @@ def test_flags_say_what_was_reported_since_when_and_for_how_long() -> None:
         1e-3 * (on & (trace.time < encounter.run.time)).sum()
     )
     assert flags["in-contact"].approach_duration == 0
-    assert any("force-limited" in warning for warning in encounter.warnings)
+    assert any(
+        "Before contact, the virtual force was limited: first after" in warning for warning in encounter.warnings
+    )
     assert not any("in-contact" in warning for warning in encounter.warnings)
 
 
@@ -280,7 +282,7 @@ def test_the_headline_is_made_of_the_numbers() -> None:
     speed, time = encounter.comparison("relative_velocity"), encounter.comparison("time")
     assert speed.relative_difference is not None
     assert time.difference is not None
-    harder = "harder" if speed.relative_difference > 0 else "softer"
+    harder = "faster" if speed.relative_difference > 0 else "slower"
     later = "later" if time.difference > 0 else "earlier"
     assert encounter.headline == (
         f"Contact on the loop at {abs(encounter.run.relative_velocity):.3g} m/s; predicted 0.0815 m/s "

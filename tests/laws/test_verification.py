@@ -14,10 +14,12 @@ from scipy import stats
 
 import pretouch as pt
 from page_rows import line
+from pretouch._core.blocks import page_of
 from pretouch._core.files import as_json
 from pretouch._core.vocabulary import QUANTITIES
 from pretouch.design import QUANTITY_UNITS
 from pretouch.design.constraints import CONSTRAINT_NAMES
+from pretouch.design.robust.required import least_probability, runs_to_show
 from pretouch.verification.appraisal import simulated_quantity
 from verification_samples import NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
@@ -82,7 +84,7 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
         (
             [velocity_limit(0.1, 0.99)],
             NARROWLY,
-            "is met in 100 % of 60 runs; this shows only 95.12 % with 95 % confidence (99 % required)",
+            "60 runs; this shows only 95.12 % with 95 % confidence (99 % required); 299 runs would show it",
         ),
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),
     ],
@@ -227,8 +229,8 @@ def test_a_gain_is_verified_where_there_is_no_ideal_one() -> None:
     found = verdict(QUICK, gain=-1.0, constraints=[velocity_limit(1e-4)], runs=2, changes=False)
     assert found.status is DOES_NOT
     assert found.design.gain is None
-    (said,) = (text for text in found.warnings if "The ideal design has no gain. Infeasible" in text)
-    assert said.endswith(" N s.")
+    (said,) = (text for text in found.warnings if "The ideal design has no gain (infeasible" in text)
+    assert said.endswith(" N s).")
     assert "relative velocity at contact above 0.0001 m/s in 100 % of 2 runs (none allowed)" in found.headline
     limits = str(found)[str(found).index("required in") :]
     assert line(limits, "relative velocity at contact").startswith("0.0001 m/s every run 0 % ")
@@ -310,7 +312,7 @@ def test_what_a_controller_reports_is_said_in_words() -> None:
     dropping = loop_of(dropout=0.3)
     found = verdict(dropping, gain=-0.7463, runs=20, changes=False)
     assert any("the expected reading was missing in" in text for text in found.warnings)
-    assert any("A broken sensor cable reads 0" in text for text in found.warnings)
+    assert any("A broken cable reads 0" in text for text in found.warnings)
     checked = loop_of(conditioning={"largest_rate": 100.0})
     assert not any("cable" in text for text in verdict(checked, gain=-0.7463, runs=2, changes=False).warnings)
 
@@ -381,9 +383,8 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     task = task.replace(loop=replace(task.loop, seed=seed))
     (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if "robot at rest" in text)
     found = re.search(
-        r"by at most ([\d.]+) mm within 30 s at a distance of [\d.]+ mm, the worst one \(59 runs, 95 % confidence\)\. "
-        r"A controller floor of ([\d.]+) \(now 100, unit of the readings\) keeps it within 1 mm, but objects are then "
-        r"detected only from ([\d.]+) mm on",
+        r"by up to ([\d.]+) mm in 30 s: a controller floor of ([\d.]+) \(now 100, unit of the readings\) keeps it "
+        r"within 1 mm, but objects are then detected only from ([\d.]+) mm on\. ",
         said,
     )
     assert found is not None
@@ -408,3 +409,31 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     held = replace(loop.law, conditioning=replace(loop.law.conditioning, floor=floor))
     still = pt.verify_gain(task.replace(loop=replace(loop, law=held)), changes=False)
     assert not any("robot at rest" in text for text in still.warnings)
+
+
+def test_the_advised_number_of_runs_shows_the_limit_and_one_less_does_not() -> None:
+    few = verdict(NOISY, gain=-0.7463, constraints=[velocity_limit(0.1, 0.99)])
+    assert page_of(few).next_step == "simulate 299 runs"
+    for runs, status in ((298, NARROWLY), (299, HOLDS)):
+        options: dict[str, Any] = {"constraints": [velocity_limit(0.1, 0.99)], "changes": False, "runs": runs}
+        assert verdict(NOISY, gain=-0.7463, **options).status is status
+
+
+@pytest.mark.parametrize(("share", "probability"), [(1.0, 0.5), (1.0, 0.999), (0.975, 0.95), (0.96, 0.95), (0.9, 0.95)])
+def test_runs_to_show_is_a_number_that_shows_it_if_the_share_stays_the_same(share: float, probability: float) -> None:
+    runs = runs_to_show(share, probability, 0.95)
+    assert (runs is None) == (share < probability)
+    if runs is not None:
+        assert least_probability(math.floor(share * runs + 1e-9), runs, 0.95) >= probability
+        half = runs // 2
+        assert least_probability(math.floor(share * half + 1e-9), half, 0.95) < probability
+
+
+def test_pages_have_words_instead_of_identifiers() -> None:
+    found = str(verdict(replace(NOISY, plant=pt.simulation.ImpedancePlant(mass=4.0, stiffness=4e3, damping=250.0))))
+    assert "law virtual damper;" in found
+    assert "(unit of the readings)" in found
+    encounter = str(pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=NOISY, gain=-0.7463)))
+    assert "Robot: ideal: it follows the virtual object exactly" in encounter
+    for identifier in ("[unit of", "VirtualDamper", "ImpedancePlant", "IdealPlant", "Controller every"):
+        assert identifier not in found + encounter

@@ -15,6 +15,7 @@ import pytest
 import pretouch as pt
 from page_checks import assert_sound
 from page_rows import row
+from pretouch._core.units import format_quantity
 from pretouch.cli import main
 from pretouch.report import report_html
 from scenario_text import ENCOUNTER
@@ -214,3 +215,18 @@ def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> Non
     assert found.calibration_check is None
     assert any("too few to check whether it is good enough" in warning for warning in found.warnings)
     assert found.to_dict()["calibration_check"] is None
+
+
+@pytest.mark.parametrize(("exponent", "way"), [(3.0, "softer"), (3.5, "harder"), (3.32, "")])
+def test_a_prediction_outside_of_the_range_of_the_sensors_is_explained(exponent: float, way: str) -> None:
+    """A flatter curve brakes less, so that contact is harder than on the fitted curve, but by less than 15 %."""
+    check = judged(lambda _: drawn(exponent)).calibration_check
+    assert check is not None
+    assert check.is_good_enough
+    on_loop, in_time = (format_quantity(v, "m/s", 3) for v in (check.predicted, check.witness.predicted))
+    assert f"On the loop without noise, contact is at {on_loop} on the fitted curve" in check.text
+    assert "in continuous time: on 100 curves that fit the readings, contact is at " in check.text
+    assert f"({in_time} on the fitted curve" in check.text
+    assert (f"the fitted curve gives a {way} contact than most of them" in check.text) is bool(way)
+    assert (", outside of this range; up to 15 % apart counts as agreement)" in check.text) is bool(way)
+    assert ("; up to 15 % harder counts as agreement" in check.text) is (way == "softer")

@@ -11,6 +11,8 @@ import pytest
 
 import pretouch as pt
 from loop_samples import BareLaw
+from page_checks import parse
+from pretouch.report import report_html
 from pretouch.simulation import ClosedLoop
 from pretouch.verification.stability import candidates_of, chain_at, loop_at, told_period
 from verification_samples import NOISY, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
@@ -213,3 +215,18 @@ def test_another_law_is_judged_by_its_runs_and_nothing_is_said_of_its_stability(
         assert mine.simulated.mean == pytest.approx(theirs.simulated.mean, rel=1e-3)
     assert all(change.margin is None for change in found.changes)
     assert "sensor-rate" in {change.name for change in found.changes}
+
+
+def test_a_change_names_what_stands_against_the_gain_and_was_not_checked_with_it() -> None:
+    found = verdict(loop_of(rate=20.0), gain=-0.5, runs=2)
+    assert found.best_change is not None
+    assert found.sensor_speed is not None
+    assert found.sensor_speed.is_fast_enough
+    assert "what would help most\n" in str(found)
+    assert "Not checked with this change" not in str(found)
+    slow = replace(found, sensor_speed=replace(found.sensor_speed, excess=5.39))
+    assert "what would help most (not fully checked)\n" in str(slow)
+    assert f"{found.best_change.sentence} Not checked with this change: whether the sensor is still too slow." in str(
+        slow
+    )
+    assert "Prediction, sensor speed and calibration are not checked for a change." in parse(report_html(found)).words

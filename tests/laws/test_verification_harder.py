@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch._core.blocks import page_of
 from pretouch.motion import DAMPER
 from pretouch.simulation.stability import passage
 from pretouch.verification import Effect
-from pretouch.verification.effect import chase_in_words
+from pretouch.verification.effect import SensorSpeed, chase_in_words
+from pretouch.verification.encounter_parts import faster_in_words
 from pretouch.verification.stability import limit_of
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, verdict
 
@@ -80,9 +82,9 @@ def test_a_difference_counts_from_two_standard_errors_on(
 def test_contact_that_is_harder_in_more_runs_than_half_is_harder_whatever_its_mean() -> None:
     """Of runs on which a gain does nothing half are harder by chance, within two deviations of sqrt(n) / 2."""
     known = {"speed": 0.29, "unmitigated": 0.3, "difference": -0.01, "standard_error": 0.02}
-    assert Effect(**known, runs=100, harder=61).is_harder
-    assert not Effect(**known, runs=100, harder=60).is_harder
-    assert not Effect(**known, runs=4, harder=4).is_harder
+    assert Effect(**known, runs=100, harder_count=61).is_harder
+    assert not Effect(**known, runs=100, harder_count=60).is_harder
+    assert not Effect(**known, runs=4, harder_count=4).is_harder
 
 
 @pytest.mark.parametrize("gain", [0.3, 0.01])
@@ -206,9 +208,9 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
     excess = speed.mean() / predicted - 1
     assert excess > 0.1
     assert found.status is pt.VerdictStatus.HOLDS_NARROWLY
-    assert found.reasons[0].startswith(f"contact is {100 * excess:.2g} % harder than predicted: ")
+    assert found.reasons[0].startswith(f"contact is {100 * excess:.2g} % faster than predicted: ")
     assert found.reasons[0] in found.headline
-    assert found.reasons[1].startswith("the sensor is too slow: contact is at most ")
+    assert found.reasons[1].startswith("the sensor is too slow: in 95 % of the runs, contact is up to ")
     # with a reading of each step, of that instant, the same controller gives what is compared with
     quick = loop_of(rate=1000.0)
     ideal = abs(float(quick.run(SCENARIO, SENSOR, -0.4).relative_velocity))
@@ -220,7 +222,7 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
     lenient = verdict(slow, gain=-0.4, changes=False, speed_tolerance=1.5 * max(check.excess, excess))
     assert lenient.sensor_speed is not None
     assert lenient.sensor_speed.is_fast_enough
-    assert not any("harder" in reason or "too slow" in reason for reason in lenient.reasons)
+    assert not any("faster" in reason or "too slow" in reason for reason in lenient.reasons)
     with pytest.raises(pt.errors.InvalidInputError, match=r"speed_tolerance: found -0\.1"):
         verdict(slow, gain=-0.4, speed_tolerance=-0.1)
 
@@ -266,17 +268,17 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     result, free = found.mitigated, found.unmitigated
     assert result is not None
     assert free is not None
-    said = [text for text in found.warnings if text.startswith("The largest force of the whole contact is larger")]
+    said = [text for text in found.warnings if text.startswith("After the impact, ")]
     difference = np.asarray(result.peak_force - free.peak_force)
     grows = difference.mean() > 2 * difference.std(ddof=1) / np.sqrt(20)
     assert grows == bool(said)
     assert grows
     for values in (result.peak_force, free.peak_force, result.impact_force, free.impact_force):
         assert f"{values.mean():.4g} N" in said[0]
-    assert "because the driven obstacle and the robot's drive push" in said[0]
+    assert "the driven obstacle and the robot's drive push with up to " in said[0]
     light = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, obstacle_mass=0.2))
     other = verdict(light, gain=-0.7463, runs=20, changes=False)
-    assert not any(text.startswith("The largest force") for text in other.warnings)
+    assert not any(text.startswith("After the impact") for text in other.warnings)
 
 
 def test_a_run_with_a_sensor_curve_of_its_own_meets_the_noise_of_its_number() -> None:
@@ -287,3 +289,39 @@ def test_a_run_with_a_sensor_curve_of_its_own_meets_the_noise_of_its_number() ->
     assert own.mitigated is not None
     assert own.mitigated.time == pytest.approx(same.time, rel=1e-6)
     assert np.ptp(same.time) > 1e-3 * same.time.mean()  # noise and phase alone make far more than that
+
+
+@pytest.mark.parametrize(
+    ("excess", "words"),
+    [
+        (0.041, "4.1 % faster than predicted"),
+        (0.97, "97 % faster than predicted"),
+        (1.0, "2 times as fast as predicted"),
+        (5.39, "6.4 times as fast as predicted"),
+        (539.0, "540 times as fast as predicted"),
+        (-0.22, "22 % slower than predicted"),
+    ],
+)
+def test_a_speed_is_compared_in_percent_or_as_a_factor(excess: float, words: str) -> None:
+    assert faster_in_words(excess, "predicted") == words
+
+
+@pytest.mark.parametrize(
+    ("excess", "words"), [(0.0, "no faster than"), (0.2, "up to 20 % faster than"), (5.39, "6.4 times")]
+)
+def test_the_speed_of_a_sensor_is_compared_in_words(excess: float, words: str) -> None:
+    speed = SensorSpeed(rate=8.0, speed=0.3, fast=0.08, excess=excess, tolerance=0.1)
+    assert f"In 95 % of the runs, contact is {'up to ' * (excess > 1)}{words}" in speed.text
+    assert "with an infinitely fast sensor (up to 10 % faster is allowed)." in speed.text
+
+
+@pytest.mark.parametrize(
+    ("gain", "step"), [(0.3, "use a negative gain, such as D_p = -0.3 N s"), (-0.7463, "run `pretouch")]
+)
+def test_the_next_step_for_a_gain_of_the_wrong_sign_is_the_sign(gain: float, step: str) -> None:
+    """The prediction is harder than without mitigation, too, so a comparison with it would reassure."""
+    found = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=gain))
+    assert page_of(found).next_step.startswith(step)
+    assert found.is_mitigated is page_of(found).good is (gain < 0)
+    assert ("predicted 0.8" in found.headline) is (gain > 0)
+    assert ("(" in found.headline) is (gain < 0)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import pretouch as pt
 from page_rows import line, row
+from pretouch._core.blocks import page_of
 from pretouch.control import VirtualAdmittance
 from pretouch.report import report_html
 from pretouch.simulation.stability import passed_distances
@@ -127,6 +130,33 @@ def test_a_change_that_costs_margin_says_what_is_left_of_it() -> None:
         assert said[name].sentence.endswith(f"; the gain margin falls from {before:.3g} to {margin:.3g}.")
     assert "margin" not in said["noise"].sentence
     assert said["noise"].margin == before
+
+
+def test_a_gain_that_only_the_required_margin_excludes_is_refused_with_the_rate_that_gives_it_this_margin() -> None:
+    """A design at the advised rate finds the gain; at half that rate it does not find the same one."""
+    options: dict[str, Any] = {"constraints": [velocity_limit(0.1)], "stability_margin": 2.0}
+    slow = verdict(loop_of(rate=8.0, exposure=170e-6), **options)
+    assert slow.gain is None
+    assert "infeasible with the required gain margin of 2 at this sensor rate (8 Hz): relative_vel" in slow.headline
+    advice = re.search(r"read the sensor at (\d+) Hz instead of 8 Hz", page_of(slow).next_step)
+    assert advice is not None
+    assert f"from a sensor rate of {advice[1]} Hz on" in slow.reasons[0]
+    free = verdict(loop_of(rate=8.0, exposure=170e-6), constraints=[velocity_limit(0.1)], runs=2, changes=False).gain
+    for share, same in ((1.0, True), (0.5, False)):
+        faster = loop_of(rate=share * float(advice[1]), exposure=170e-6)
+        task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=faster, bounds=BOUNDS, **options)
+        gain = pt.design_gain(task).gain
+        assert (gain == pytest.approx(free, rel=1e-6)) is same
+
+
+def test_the_rate_is_not_advised_if_no_rate_gives_the_margin_or_if_the_limit_cannot_be_met_anyway() -> None:
+    late = verdict(loop_of(delay=0.06), constraints=[velocity_limit(0.1)], stability_margin=2.0)
+    assert late.needed_rate == math.inf
+    assert "no sensor rate gives it this margin" in late.reasons[0]
+    assert "no sensor rate gives the optimum its gain margin" in page_of(late).next_step
+    hard = verdict(loop_of(rate=8.0), constraints=[velocity_limit(1e-3)], stability_margin=2.0)
+    assert hard.needed_rate is None
+    assert "margin" not in hard.headline + page_of(hard).next_step
 
 
 def test_stability_of_a_proposal_is_that_of_its_own_loop() -> None:

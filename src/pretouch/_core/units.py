@@ -21,7 +21,7 @@ WORKABLE: Final = "of a magnitude from {:g} to {:g}, or 0".format(*MAGNITUDES)
 
 
 class Unit(NamedTuple):
-    """A unit as a factor to SI and the exponents of (m, kg, s, V, counts)."""
+    """A unit, stored as its factor to SI and its exponents of m, kg, s, V and counts."""
 
     factor: float
     exponents: tuple[int, int, int, int, int]
@@ -72,10 +72,11 @@ _LARGEST_WHOLE: Final = 1e300  # largest factor (or inverse factor) that is test
 _LONGEST: Final = 1000  # characters; longer numbers are not scaled exactly
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf"
 _QUANTITY: Final = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
+_LIKELY: Final = {"m": "mm", "s": "ms"}  # the unit that is most likely meant if it is missing
 
 
 def parse_unit(text: str) -> Unit:
-    """Read a unit such as `N*s/m`, `m/s^2`, `mm` or `N/(m/s)`.
+    """Parse a unit such as `N*s/m`, `m/s^2`, `mm` or `N/(m/s)`.
 
     Args:
         text: the unit; `*`, `·` or a space multiplies, `/` divides by the next factor, `^`, `**` or a superscript
@@ -106,7 +107,7 @@ def parse_unit(text: str) -> Unit:
 
 
 def _tokens(text: str) -> list[str]:
-    """Cut a unit into symbols, integers and operators; a space between factors becomes `*`."""
+    """Split the text of a unit into symbols, integers and operators; a space between units becomes `*`."""
     source = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: "^" + m.group(1).translate(_SUPERSCRIPT), text).rstrip()
     tokens: list[str] = []
     divided = [False]  # for each open parenthesis, whether it contains a `/` so far
@@ -137,12 +138,12 @@ def _starts_factor(part: str) -> bool:
 
 
 def _ends_factor(tokens: list[str]) -> bool:
-    """Return whether the tokens end with a factor. A bare number is not one: "3 1 mm" must not mean 3 mm."""
+    """Return whether the tokens of a unit text end with a complete factor, such as `mm` or `s^2`."""
     return tokens[-1] in {")", "%"} or tokens[-1].isalpha() or (len(tokens) > 1 and tokens[-2] in {"^", "**"})
 
 
 def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Parse factors joined by `*` and `/` from the left; return their unit and the remaining tokens."""
+    """Parse a product or quotient of units, and return its unit and the remaining tokens."""
     unit, tokens = _power(tokens, text)
     while tokens and tokens[0] in {"*", "·", "/"}:
         sign = -1 if tokens[0] == "/" else 1
@@ -152,7 +153,7 @@ def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 
 
 def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Parse one factor with its exponent; return its unit and the remaining tokens."""
+    """Parse one unit with its exponent, and return the unit and the remaining tokens."""
     if not tokens or tokens[0] in {"*", "**", "·", "/", "^", ")"}:
         raise UnitError(f"{text!r} is not a unit: a unit is missing")
     if tokens[0] == "(":
@@ -171,7 +172,7 @@ def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 
 
 def _symbol(symbol: str, text: str) -> Unit:
-    """Look up one symbol, with or without a prefix."""
+    """Look up the symbol of a unit with or without an SI prefix, such as `m` or `mm`."""
     if symbol in _PLAIN:
         return _PLAIN[symbol]
     if symbol in _BASE:
@@ -192,19 +193,44 @@ def _combine(left: Unit, right: Unit, power: int) -> Unit:
     return Unit(factor, exponents)  # type: ignore[arg-type]
 
 
-def to_si(value: float | str, unit: str, *, name: str) -> float:
-    """Convert a number in SI, or text with a unit, to an SI float of the expected dimension.
+def missing_unit(text: str, unit: str) -> str:
+    """Return what to write instead of a quoted number without its unit; empty if no unit is missing.
 
     Args:
-        value: a number in SI, or text such as `"42.2 mm"`; text without a unit is in SI.
+        text: text that may be such a number.
+        unit: the expected SI unit.
+
+    Returns:
+        The alternatives, for messages; empty also for infinity, which is the same in every unit.
+
+    Examples:
+        >>> missing_unit("42.2", "m")
+        'a number with its unit, such as "42.2 mm", or 42.2 without quotes, which is in m'
+        >>> missing_unit("42.2 mm", "m"), missing_unit("0.95", "")
+        ('', '')
+    """
+    match = _QUANTITY.fullmatch(text)
+    if match is None or match.group(2) or "inf" in match.group(1) or parse_unit(unit).exponents == _NONE:
+        return ""
+    number, base = match.group(1), written_unit(unit)
+    bare = f"{float(number):.15g} without quotes, which is in {base}"
+    return f'a number with its unit, such as "{number} {_LIKELY.get(unit, base)}", or {bare}'
+
+
+def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) -> float:
+    """Convert a number in SI, or text such as `42.2 mm`, to an SI float and check its dimension.
+
+    Args:
+        value: a number in SI, or text such as `"42.2 mm"`.
         unit: the expected SI unit, such as `m/s`; empty for a pure number.
         name: name of the quantity in messages.
+        bare_text: whether text without a unit is a number in SI; otherwise it is refused, since its unit is missing.
 
     Returns:
         The value in SI.
 
     Raises:
-        UnitError: the text is not a quantity, has another dimension, or is not a number.
+        UnitError: the text is not a quantity, lacks its unit, has another dimension, or is not a number.
 
     Examples:
         >>> to_si("42.2 mm", "m", name="position")
@@ -224,6 +250,8 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
         except UnitError as error:
             raise UnitError(f"{name}: {error}; expected a unit of {expected}") from None
         wanted = parse_unit(unit)
+        if not bare_text and (instead := missing_unit(value, unit)):
+            raise UnitError(f"{name}: found {value!r}, expected {instead}")
         if match.group(2) and parsed.exponents != wanted.exponents:
             raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
         number = _scaled(match.group(1), parsed.factor)
@@ -240,7 +268,7 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
 
 
 def has_workable_magnitude(value: float) -> bool:
-    """Return whether a number is zero or has a magnitude within MAGNITUDES.
+    """Return whether a number is zero or within `MAGNITUDES`, so that products do not overflow.
 
     Args:
         value: a finite number.
@@ -256,10 +284,10 @@ def has_workable_magnitude(value: float) -> bool:
 
 
 def read_quantity(value: float | str, unit: str, *, name: str) -> float:
-    """Parse a quantity of a user, like `to_si`, and refuse magnitudes outside MAGNITUDES.
+    """Convert a quantity of the command line to SI and refuse extreme magnitudes, whose products could overflow.
 
     Args:
-        value: a number, or text with a unit.
+        value: a number, or text with or without a unit: on a command line, a number without a unit is text, too.
         unit: the expected SI unit.
         name: name of the quantity in messages.
 
@@ -273,7 +301,7 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
         >>> read_quantity("-0.7 N*s", "N*s", name="gain")
         -0.7
     """
-    number = to_si(value, unit, name=name)
+    number = to_si(value, unit, name=name, bare_text=True)
     if not (math.isinf(number) or has_workable_magnitude(number)):
         raise UnitError(
             f"{name}: found {value!r}, expected a quantity in {written_unit(unit) or 'a pure number'} {WORKABLE}"
@@ -282,7 +310,7 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
 
 
 def _scaled(literal: str, factor: float) -> float:
-    """Multiply a decimal literal by a factor, rounding once: "33.3 ms" is 0.0333 s, unlike 33.3 * 1e-3."""
+    """Multiply a decimal literal by the factor of its unit with one rounding: `33.3 ms` becomes 0.0333 s."""
     number, size = float(literal), factor if factor >= 1 else 1 / factor
     whole = size < _LARGEST_WHOLE and math.isclose(size, round(size), rel_tol=1e-12)
     if not (whole and 0 < abs(number) < math.inf and len(literal) < _LONGEST):
@@ -295,7 +323,7 @@ def _scaled(literal: str, factor: float) -> float:
 
 
 def format_quantity(value: float, unit: str, digits: int = 4) -> str:
-    """Format an SI value with its unit: lengths below 1 m in mm, times below 1 s in ms.
+    """Format an SI value with its unit; lengths below 1 m are in mm, and times below 1 s in ms.
 
     Args:
         value: the value in SI.
@@ -322,15 +350,15 @@ def format_quantity(value: float, unit: str, digits: int = 4) -> str:
 
 
 def format_range(ends: tuple[float, float], unit: str) -> str:
-    """Format the ends of a range of SI values, such as `38 mm to 46 mm`."""
+    """Format a range of SI values with its unit, such as `38 mm to 46 mm`."""
     return " to ".join(format_quantity(end, unit) for end in ends)
 
 
 def pretty_unit(unit: str) -> str:
-    """Return a unit as it is printed next to a number: `N*s/m` as `N s/m`, `m/s^2` as `m/s²`."""
+    """Return a unit as reports show it: `N*s/m` becomes `N s/m`, and `m/s^2` becomes `m/s²`."""
     return written_unit(unit).replace("*", " ")
 
 
 def written_unit(unit: str) -> str:
-    """Return a unit as messages show it, in the form that a user can type: `N*s^2/m` as `N*s²/m`."""
+    """Return a unit as messages show it and as users can type it: `N*s^2/m` becomes `N*s²/m`."""
     return unit.replace("^2", "²").replace("^3", "³").replace("^n", "ⁿ")

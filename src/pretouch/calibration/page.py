@@ -9,6 +9,7 @@ from typing import Any
 from pretouch._core.blocks import Cell, Code, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
+from pretouch.sensors.recessed import recess_in_words
 
 from .result import CalibrationReport, Estimate, SensorFit
 
@@ -16,8 +17,8 @@ Row = tuple[Cell, ...]
 
 
 def calibration_page(report: CalibrationReport) -> Page:
-    """Return the report page of a calibration, whatever its verdict."""
-    usable, best, name = report.verdict == "usable", report.best, report.calibration.name
+    """Create the report page of a calibration: verdict, usable distances, ranking of models and parameters."""
+    usable, best = report.verdict == "usable", report.best
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
     if best is None:
         blocks: tuple[Any, ...] = (_ranking(report) if report.not_fitted else None,)
@@ -40,10 +41,20 @@ def calibration_page(report: CalibrationReport) -> Page:
         key_figures=tuple(_key_figures(report)),
         warnings=() if usable else report.reasons,
         findings=tuple(f"left out: {text}" for text in report.left_out),
-        next_step="" if best is None else f'add calibration = "{name}" to the section [sensor] of a scenario file',
+        next_step="" if best is None else _next_step(report),
         lead="calibration",
         blocks=(_picture(report), *first, *blocks, PageSection(title="Provenance", blocks=tuple(_provenance(report)))),
     )
+
+
+def _next_step(report: CalibrationReport) -> str:
+    """Return the keys of a scenario file for this sensor, with the recess that puts contact into its window."""
+    nearest = report.window.l_min
+    text = f'add calibration = "{report.calibration.name}" to the section [sensor] of a scenario file'
+    if nearest <= 0:
+        return text
+    recess = recess_in_words(nearest)
+    return f'{text}, with recess = "{recess}" for a sensor that is mounted {recess} behind the contact surface'
 
 
 def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
@@ -68,14 +79,15 @@ def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
 
 
 def fit_page(fit: SensorFit) -> Page:
-    """Return the page of a single fit."""
+    """Create the report page of the fit of a single sensor model."""
     low, high = (format_quantity(d, "m") for d in fit.sensor.valid_range)
     headline = f"{fit.model}, {len(fit.distances)} distances, valid from {low} to {high}"
     return Page(kind="Sensor fit", headline=headline, blocks=_parameters(fit, None))
 
 
 def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:
-    """Return the section of a page on its sensor's calibration; `open_lines` has its limits for the answer."""
+    """Create the report section about the sensor calibration behind a design or verification."""
+    # `open_lines` has the limits of the calibration for the answer.
     limits = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
     return (
         Paragraph(text=_headline(report)),
@@ -165,7 +177,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
 
 
 def _given_offset(report: CalibrationReport) -> str:
-    """Say for which offsets the uncertainty of g holds."""
+    """Return a clause that says for which sensor offset the uncertainty of the slope is valid."""
     offset, unit = report.offset, report.calibration.unit
     if offset is None:
         return "over all curves that fit the readings"
@@ -218,7 +230,7 @@ def _interval(low: float, high: float, unit: str, digits: int = 5) -> str:
 
 
 def _scenario_text(fit: SensorFit) -> str:
-    """Write the best curve as the [sensor] section of a scenario file; contact is where the window starts."""
+    """Write the best sensor curve as the `[sensor]` section of a scenario file."""
     lines = ["[sensor]", f'model = "{fit.model}"']
     if fit.model == "table":
         sensor: Any = fit.sensor

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pretouch.design import Task
-    from pretouch.sweep import Progress
+    from pretouch.sweeps import Progress
     from pretouch.uncertainty import Reservations
 
 
@@ -103,7 +103,7 @@ def _sweep(
 ) -> None:
     """Compute the sweep that the command line describes, and show its results."""
     from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
-    from pretouch.sweep import sweep as run_sweep  # noqa: PLC0415
+    from pretouch.sweeps import sweep as run_sweep  # noqa: PLC0415
 
     task = load_scenario(file)
     for path in (shown.output, figure):
@@ -139,7 +139,7 @@ def _nominal(task: Task) -> Any:
 
 def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
     """Parse the axes of a sweep from the command line."""
-    from pretouch.sweep.axes import inputs_of, read_axis  # noqa: PLC0415
+    from pretouch.sweeps.axes import inputs_of, read_axis  # noqa: PLC0415
 
     contacts = task.gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)
     units = inputs_of(task.replace(objective=None) if contacts else task)
@@ -183,7 +183,7 @@ def _progress_printer() -> Callable[[Progress], None]:
 
 def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Presentation, figure: Path | None) -> None:
     """Draw the figure of a sweep, print its results, and exit."""
-    from pretouch.sweep.results import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
+    from pretouch.sweeps.results import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
 
     if figure is not None:
         from pretouch._core.files import write_bytes  # noqa: PLC0415

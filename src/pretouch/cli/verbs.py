@@ -122,13 +122,14 @@ def simulate(shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed
     contact with its force, and the status of the controller. Writes a report with the time series of the run,
     STEM-simulate.html in this folder.
 
-    Exit status: 0 the run ended in contact, 1 it did not, 2 a mistake in the request.
+    Exit status: 0 the run ended in contact, 1 it did not, or contact is harder than without mitigation, 2 a mistake in
+    the request.
     """
     from pretouch.verification import simulate_encounter  # noqa: PLC0415
 
     task = _load_loop(file, "simulating the loop", gain, seed)
     encounter = simulate_encounter(task)
-    shown.show(encounter, f"{file.stem}-simulate.html", task, good=bool(encounter.run.touched.all()))
+    shown.show(encounter, f"{file.stem}-simulate.html", task, good=encounter.is_mitigated)
 
 
 @verb

@@ -20,7 +20,7 @@ from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
 from pretouch.design.task import Task
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import Recessed, SensorModel
-from pretouch.uncertainty.reservations import recess_in_words
+from pretouch.uncertainty.reservations import recess_advice
 
 from .document import read_document
 from .quantities import KeyPath
@@ -251,15 +251,13 @@ class _Builder(Reading):
         window = None if calibration is None else calibration.window
         consequence = "every answer then begins with a warning that no data support it there"
         if low > 0:
-            cause, extending = "", 'extend the curve with minimum_distance = "0 mm" if the model allows it'
+            cause, other = "", 'extend the curve with minimum_distance = "0 mm" (not for a table)'
             if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
-                cause = f", at the start of the calibrated range ({window.start_reason})"
-                nearer = "calibrate again with a lower amplification, so that the output does not flatten or clip there"
-                extending = f"{nearer}, or {extending} (a table does not): {consequence}"
+                cause, other = f" ({window.start_reason.partition(' (')[0]})", "calibrate with lower amplification"
             self.refuse(
                 ("sensor",),
-                f"found a valid range that starts {1e3 * low:.4g} mm in front of the contact surface{cause}, expected "
-                f'a range that includes contact: set recess = "{recess_in_words(recess + low)}", or {extending}',
+                f"found a curve that starts {1e3 * low:.4g} mm from contact{cause}, expected one down to contact: "
+                f"{recess_advice(recess + low, recess)}, or {other}",
             )
         if scenario.distance > high:
             cause, extending = ", the end of the sensor's valid range", ""

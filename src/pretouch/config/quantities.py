@@ -12,7 +12,7 @@ from typing import Any, Final, TypeAlias
 
 from pretouch._core.errors import UnitError
 from pretouch._core.fields import Sign
-from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit, to_si, written_unit
+from pretouch._core.units import WORKABLE, has_workable_magnitude, missing_unit, parse_unit, to_si, written_unit
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 """The path of a value in a file: keys as text, list elements as index."""
@@ -155,11 +155,27 @@ class Quantity:
             raise UnfitValueError(f"expected {self.expected}")
         if isinstance(value, str):
             value = re.sub(rf"^\s*({_NUMBER})\s*/", r"\1 1/", value)  # "-61 /m" means "-61 1/m"
+            if instead := self._with_unit(value):
+                raise UnfitValueError(f"expected {instead}")
         for unit in _OUTPUT_UNITS.get(self.unit, (self.unit,)):
             number = _in_unit(value, unit)
             if number is not None:
                 return number
         raise UnfitValueError(f"expected {self.expected}{_reason(value)}")
+
+    def _with_unit(self, text: str) -> str:
+        """Return what to write instead of a number without its unit; empty if no unit is missing."""
+        volts, counts, _ = _OUTPUT_UNITS.get(self.unit, (self.unit, "", ""))
+        instead = missing_unit(text, volts)
+        if counts and instead:
+            number = text.strip()
+            return (
+                f'a number with its unit, such as "{number} {volts}" or "{number} {counts}", or {float(number):.15g} '
+                "without quotes, which is in the unit of the readings"
+            )
+        if instead and abs(float(text)) > self.largest_bare:
+            return f'{instead.partition(", or ")[0]} or "{text.strip()} {self.unit}"'
+        return instead
 
 
 def _in_unit(value: float | str, unit: str) -> float | None:

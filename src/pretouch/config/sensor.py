@@ -77,8 +77,8 @@ def _level_or_file(value: Any) -> float | str:
         return value
     try:
         return _OUTPUT(value)
-    except UnfitValueError:
-        raise UnfitValueError(f'expected {_OUTPUT.expected}, or a file such as "dark.csv"') from None
+    except UnfitValueError as error:
+        raise UnfitValueError(f'{error}, or a file such as "dark.csv"') from None
 
 
 _SELECT: Final = checked(

@@ -13,15 +13,24 @@ from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import QUANTITIES, words_for
 from pretouch.motion import ContactResult, ContactStatus, LawNumber
 from pretouch.motion.contact import ContactState
-from pretouch.motion.page_sections import inputs_section, method_section, scenario_rows, sensor_rows, solved_on
+from pretouch.motion.page_sections import (
+    RECEDING,
+    inputs_section,
+    method_section,
+    scenario_rows,
+    sensor_rows,
+    solved_on,
+)
 
 from .certificate import ACTIVE, ConstraintOutcome, DesignStatus
+from .constraints import Constraint
 from .custom_objectives import CustomObjective
 from .drag.alternative import drag_alternative
 from .evidence_page import evidence_section, sensitivity_section
 from .gain import GainDesign
 from .impact import ImpactModel, impact_rows
 from .objectives import Objective
+from .page_sentences import limit_in_words, verify_step
 from .quantities import quantity_of
 from .task import Task
 
@@ -93,7 +102,7 @@ def gain_page(design: GainDesign) -> Page:
             evidence_section(design),
             sensitivity_section(design) if design.sensitivities else None,
             inputs_section(design.scenario, design.sensor, *_searched(design)),
-            method_section(design.method, solved_on=solved_on(design)),
+            method_section(design.method, design.sensor, solved_on=solved_on(design)),
         ),
     )
 
@@ -121,20 +130,24 @@ def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
 def _findings(design: GainDesign) -> Iterator[str]:
     """Yield a sentence about each constraint, with its value and its limit."""
     for c in design.constraints:
-        value, limit = ("none" if x is None else format_quantity(x, c.unit, 3) for x in (c.value, c.limit))
-        state = "met" if c.margin is not None and c.margin >= -ACTIVE * c.limit else "exceeded"
-        yield f"{words_for(c.quantity)} {value}, limit {limit}: {state}"
+        met = c.margin is not None and c.margin >= -ACTIVE * c.limit
+        yield limit_in_words(Constraint(name=c.name, limit=c.limit), c.value, met=met)
 
 
 def _next_step(design: GainDesign) -> str:
-    if design.scenario.relative_velocity > 0:
-        return "give the obstacle a negative velocity: this object moves away"
+    if design.scenario.relative_velocity > 0 and design.result is None:
+        return RECEDING
+    if design.without_margin is not None:
+        gain = design.without_margin.gain
+        return (
+            f"read the sensor faster: `pretouch verify` names the rate for {design.number.equals(gain)}, the optimum "
+            "without the margin"
+        )
     if design.result is None:
         return (
             "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
         )
-    describe = "" if design.problem.task.loop is not None else "describe sensor chain and controller, then "
-    return f"{describe}run `pretouch verify` to check the gain on the sampled loop"
+    return verify_step(design.problem.task)
 
 
 def _contact(design: GainDesign) -> PageSection:
@@ -157,7 +170,7 @@ def _contact_rows(runs: list[ContactResult], impact: ImpactModel | None) -> Iter
     blank = ("",) * (len(runs) - 1)
     ended = all(run.reached.all() for run in runs)
     if not ended:
-        yield ("ends with", *(words_for(ContactStatus(int(run.status)).label) for run in runs), *blank)
+        yield ("ends with", *(ContactStatus(int(run.status)).words for run in runs), *blank)
         nearest = (Measured(float(run.closest_distance), "m") for run in runs)
         yield (words_for("closest_distance"), *nearest, *blank)
     for name in (*ContactState.names(), *(("drive_force", "impact_force") if impact is not None else ())):

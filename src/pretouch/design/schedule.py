@@ -24,6 +24,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import plain
 from pretouch._core.numbers import FloatArray, IntArray, finite, float_or_array, positive
 from pretouch._core.values import Value
+from pretouch.control import Output, Parts, Sample, VirtualDrag, drive, observe, push_by_drag
 from pretouch.motion.drag_path import NODES, WEIGHTS, so_far
 from pretouch.sensors import SensorModel
 
@@ -103,10 +104,47 @@ class DragSchedule(Value):
         step = np.searchsorted(self.log_output[1:-1], finite(log_output, "log_output"), side="right")
         return float_or_array(self.drag[step])
 
+    def sampled(self, drag: VirtualDrag) -> ScheduledDrag:
+        """Return the sampled law of the schedule; noise, dead zone and smoothing are those of a drag."""
+        return ScheduledDrag(schedule=self, drag=drag)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the schedule as one JSON object, in SI units."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return dict(plain({**values, "gap": self.gap, "verdict": self.verdict}))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScheduledDrag(Value):
+    """Sampled law of a schedule: the virtual drag, with phi taken from the schedule at each reading.
+
+    `DragSchedule.sampled` makes it. It runs in Python, so it is simulated like a custom law. As the period
+    tends to 0, its motion tends to the one that the schedule predicts, with an error of first order.
+
+    Args:
+        schedule: phi over ln xi.
+        drag: noise, dead zone and smoothing of the drag; its phi is not used.
+    """
+
+    schedule: DragSchedule
+    drag: VirtualDrag
+
+    def numbers(self, controller: Any) -> Any:
+        """Return the parameters of the drag for phi = 1 N s^2; the impulse is proportional to phi."""
+        return self.drag.with_value(1.0).numbers(controller)
+
+    def start(self) -> Any:
+        """Return the state before the first reading."""
+        return self.drag.start()
+
+    def step(self, parameters: Parts, state: Parts, sample: Sample) -> tuple[Parts, Output]:
+        """Run one period of a controller with this law: see `pretouch.control.Law`."""
+        sensing, seen = observe(parameters.sensing, state.sensing, sample)
+        law, push = push_by_drag(parameters.law, state.law, seen, state.drive)
+        if seen.usable:
+            push.impulse *= self.schedule.drag_at(math.log(seen.level))
+        driven, output = drive(parameters.drive, state.drive, seen, push, sample)
+        return Parts(sensing, driven, law), output
 
 
 def schedule_drag(

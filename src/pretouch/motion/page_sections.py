@@ -7,6 +7,7 @@ from operator import attrgetter
 from typing import Any, Final, Protocol
 
 from pretouch._core.blocks import Block, Cell, Listing, Measured, PageSection, PageTable, Paragraph
+from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.sensors import SensorModel
 
@@ -61,26 +62,31 @@ _INTEGRATOR: Final = (
 
 
 class _Answer(Protocol):
-    """The result of a design, as far as it reports how encounters were solved."""
+    """Interface of a design result that reports how its encounters were solved."""
 
     @property
     def method(self) -> str:
-        """How encounters were solved."""
+        """The method that solved the encounters of a design."""
 
     @property
     def on_evaluator(self) -> bool:
-        """Whether an evaluator of the user solved the encounters."""
+        """Whether a solver that the user provided has solved the encounters."""
 
 
 def solved_on(answer: _Answer) -> str:
-    """Return what solved the encounters: `motion` (L(1)), `loop` (sampled loop) or `other` (custom evaluator)."""
+    """Return whether a design used the motion equations, a simulated loop or a custom solver."""
+    # The words are `motion`, `loop` and `other`.
     if not answer.on_evaluator:
         return "motion"
     return "loop" if answer.method == "loop" else "other"
 
 
+RECEDING: Final = "give the obstacle a negative velocity: this object moves away"
+"""The next step if an object recedes and never comes into contact."""
+
+
 def scenario_rows(scenario: Scenario) -> Iterator[Row]:
-    """Yield table rows with every input of an encounter."""
+    """Yield table rows with every input of an encounter, for a report."""
     symbols = {"mass": " M_a", "damping": " D_a", "stiffness": " K_a"}
     for name, unit in SCENARIO_INPUTS.items():
         part, _, field = name.partition(".")
@@ -97,7 +103,7 @@ def scenario_rows(scenario: Scenario) -> Iterator[Row]:
 
 
 def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
-    """Yield table rows with the parameters of a curve and its valid range."""
+    """Yield table rows with the parameters and the valid range of a sensor curve, for a report."""
     yield "curve", sensor.name
     part: Any = sensor
     while part := getattr(part, "sensor", None):
@@ -110,18 +116,31 @@ def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
 
 
 def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> PageSection:
-    """Return the section that lists the inputs of a page: encounter, sensor, and further rows."""
+    """Create the report section that lists the inputs: encounter, sensor, and further rows."""
     encounter = PageTable(rows=(*scenario_rows(scenario), *others))
     curve = PageTable(rows=tuple(sensor_rows(sensor)), wraps=True)
     blocks = (PageSection(title="Encounter", blocks=(encounter,)), PageSection(title="Sensor", blocks=(curve,)))
     return PageSection(title="Inputs", blocks=blocks)
 
 
-def method_section(method: str, *, solved_on: str = "motion", others: Iterable[Block] = ()) -> PageSection:
-    """Return the section that describes how encounters were solved and which assumptions apply.
+def mounting_in_words(sensor: SensorModel | None) -> Iterator[str]:
+    """Yield how far a recessed sensor is mounted behind the contact surface, as an assumption."""
+    recess = getattr(sensor, "recess", 0.0)
+    if recess:
+        yield (
+            f"The sensor is mounted {format_quantity(recess, 'm')} behind the contact surface. Positions and distances "
+            "count from the contact surface."
+        )
+
+
+def method_section(
+    method: str, sensor: SensorModel | None = None, *, solved_on: str = "motion", others: Iterable[Block] = ()
+) -> PageSection:
+    """Create the report section that describes how encounters were solved and under which assumptions.
 
     Args:
         method: a key of METHODS, or a description of the method.
+        sensor: the sensor, whose mounting is an assumption.
         solved_on: `motion` (L(1)), `loop` or `other`, as from `solved_on`; the assumptions of `other` are unknown.
         others: further blocks, which come first.
 
@@ -130,5 +149,6 @@ def method_section(method: str, *, solved_on: str = "motion", others: Iterable[B
     """
     assumptions = {"motion": _OF_THE_MOTION, "loop": _OF_THE_LOOP}.get(solved_on, _OF_A_FUNCTION)
     description = Paragraph(text=METHODS.get(method, method))
-    blocks = (*others, description, Listing(items=(*assumptions, *_OF_ALL)), Paragraph(text=_INTEGRATOR, quiet=True))
+    assumed = Listing(items=(*mounting_in_words(sensor), *assumptions, *_OF_ALL))
+    blocks = (*others, description, assumed, Paragraph(text=_INTEGRATOR, quiet=True))
     return PageSection(title="Method and assumptions", blocks=blocks)

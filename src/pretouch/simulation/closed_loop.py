@@ -206,8 +206,9 @@ class ClosedLoop:
         low, high = max(bounds[0], -abs(strongest)), min(bounds[1], abs(strongest))
         if not low < high:
             raise InvalidInputError(
-                f"stability_margin: found {margin:g}, which allows {n.name}s up to {strongest:.4g} {n.unit}, but "
-                f"[gain] has bounds from {bounds[0]:g} to {bounds[1]:g} {n.unit}; choose a smaller margin, weaker "
+                f"stability_margin: found {margin:g}, which at a sensor rate of {self.chain.rate:g} Hz allows "
+                f"{n.name}s up to {strongest:.4g} {n.unit}, but [gain] has bounds "
+                f"from {bounds[0]:g} to {bounds[1]:g} {n.unit}; choose a smaller margin, weaker "
                 f"{n.name}s, a faster sensor or a larger virtual mass"
             )
         return low, high

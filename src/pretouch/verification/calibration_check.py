@@ -15,8 +15,8 @@ from pretouch.calibration import CalibrationReport
 from pretouch.calibration.result import DrawnCurve
 from pretouch.design import Task
 from pretouch.simulation import SensorChain
-from pretouch.uncertainty.reservations import recess_in_words
-from pretouch.uncertainty.witness_check import WitnessCheck, check_on_readings, mount
+from pretouch.uncertainty.reservations import recess_advice
+from pretouch.uncertainty.witness_check import WitnessCheck, check_on_readings, is_within, mount
 
 from .appraisal import simulated_quantity
 
@@ -92,23 +92,34 @@ class CalibrationCheck(Value):
         """The result of the check in sentences."""
         if self.is_good_enough:
             kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
-            wider = "" if self.witness is None else f" ({self.witness.text})"
+            wider = "" if self.witness is None else f", in continuous time: {self.witness.text}"
             return (
                 f"The calibration is good enough for this gain: {kept} drawn from fits to its readings agree with the "
-                f"fitted curve{self._spread}. Curves through the readings do not contradict it{wider}."
+                f"fitted curve. {self._spread} Curves through the readings do not contradict it{wider}."
             )
-        reason = f"{self.reason[:1].upper()}{self.reason[1:]}{self._spread}."
+        reason = f"{self.reason[:1].upper()}{self.reason[1:]}."
         against = None if self.witness is None else self.witness.headline
         second = "" if against is None or _lower(against) in self.reason else f" {against}"
-        return f"{reason}{second} The largest source of error is its {self.decisive}: {self.remedy}."
+        return f"{reason} {self._spread}{second} The largest source of error is its {self.decisive}: {self.remedy}."
 
     @property
     def _spread(self) -> str:
-        predicted = f"{format_quantity(self.predicted, 'm/s', 3)} predicted"
+        """The contact speeds on the loop, without noise: on the fitted curve and on the drawn sensors."""
+        text = (
+            f"On the loop without noise, contact is at {format_quantity(self.predicted, 'm/s', 3)} on the fitted curve"
+        )
         if self.low is None or self.high is None:
-            return f" ({predicted})"
+            return f"{text}."
         low, high = format_quantity(self.low, "m/s", 3), format_quantity(self.high, "m/s", 3)
-        return f" (contact at {low} to {high} on 90 % of them, {predicted})"
+        text = f"{text}, and at {low} to {high} on 90 % of these sensors."
+        if is_within(self.predicted, self.low, self.high):
+            return text
+        softer = self.predicted < self.low
+        accepted = f"; up to {100 * _HARDER:.0f} % harder counts as agreement" if softer else ""
+        return (
+            f"{text} So the fitted curve gives a {'softer' if softer else 'harder'} contact than most of them, which "
+            f"differ from it in curve, offset or misfit{accepted}."
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the results of the check as one JSON object, in SI units."""
@@ -242,9 +253,8 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
     where = "" if report.slope is None else f" around {format_quantity(report.slope.worst_at, 'm', 3)}"
     parts = [f"record more distances, and more readings at each{where}"]
     if window.l_min - recess > _CLOSE:
-        deeper, now = recess_in_words(window.l_min), format_quantity(recess, "m")
         nearest = format_quantity(window.l_min, "m")
-        parts.append(f'record distances below {nearest}, or set recess = "{deeper}" (now {now})')
+        parts.append(f"record distances below {nearest}, or {recess_advice(window.l_min, recess)}")
     start = float(np.max(task.scenario.distance))
     if window.l_max - recess < start:
         parts.append(f"record distances up to {format_quantity(start + recess, 'm')}")

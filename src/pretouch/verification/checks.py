@@ -16,6 +16,7 @@ from pretouch.control import Controller, Status
 from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
 from pretouch.design.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, Scenario
+from pretouch.motion.page_sections import mounting_in_words
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.simulation.closed_loop import loop_sentences
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
@@ -129,6 +130,7 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
     first = f" in the first {compared} of them" if compared < runs else ""
     number = f"a single one, of seed {loop.seed}" if runs == 1 else f"{runs}, independent, from seed {loop.seed}"
     return (
+        *mounting_in_words(task.sensor),
         *loop_sentences(loop),
         *_force(task),
         *(uncertain or ["Encounter: the nominal one in every run; nothing is uncertain."]),
@@ -166,7 +168,7 @@ def cautions_of(
     """Return the warnings of a verdict, from simulated runs with the gain and without mitigation."""
     loop = draws.task.loop
     return (
-        *(() if design.gain is not None else (f"The ideal design has no gain. {design.headline.removesuffix('.')}.",)),
+        *_no_ideal_gain(design),
         *_other_admittance(loop, draws.task.scenario),
         *_recession(loop),
         *_detection(loop, draws, runs[0]),
@@ -176,6 +178,12 @@ def cautions_of(
         *_flag_warnings(loop, runs[0]),
         *_unknown_calibration(draws.task.calibration),
     )
+
+
+def _no_ideal_gain(design: GainDesign) -> Iterator[str]:
+    if design.gain is None:
+        headline = design.headline.removesuffix(".")
+        yield f"The ideal design has no gain ({headline[:1].lower()}{headline[1:]})."
 
 
 def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
@@ -198,8 +206,9 @@ def _recession(loop: ClosedLoop) -> Iterator[str]:
         return
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
         yield (
-            "largest_rate is not set. A broken sensor cable reads 0, which looks like an object that recedes "
-            "suddenly: the robot would jump toward it. No run here has such a fault."
+            "A broken sensor cable makes the robot jump toward the object: set largest_rate of the controller, which "
+            "ignores such readings. A broken cable reads 0, like an object that recedes suddenly; no run here has this "
+            "fault."
         )
 
 
@@ -252,9 +261,8 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     pushing = "the driven obstacle and the robot's drive push" if driven else "the robot's drive pushes"
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
     yield (
-        f"The largest force of the whole contact is larger with mitigation, {newton[0]} on average, than without, "
-        f"{newton[1]}. The impact itself is {newton[2]} with and {newton[3]} without; the larger force follows it, "
-        f"because {pushing} while the bodies are in contact."
+        f"After the impact, {pushing} with up to {newton[0]} on average (without mitigation {newton[1]}); the impact "
+        f"itself has {newton[2]} (without mitigation {newton[3]})."
     )
 
 
@@ -302,5 +310,5 @@ def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
         return
     yield (
         f"The calibration has only {len(report.window.distances)} usable distances, too few to check whether it is "
-        "good enough."
+        "good enough: record more distances."
     )

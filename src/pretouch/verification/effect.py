@@ -17,7 +17,7 @@ from pretouch.control import Controller
 from pretouch.motion import LawNumber
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-from .encounter_parts import percent
+from .encounter_parts import faster_in_words
 from .stability import NOISES, controller_at
 
 OFTEN: Final = 0.05  # share of the runs above which harder contact counts as frequent
@@ -223,14 +223,16 @@ class SensorSpeed(Value):
         enough = "fast enough" if self.is_fast_enough else "too slow"
         speed, fast = format_quantity(self.speed, "m/s", 3), format_quantity(self.fast, "m/s", 3)
         text = f"The sensor is {enough}: with {self.rate:.6g} readings per second, contact is at {speed} on average; "
-        text += f"with an infinitely fast sensor at {fast} (both without noise). Contact is {self.harder_in_words}"
-        return f"{text} ({100 * self.tolerance:.3g} % allowed)."
+        text += f"with an infinitely fast sensor at {fast} (both without noise). "
+        return f"{text}{self.excess_in_words[:1].upper()}{self.excess_in_words[1:]}."
 
     @property
-    def harder_in_words(self) -> str:
-        """The increase of the contact speed in words, such as `at most 4 % harder in 95 % of the runs`."""
-        size = f"at most {percent(self.excess)} harder" if self.excess > _SHOWN_SHARE else "no harder"
-        return f"{size} in 95 % of the runs"
+    def excess_in_words(self) -> str:
+        """The increase of the contact speed in 95 % of the runs, and the allowed one, as a clause."""
+        size, fast = "no faster than with an infinitely fast sensor", "with an infinitely fast sensor"
+        if self.excess > _SHOWN_SHARE:
+            size = f"up to {faster_in_words(self.excess, fast)}"
+        return f"in 95 % of the runs, contact is {size} (up to {100 * self.tolerance:.3g} % faster is allowed)"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as one JSON object, in SI units."""

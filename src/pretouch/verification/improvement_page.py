@@ -21,11 +21,12 @@ Row = tuple[Cell, ...]
 
 _KEPT: Final = 1 - 1e-12
 _HELPS: Final = (
-    " A change helps if it improves the status (limits, effect and gain margin), if the most missed limit is missed "
+    " A change helps if it improves the status by limits, effect and gain margin, if the most missed limit is missed "
     "significantly less often, or if the objective falls significantly and by at least 1 %, with nothing missed more "
     "often and a gain margin of 2. A change that makes the loop unstable never helps. Objective: mean change with its "
     "standard error. Limits met: whether every limit is met as often as required, contact happens and is softer than "
-    "without mitigation, and the loop is stable; the percentage is that of the most missed limit."
+    "without mitigation, and the loop is stable; the percentage is that of the most missed limit. Prediction, sensor "
+    "speed and calibration are not checked for a change."
 )
 
 
@@ -40,10 +41,30 @@ def best_change_section(v: Verdict) -> PageSection | None:
             f" {rate}"
         ).strip()
         return PageSection(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
-    title = "What would help most" + ("" if best.standing >= _KEPT else " (not enough alone)")
+    open_reasons = _reasons_not_checked(v)
+    enough = "" if best.standing >= _KEPT else " (not enough alone)"
+    title = "What would help most" + (" (not fully checked)" if open_reasons and not enough else enough)
     effects = PageTable(head=("", "now", "with the change"), rows=tuple(_effects(v, best)))
-    advice = Paragraph(text=f"{best.sentence} {rate}".strip(), brief=True)
+    unchecked = f"Not checked with this change: whether {' and '.join(open_reasons)}." if open_reasons else ""
+    advice = Paragraph(text=" ".join(text for text in (best.sentence, rate, unchecked) if text), brief=True)
     return PageSection(title=title, titled=True, blocks=(advice, effects))
+
+
+def _reasons_not_checked(v: Verdict) -> list[str]:
+    """Return what stands against the gain and is not computed for a change, as clauses that follow "whether"."""
+    effect, speed, calibration = v.effect, v.sensor_speed, v.calibration_check
+    excess = None if effect is None else effect.excess
+    report = v.design.problem.task.calibration
+    clauses = (
+        (excess is not None and excess > v.speed_tolerance, "contact is still faster than predicted"),
+        (speed is not None and not speed.is_fast_enough, "the sensor is still too slow"),
+        (
+            (calibration is not None and not calibration.is_good_enough)
+            or (report is not None and report.verdict != "usable"),
+            "the calibration is good enough",
+        ),
+    )
+    return [clause for applies, clause in clauses if applies]
 
 
 def _rate_in_words(v: Verdict) -> str:

@@ -186,6 +186,8 @@ class Verdict(Described, Value):
         warnings: sentences to read before relying on the verdict.
         runs: number of runs.
         compared_runs: number of runs on which changes are compared.
+        needed_rate: if only the required gain margin leaves no gain, the sensor rate at which the optimum without it
+            has this margin [Hz]; infinite if no rate is high enough; else None.
         seed: seed of encounters and noise.
         confidence: confidence level of the bounds.
         scenario: the nominal encounter.
@@ -219,6 +221,7 @@ class Verdict(Described, Value):
     warnings: tuple[str, ...] = ()
     runs: int
     compared_runs: int
+    needed_rate: float | None = None
     seed: int
     confidence: float
     scenario: Scenario
@@ -245,7 +248,8 @@ class Verdict(Described, Value):
     def headline(self) -> str:
         """The verdict in one sentence."""
         if self.gain is None:
-            return f"There is no gain to verify: {self.design.headline.removesuffix('.')}."
+            headline = self.design.headline
+            return f"There is no gain to verify: {headline[:1].lower()}{headline[1:]}"
         status = _HOLDS[self.status]
         if self.reasons:
             others = len(self.reasons) - 1
@@ -261,7 +265,7 @@ class Verdict(Described, Value):
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict as one JSON object with numbers in SI units and None for missing numbers."""
         names = (
-            *("status", "headline", "gain", "reasons", "runs", "compared_runs", "seed", "confidence"),
+            *("status", "headline", "gain", "reasons", "runs", "compared_runs", "needed_rate", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
             *("sensor_speed", "noiseless_effect", "speed_tolerance"),
             *("calibration_check", "loss", "changes", "unchanged", "assumptions", "warnings"),

@@ -154,16 +154,7 @@ def check_stability(
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
 
-    def timing_at(rate: float) -> LoopTiming:
-        changed: Any = loop_at(loop, rate)
-        return timing_of(changed.chain, changed.law, worst_ratio=True)
-
-    encounter: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": limit.law}
-    encounter |= {"timing_at": timing_at, "plant": loop.plant}
-    least = [
-        lowest_rate(sensor, _virtual_admittance(law), gain, margin=factor, **encounter) if gain else 0.0
-        for factor in (1.0, 2.0)
-    ]
+    least = [rate_for_margin(loop, sensor, passed, gain, factor) for factor in (1.0, 2.0)]
     return StabilityCheck(
         limit=limit,
         margin=margin,
@@ -172,6 +163,27 @@ def check_stability(
         lowest_rate_for_margin_2=least[1],
         has_unknown_phase=timing_of(loop.chain, law).delay_range > 0,
     )
+
+
+def rate_for_margin(loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, margin: float) -> float:
+    """Return the sensor rate above which a gain has a gain margin [Hz]; infinite if none is high enough."""
+    law: Any = loop.law
+    if not gain:
+        return 0.0
+
+    def timing_at(rate: float) -> LoopTiming:
+        changed: Any = loop_at(loop, rate)
+        return timing_of(changed.chain, changed.law, worst_ratio=True)
+
+    encounter: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": loop.continuous}
+    encounter |= {"timing_at": timing_at, "plant": loop.plant}
+    return lowest_rate(sensor, _virtual_admittance(law), gain, margin=margin, **encounter)
+
+
+def rounded_up(rate: float) -> float:
+    """Return a rate rounded up to two digits, so that it is never below the rate that is needed [Hz]."""
+    step = 10.0 ** (math.floor(math.log10(rate)) - 1)
+    return float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
 
 
 def _virtual_admittance(law: Controller) -> Admittance:
@@ -229,12 +241,8 @@ def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float
     """Return loops with one change each, such as a faster sensor or less noise."""
     # |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that of ln xi.
     # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
-    rate, candidates = wanted, []
-    if rate is None:
-        rate = _FASTER * loop.chain.rate
-    else:  # rounded up to two digits: never below the rate that is needed
-        step = 10.0 ** (math.floor(math.log10(rate)) - 1)
-        rate = float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
+    candidates: list[Candidate] = []
+    rate = _FASTER * loop.chain.rate if wanted is None else rounded_up(wanted)
     changes: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
     for name, sentence, make in (*changes, *_of_controller(loop, quickest, noise)):
         try:

@@ -26,9 +26,9 @@ from .checks import assumptions_of, cautions_of, check_limits, check_reached, co
 from .effect import VerdictStatus, compare_with_fast_sensor, effect_of, without_noise
 from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
-from .reasons import judge
+from .reasons import judge, no_gain_with_margin
 from .result import Verdict
-from .stability import check_stability, limit_of, stability_margin
+from .stability import check_stability, limit_of, rate_for_margin, stability_margin
 
 _NO_LOOP: Final = (
     "loop: found none, expected the sampled loop, loop=ClosedLoop(...); in a file [chain] and [controller], such as "
@@ -77,8 +77,8 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         >>> verdict.status.value, round(verdict.gain, 4), round(verdict.stability.margin, 1)
         ('holds', -0.7463, 6.3)
     """
-    task = _check_task(task)
-    design = design_gain(task.replace(impact=foreseen_impact(task)))
+    requested, task = task, _check_task(task)
+    design = design_gain(requested.replace(impact=foreseen_impact(task), evaluate=None))
     chosen = design.gain if task.effect is None else designed_number(task)
     if task.gain is not None:
         chosen = float(finite(task.gain, "gain", task.law.number.unit))
@@ -87,8 +87,10 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
     fields |= {"speed_tolerance": task.speed_tolerance}
     fields |= {"seed": task.loop.seed, "definition": task.goal, "gain": chosen, "design": design}
     if chosen is None:
-        reason = f"the ideal design is {design.status.value}"
-        return Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,), compared_runs=0)
+        reason, rate = f"the ideal design is {design.status.value}", _rate_needed(design)
+        if rate is not None:
+            reason = no_gain_with_margin(design, rate)
+        return Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,), needed_rate=rate, compared_runs=0)
     verdict = Verdict(
         **fields, status=VerdictStatus.HOLDS, reasons=(), **_verdict_fields(task, design, chosen, changes)
     )
@@ -138,6 +140,15 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
         "mitigated": outcomes.result,
         "unmitigated": unmitigated,
     }
+
+
+def _rate_needed(design: GainDesign) -> float | None:
+    """Return the sensor rate at which the optimum has the required gain margin, if that margin leaves no gain [Hz]."""
+    task, free = design.problem.task, design.without_margin
+    if free is None or task.stability_margin is None:
+        return None
+    passed = passage(task.law, task.scenario, task.sensor, free.gain, float(task.scenario.distance))
+    return rate_for_margin(task.loop, task.sensor, passed, free.gain, task.stability_margin)
 
 
 def _check_task(task: Task) -> Task:

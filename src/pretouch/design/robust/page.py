@@ -19,6 +19,7 @@ from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 from ..certificate import DesignStatus
 from ..impact import impact_rows
 from ..page import objective_rows
+from ..page_sentences import verify_step
 from .importance import InputImportance
 from .price import Price
 from .result import RobustDesign
@@ -94,9 +95,6 @@ _ADVICE: Final = {
 }
 
 
-_VERIFY: Final = (
-    "describe sensor chain and controller, then run `pretouch verify` to check the gain on the sampled loop"
-)
 _NEXT: Final = {
     DesignStatus.INFEASIBLE: "try a smaller probability, a relaxed limit, a wider range of gains, or earlier detection",
     DesignStatus.NO_CONTACT: "use a quantile, or restrict the inputs to values with contact",
@@ -127,7 +125,7 @@ def robust_page(design: RobustDesign) -> Page:
         good=design.status is DesignStatus.OPTIMAL,
         key_figures=() if v is None else tuple(_key_figures(design, v)),
         findings=() if v is None else tuple(_findings(v)),
-        next_step=_NEXT.get(design.status, _VERIFY),
+        next_step=_NEXT.get(design.status) or verify_step(design.problem.task),
         lead="outcome",
         warnings=design.warnings,
         blocks=(
@@ -147,7 +145,7 @@ def robust_page(design: RobustDesign) -> Page:
                 (f"{design.number.name}: bounds", format_range(design.bounds, design.number.unit)),
                 *impact_rows(design.impact),
             ),
-            method_section(design.method, solved_on=solved_on(design), others=(premise,)),
+            method_section(design.method, design.sensor, solved_on=solved_on(design), others=(premise,)),
         ),
     )
 

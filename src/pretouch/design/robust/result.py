@@ -292,7 +292,10 @@ def _conflict(design: RobustDesign) -> str:
                 f"{'in every sample' if p == 1 else f'in {100 * p:g} %'}: the nearest achievable value is "
                 f"{format_quantity(magnitude, c.unit)}, at {design.number.equals(gain)}"
             )
-    return "; ".join(reasons) or "each constraint can be met with its probability, but no gain meets all of them"
+    if reasons:
+        return "; ".join(reasons)
+    names = " and ".join(required.constraint.name for required, *_ in design.reachable)
+    return f"{names} can each be met with the required probability, but no gain meets all of them"
 
 
 def _warnings(design: RobustDesign) -> Iterator[str]:

@@ -46,7 +46,7 @@ def test_the_control_law_stands_on_the_core_alone() -> None:
 
 def test_the_public_names_are_few() -> None:
     assert list(pretouch.__all__) == sorted(set(pretouch.__all__))
-    assert len(pretouch.__all__) <= 64
+    assert len(pretouch.__all__) <= 66
 
 
 @pytest.mark.parametrize("module", [pretouch, pretouch.plots], ids=["front", "plots"])

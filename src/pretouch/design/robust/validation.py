@@ -102,7 +102,7 @@ class Validation(Value):
 
 def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Validation:
     """Validate a gain and the nominal gain on fresh encounters, independent of the design."""
-    confidence = problem.task.confidence
+    confidence = problem.task.robust.confidence
     objective, ratios = problem.values(gain)
     value, low, high = problem.measure.estimate(objective, confidence)
     nominal_value, loss = None, None

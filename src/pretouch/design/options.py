@@ -53,7 +53,7 @@ class Choice(Protocol):
 
     @property
     def gain(self) -> Any:
-        """The law's number, such as D_p [N s]."""
+        """The gain of the design, such as D_p [N s]."""
 
     @property
     def scenario(self) -> Scenario:

@@ -43,7 +43,7 @@ class Source(Protocol):
         """Return the error with the line and the key of the file that caused it."""
 
     def explained(self, error: InvalidInputError) -> str:
-        """Return the message of an error, with its cause in the file."""
+        """Return the message of an error together with its cause in the file."""
 
 
 _OF_LOOP: Final[Any] = None
@@ -52,7 +52,7 @@ _OF_LOOP: Final[Any] = None
 
 @dataclass(frozen=True)
 class Task(ExplainsNames, InNotebooks, Value):
-    """The problem for the verbs (functions such as `design_gain`): the encounter, the sensor and all options.
+    """The problem that functions such as `design_gain` solve: an encounter, a sensor and all options.
 
     Each verb uses the fields that it needs and raises an error if one is missing. Options that only one verb reads are
     one value: `pareto`, `robust` and `verify`. `load_scenario` returns a Task from a scenario file, whose sections
@@ -151,7 +151,7 @@ class Task(ExplainsNames, InNotebooks, Value):
 
     @property
     def goal(self) -> Objective:
-        """The objective, for a verb that needs one.
+        """The task's objective; reading it raises an error if the task has none.
 
         Raises:
             InvalidInputError: the task has no objective.
@@ -162,16 +162,16 @@ class Task(ExplainsNames, InNotebooks, Value):
 
     @property
     def limits(self) -> tuple[Constraint, ...]:
-        """The constraints without their probabilities."""
+        """The constraints of the task, without their required probabilities."""
         return tuple([c if isinstance(c, Constraint) else c.constraint for c in self.constraints])
 
     @property
     def is_admittance_free(self) -> bool:
-        """Whether natural frequency or damping ratio is free."""
+        """Whether the design may change the natural frequency or the damping ratio."""
         return self.natural_frequency is not None or self.damping_ratio is not None
 
     def stable_bounds(self) -> tuple[float, float]:
-        """Return the bounds of the gain, without gains whose gain margin on the loop is below `stability_margin`.
+        """Return the bounds of the gain, narrowed to gains that have the required gain margin on the loop.
 
         Raises:
             InvalidInputError: there are no bounds, or no gain between them has the gain margin.
@@ -193,7 +193,7 @@ class Task(ExplainsNames, InNotebooks, Value):
         return stable
 
     def replace(self, **changes: Any) -> Task:
-        """Return a copy with other values of some fields; another loop also brings the law of its controller.
+        """Return a copy of the task with other values of some fields; a new loop also brings its own law.
 
         Options are replaced as a whole: `task.replace(robust=dataclasses.replace(task.robust, samples=512))`.
         """
@@ -215,7 +215,7 @@ def _law_of(loop: Any) -> ContinuousLaw:
 
 
 def with_file_location(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
-    """Decorate a verb so that its errors name the line and the key in the file of the task."""
+    """Decorator: errors of a function name the line and the key of the scenario file that caused them."""
 
     # The task may also be passed by name; the type `Concatenate` cannot express that.
     @wraps(verb)

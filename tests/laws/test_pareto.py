@@ -400,20 +400,30 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     ("change", "message"),
     [
         ({"bounds": (-0.1, -1.0)}, "smaller gain first"),
-        ({"quantities": ("time",)}, "two or three different ones"),
-        ({"quantities": ("time", "time")}, "two or three different ones"),
-        ({"quantities": "time"}, "quantities: found 'time', expected a sequence of texts"),
-        ({"quantities": ("time", "speed")}, "quantities: found 'speed'"),
         ({"natural_frequency": (5.0, 5.0)}, "the smaller one first"),
         ({"damping_ratio": (-1.0, 1.0)}, "must not be negative"),
         ({"damping_ratio": (0.5, 1.0, 2.0)}, "expected two numbers"),
-        ({"choice": math.nan}, "choice"),
         ({"method": "magic"}, "expected one of auto"),
     ],
 )
 def test_a_request_that_makes_no_sense_is_refused(letter_encounter: Scenario, change: dict, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         pareto_front(Task(letter_encounter, CURVES["exponential-1"], **{"bounds": BOUNDS, **change}))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"quantities": ("time",)}, "two or three different ones"),
+        ({"quantities": ("time", "time")}, "two or three different ones"),
+        ({"quantities": "time"}, "quantities: found 'time', expected a sequence of texts"),
+        ({"quantities": ("time", "speed")}, "quantities: found 'speed'"),
+        ({"choice": math.nan}, "choice"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(letter_encounter: Scenario, options: dict, message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        pareto_front(Task(letter_encounter, CURVES["exponential-1"], bounds=BOUNDS, pareto=ParetoOptions(**options)))
 
 
 def test_arrays_and_admittances_without_a_ratio_are_refused(letter_encounter: Scenario) -> None:

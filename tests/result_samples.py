@@ -17,6 +17,7 @@ from pretouch.design.drag import DragLimits, drag_by, drag_trade_off
 from pretouch.design.schedule import schedule_drag
 from pretouch.sensors import PiecewiseCubic
 from pretouch.sweeps import Axis, Progress
+from robust_samples import with_robust_options
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -59,7 +60,7 @@ def _report() -> pt.CalibrationReport:
 
 def _robust(**options: Any) -> pt.robust.RobustDesign:
     given = {"bounds": BOUNDS, "uncertainty": SPEED, "samples": 64, "validation": 64} | options
-    return pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **given))
+    return pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **with_robust_options(**given)))
 
 
 def _signals(law: control.Controller) -> tuple[Any, ...]:
@@ -122,13 +123,17 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "admittance": lambda: pt.design_admittance(pt.Task(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS, **FREE)),
     "front": lambda: pt.pareto_front(
         pt.Task(
-            SCENARIO, CONSTANT, bounds=BOUNDS, choice=-0.8, constraints=[pt.Constraint(name="acceleration", limit=3.0)]
+            SCENARIO,
+            CONSTANT,
+            bounds=BOUNDS,
+            pareto=pt.ParetoOptions(choice=-0.8),
+            constraints=[pt.Constraint(name="acceleration", limit=3.0)],
         )
     ),
     "front with admittance": lambda: pt.pareto_front(pt.Task(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE)),
     "schedule of a drag": lambda: schedule_drag(SENSOR, 0.0422, 1.0, ratio=0.26, reflectance=(0.9, 1.1), steps=12),
     "drag": lambda: pt.design_drag(
-        pt.Task(SCENARIO, SENSOR, OBJECTIVE, constraints=LIMITS, effect=pt.DragEffect(ratio=0.15))
+        pt.Task(SCENARIO, SENSOR, OBJECTIVE, constraints=LIMITS, drag_effect=pt.DragEffect(ratio=0.15))
     ),
     "drags": lambda: drag_trade_off(SENSOR, 0.0422, 1.0, np.array([0.5, 0.1])),
     "rails": lambda: DragLimits(

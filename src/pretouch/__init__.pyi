@@ -24,6 +24,7 @@ from .design import GainDesign as GainDesign
 from .design import HertzImpact as HertzImpact
 from .design import Objective as Objective
 from .design import ParetoFront as ParetoFront
+from .design import ParetoOptions as ParetoOptions
 from .design import SpringImpact as SpringImpact
 from .design import Task as Task
 from .design import Term as Term
@@ -60,6 +61,7 @@ from .sweeps import sweep as sweep
 from .verification import SimulatedEncounter as SimulatedEncounter
 from .verification import Verdict as Verdict
 from .verification import VerdictStatus as VerdictStatus
+from .verification import VerifyOptions as VerifyOptions
 from .verification import simulate_encounter as simulate_encounter
 from .verification import verify_gain as verify_gain
 

@@ -145,13 +145,12 @@ def test_a_robust_drag_is_held_against_fresh_samples_and_its_worst_encounter_is_
         bounds=(1e-3, 0.05),
         law="virtual-drag",
         uncertainty={name: pt.robust.Uniform(low=low, high=high) for name, (low, high) in known.items()},
-        samples=32,
-        validation=32,
+        robust=pt.robust.RobustOptions(samples=32, validation=32),
     )
     design = pt.robust.design_robust_gain(task)
     assert {one.by_gradient for one in design.importance} == {None}
     assert "Robust drag" in str(design)
-    worst = pt.robust.design_robust_gain(task.replace(measure=pt.robust.WorstCase()))
+    worst = pt.robust.design_robust_gain(task.replace(robust=replace(task.robust, measure=pt.robust.WorstCase())))
     assert worst.worst is not None
     corners = [
         find_contact(

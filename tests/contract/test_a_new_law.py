@@ -19,7 +19,7 @@ BOUNDS = (1e-4, 0.1)
 TASK = pt.Task(SCENARIO, SENSOR, OBJECTIVE, law="virtual-drag", bounds=BOUNDS)
 LOOP = loop_of(noise=1e-3, relative_noise=2e-3)
 LOOP = replace(LOOP, law=replace(LOOP.law, law=VirtualDrag(drag=0.0, noise=1e-3, relative_noise=2e-3)))
-ON_LOOP = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=LOOP, bounds=BOUNDS, runs=12)
+ON_LOOP = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=LOOP, bounds=BOUNDS, verify=pt.VerifyOptions(runs=12))
 SPEEDS = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
 
 DAMPERS = re.compile(r"D_p|D\u209a|\bN s(?![\u00b2^/])|N\*s\b(?!\^|/)")
@@ -31,7 +31,9 @@ ANSWERS: dict[str, Callable[[], Any]] = {
     "infeasible": lambda: pt.design_gain(
         TASK.replace(bounds=(1e-4, 1e-3), constraints=(pt.Constraint(name="relative_velocity", limit=0.1),))
     ),
-    "robust": lambda: pt.robust.design_robust_gain(TASK.replace(uncertainty=SPEEDS, samples=16, validation=16)),
+    "robust": lambda: pt.robust.design_robust_gain(
+        TASK.replace(uncertainty=SPEEDS, robust=pt.robust.RobustOptions(samples=16, validation=16))
+    ),
     "front": lambda: pt.pareto_front(TASK),
     "encounter": lambda: pt.simulate_encounter(ON_LOOP),
     "verdict": lambda: pt.verify_gain(ON_LOOP),

@@ -20,7 +20,7 @@ samples = 32
 rate = "1 kHz"
 [controller]
 rate = "1 kHz"
-[loop]
+[verify]
 runs = 8
 """
 VERBS = {

@@ -31,8 +31,9 @@ kind = "spring-damper"
 stiffness = "100 kN/m"
 obstacle_mass = "1.5 kg"
 [loop]
-runs = 40
 follow_time = "50 ms"
+[verify]
+runs = 40
 """
 )
 
@@ -102,7 +103,7 @@ def test_verify_as_json_is_the_verdict_of_the_file(run):
     code, out, err = run("verify", "loop.toml", "--json", "--runs", "30", "--seed", "2")
     assert (code, err) == (0, "")
     told = strict(out)
-    found = pt.verify_gain(pt.load_scenario("loop.toml").replace(runs=30, loop=seeded(2)))
+    found = pt.verify_gain(pt.load_scenario("loop.toml").replace(verify=pt.VerifyOptions(runs=30), loop=seeded(2)))
     assert (told["runs"], told["seed"]) == (30, 2)
     assert told["status"] == found.status.value
     assert told["gain"] == found.gain

@@ -29,7 +29,7 @@ L_0, N, L_D, V = 0.0419, 3.32, 0.0422, 0.3
 U_OF = 1 / (L_0 + L_D)
 DIGITS = 5e-4  # relative: half a unit of the last of the four digits that a page shows, at most
 FACTORS = {"m": 1.0, "mm": 1e-3, "s": 1.0, "ms": 1e-3, "m/s": 1.0, "mm/s": 1e-3, "m/s\u00b2": 1.0, "N": 1.0, "%": 0.01}
-TASK = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, effect=pt.DragEffect(ratio=0.15))
+TASK = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, drag_effect=pt.DragEffect(ratio=0.15))
 
 
 def excursion(phi: float, distance: float = L_D) -> float:
@@ -164,11 +164,11 @@ def test_text_and_notebook_say_the_same(design: Any) -> None:
 OTHERS = {
     "no objective": TASK.replace(objective=None),
     "bounds of a drag": TASK.replace(law="virtual-drag", bounds=(1e-4, 1.0)),
-    "by acceleration": TASK.replace(effect=pt.DragEffect(acceleration=20.0, largest_speed=2.0)),
+    "by acceleration": TASK.replace(drag_effect=pt.DragEffect(acceleration=20.0, largest_speed=2.0)),
     "by force": TASK.replace(
-        effect=pt.DragEffect(impact_force=5.0), impact=pt.SpringImpact(robot_mass=2.0, stiffness=1e4)
+        drag_effect=pt.DragEffect(impact_force=5.0), impact=pt.SpringImpact(robot_mass=2.0, stiffness=1e4)
     ),
-    "nothing to do": TASK.replace(effect=pt.DragEffect(contact_speed=0.4)),
+    "nothing to do": TASK.replace(drag_effect=pt.DragEffect(contact_speed=0.4)),
     "a limit": TASK.replace(constraints=[pt.Constraint(name="acceleration", limit=1.0)]),
     "a table": TASK.replace(sensor=pt.Table(distances=(0.0, 0.01, 0.02, 0.045), outputs=(8.0, 4.0, 2.0, 1.0))),
     "pushed": TASK.replace(
@@ -206,7 +206,7 @@ def test_what_does_not_hold_is_said() -> None:
     assert "accelerates toward the plant by 0.5 m/s\u00b2" in str(pushed)
     assert shown(row(report_html(pushed), "contact speed", "The contact")[1:2]) == near(followed(PHI, 0.5)[0])
     assert "no contact" in pt.design_drag(OTHERS["braking"]).headline
-    slow = pt.design_drag(TASK.replace(effect=pt.DragEffect(acceleration=2.0, largest_speed=0.1)))
+    slow = pt.design_drag(TASK.replace(drag_effect=pt.DragEffect(acceleration=2.0, largest_speed=0.1)))
     assert "faster than 0.1 m/s" in str(slow)
 
 
@@ -245,7 +245,7 @@ def test_a_drag_is_warned_of_where_it_must_be_and_nowhere_else(
     effect = pt.DragEffect(ratio=0.15)
     if largest_speed is not None:  # the same drag at the speed of the encounter
         effect = pt.DragEffect(contact_speed=0.15 * largest_speed, largest_speed=largest_speed)
-    found = pt.design_drag(TASK.replace(scenario=scenario, constraints=limits, effect=effect))
+    found = pt.design_drag(TASK.replace(scenario=scenario, constraints=limits, drag_effect=effect))
     page = drag_page(found)
     assert (page.good, page.status) == (good, "drag found" if good else "a limit is exceeded")
     assert len(page.warnings) == len(said)
@@ -263,7 +263,7 @@ def test_a_drag_is_warned_of_where_it_must_be_and_nowhere_else(
 )
 def test_a_drag_keeps_the_limit_that_it_is_made_for(effect: str, name: str, limit: float) -> None:
     task = TASK.replace(
-        effect=pt.DragEffect(**{effect: limit}),
+        drag_effect=pt.DragEffect(**{effect: limit}),
         constraints=[pt.Constraint(name=name, limit=limit), pt.Constraint(name="gain", limit=0.1)],
         impact=pt.SpringImpact(robot_mass=2.0, stiffness=1e4),
     )
@@ -278,7 +278,7 @@ def test_a_drag_keeps_the_limit_that_it_is_made_for(effect: str, name: str, limi
 @pytest.mark.parametrize(
     ("task", "message"),
     [
-        (TASK.replace(effect=None), "effect: found none"),
+        (TASK.replace(drag_effect=None), "drag_effect: found none"),
         (TASK.replace(scenario=replace(SCENARIO, plant=pt.Plant(velocity=-0.1))), "rest at its reference"),
         (
             TASK.replace(

@@ -95,7 +95,7 @@ def test_the_numbers_about_the_drag_are_those_of_the_example() -> None:
     import pretouch as pt
 
     task = pt.load_scenario(ROOT / "examples" / "approach.toml")
-    drag, gain = pt.design_drag(task.replace(effect=pt.DragEffect(ratio=0.15))), pt.design_gain(task)
+    drag, gain = pt.design_drag(task.replace(drag_effect=pt.DragEffect(ratio=0.15))), pt.design_gain(task)
     own, admittance = gain.result.contact, task.scenario.admittance
     assert (round(drag.ratio, 2), round(drag.excursion, 3)) == (0.15, 0.060)
     assert (round(own.relative_velocity / -0.3, 2), round(own.displacement, 3)) == (0.26, -0.097)

@@ -40,9 +40,15 @@ def problem():
     return pt.load_scenario(ROOT / "examples" / "approach.toml")
 
 
-def front_of(problem, quantities=("displacement", "relative_velocity"), **more):
+def front_of(problem, quantities=("displacement", "relative_velocity"), choice=None, **more):
     return pt.pareto_front(
-        pt.Task(problem.scenario, problem.sensor, quantities=quantities, bounds=problem.bounds, **more)
+        pt.Task(
+            problem.scenario,
+            problem.sensor,
+            pareto=pt.ParetoOptions(quantities=quantities, choice=choice),
+            bounds=problem.bounds,
+            **more,
+        )
     )
 
 
@@ -155,7 +161,11 @@ def test_design_chooses_the_admittance_where_the_file_leaves_it_open(run):
     [
         ("pareto", 'quantities = ["time"]', "expected a list of two or three quantities"),
         ("pareto", 'quantities = ["time", "speed"]', 'quantities[1]: found "speed", expected one of "time"'),
-        ("pareto", 'quantities = ["time", "time"]', "quantities: found a quantity twice"),
+        (
+            "pareto",
+            'quantities = ["time", "time"]',
+            "quantities: found time, time, expected two or three different ones",
+        ),
         ("pareto", 'quantities = ["time", "impact_force"]', "quantities[1]: found impact_force without [impact]"),
         ("pareto", 'choice = "1 m"', 'choice: found "1 m", expected a quantity in N*s'),
         ("pareto", "gain = 1", "gain: found"),

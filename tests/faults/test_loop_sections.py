@@ -82,9 +82,12 @@ MISTAKES = [
     (STIFF, "stiffness = -1", "stiffness = -1", "contact.stiffness", "a positive quantity in N/mⁿ"),
     (STIFF, "stiffness = 1e6\nexponent = 0.5", "exponent =", "contact.exponent", "found 0.5, which must be at least 1"),
     (STIFF, "stiffness = 1e6\ndamping = 1", "damping = 1", "contact.damping", 'a key of "spring-damper", which "hunt-'),
-    ("runs = 500", "runs = 0", "runs", "loop.runs", "expected a whole number of at least 1, such as 1000"),
-    ("runs = 500", "seed = -1", "seed", "loop.seed", "expected a whole number of at least 0"),
-    ("runs = 500", 'horizon = "0 s"', "horizon", "loop.horizon", "expected a positive quantity in s"),
+    ("runs = 500", "runs = 0", "runs", "verify.runs", "expected a whole number of at least 1, such as 1000"),
+    ("runs = 500", "confidence = 95", "confidence", "verify.confidence", "expected a probability between 0 and 1"),
+    ("runs = 500", "speed_tolerance = -0.1", "speed", "verify.speed_tolerance", "expected a nonnegative number"),
+    (MARGIN, "runs = 5", "runs", "loop.runs", "found a key of [verify], expected only seed, horizon, follow_time"),
+    (MARGIN, "seed = -1", "seed", "loop.seed", "expected a whole number of at least 0"),
+    (MARGIN, 'horizon = "0 s"', "horizon", "loop.horizon", "expected a positive quantity in s"),
     (MARGIN, "stability_margin = 1", "stability", "loop.stability_margin", "found 1, expected a gain margin above 1"),
     (MARGIN, 'stability_margin = "2 m"', "stability", "loop.stability_margin", 'found "2 m", expected a number'),
     ('[plant]\nposition = "0 m"', "[plant]\nmass = 4", "mass = 4", "plant.mass", "a key of [admittance] or [robot]"),
@@ -158,6 +161,7 @@ def test_the_undamaged_file_is_read(write):
         (ROBOT, "robot", "found this section without [controller]"),
         (LOOP + CHAIN, "chain", "found this section without [controller]"),
         (ROBOT + CONTACT + CONTROLLER, "controller", "found this section without [chain]"),
+        ("[verify]\nruns = 5\n", "verify", "found this section without [controller]"),
     ],
 )
 def test_a_part_of_a_loop_alone_is_refused(message, sections, named, says):
@@ -202,7 +206,7 @@ def test_several_mistakes_are_told_at_once(message):
 
 def test_a_bare_curve_is_in_the_unit_of_the_part_and_must_be_of_its_size(write, message):
     bare = LOOPED.replace('"0.533 counts"', "0.533")
-    assert load_scenario(write(bare)).part.unit == "counts"
+    assert load_scenario(write(bare)).sensor_part.unit == "counts"
     told = message(LOOPED.replace('"0.533 counts"', "1.30e-5"))
     assert "line 3: sensor.scale: found an output of 0.4877 at contact, below the controller's floor of 60" in told
     assert "expected outputs in counts, which VCNL4010 reports, well above it" in told

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import pretouch as pt
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
-from pretouch.design.robust import ConditionalValueAtRisk, Expected, Quantile, WorstCase
+from pretouch.design.robust import ConditionalValueAtRisk, Expected, Quantile, RobustOptions, WorstCase
 from pretouch.uncertainty import CorrelatedNormal, Empirical, Interval, Normal, TruncatedNormal, Uniform
 from scenario_text import SENSOR, WHOLE, line_of, refusal, replaced, writer
 
@@ -51,15 +52,9 @@ def test_what_is_known_is_read_in_si_and_in_the_order_of_the_file(write):
         ("sensor.exponent", Normal(mean=3.32, deviation=0.1)),
         ("admittance.damping", Uniform(low=9.0, high=11.0)),
     ]
-    assert asked.measure == ConditionalValueAtRisk(probability=0.9)
     assert [(r.constraint.name, r.probability) for r in asked.constraints] == [("excursion", 0.99)]
-    assert (asked.samples, asked.validation, asked.seed, asked.sampling, asked.confidence) == (
-        4096,
-        4096,
-        7,
-        "sobol",
-        0.95,
-    )
+    measure = ConditionalValueAtRisk(probability=0.9)
+    assert asked.robust == RobustOptions(measure=measure, samples=4096, validation=4096, seed=7)
 
 
 def test_one_side_may_be_open_and_tables_may_be_sections(write):
@@ -79,7 +74,7 @@ def test_one_side_may_be_open_and_tables_may_be_sections(write):
 )
 def test_every_measure_is_built(write, text, measure):
     asked = load_scenario(write(WHOLE + KNOWN + "[robust]\n" + text + "\n"))
-    assert asked.measure == measure
+    assert asked.robust.measure == measure
     assert asked.constraints == load_scenario(write(WHOLE)).constraints
 
 
@@ -106,7 +101,9 @@ def test_a_robust_design_is_that_of_the_file(write):
     found = pt.robust.design_robust_gain(problem)
     assert (found.samples, found.seed, found.validation.samples) == (64, 7, 32)
     assert list(found.uncertainty) == list(problem.uncertainty)
-    other = pt.robust.design_robust_gain(problem.replace(samples=16, seed=1, validation=16))
+    other = pt.robust.design_robust_gain(
+        problem.replace(robust=replace(problem.robust, samples=16, seed=1, validation=16))
+    )
     assert (other.samples, other.seed, other.validation.samples) == (16, 1, 16)
     assert other.gain != found.gain
 
@@ -211,7 +208,7 @@ def test_the_covariance_of_a_calibration_is_taken(write, tmp_path):
     assert known.names == ("sensor.distance_offset", "sensor.exponent")
     best = problem.calibration.best
     np.testing.assert_array_equal(known.covariance, best.covariance[1:, 1:])
-    found = pt.robust.design_robust_gain(problem.replace(samples=128, validation=128))
+    found = pt.robust.design_robust_gain(problem.replace(robust=replace(problem.robust, samples=128, validation=128)))
     assert found.gain == pytest.approx(found.nominal_gain, rel=0.05)
     own = text + 'sensor.recess = { uniform = ["0 mm", "1 mm"] }\n'
     recessed = own.replace("minimum_distance = 0", 'minimum_distance = "0 mm"\nrecess = "0.5 mm"')

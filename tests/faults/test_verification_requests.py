@@ -62,7 +62,9 @@ def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], mess
 @pytest.mark.parametrize("verb", [pt.verify_gain, pt.simulate_encounter])
 def test_the_law_of_a_task_is_that_of_its_loop(verb: Callable[[pt.Task], Any]) -> None:
     drag = replace(QUICK, law=replace(QUICK.law, law=pt.control.VirtualDrag(drag=0.0144, noise=1e-3)))
-    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(1e-3, 0.1), gain=0.0144, loop=drag, runs=2)
+    task = pt.Task(
+        SCENARIO, SENSOR, OBJECTIVE, bounds=(1e-3, 0.1), gain=0.0144, loop=drag, verify=pt.VerifyOptions(runs=2)
+    )
     assert task.law is pt.motion.DRAG
     assert task.replace(loop=QUICK, gain=-0.7).law is pt.motion.DAMPER
     with pytest.raises(

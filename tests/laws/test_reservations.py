@@ -224,5 +224,5 @@ def test_what_a_drag_does_where_no_data_are_is_its_share_of_the_logarithm_of_the
     assert found.speed_without_force > found.speed
     assert "nearer than 8 mm, the extrapolated curve gives " in str(found)
     assert "% of the effect of the drag, ln(1/\u03c1)\n" in str(found)
-    design = pt.design_drag(task.replace(effect=pt.DragEffect(ratio=0.15)))
+    design = pt.design_drag(task.replace(drag_effect=pt.DragEffect(ratio=0.15)))
     assert reservations_of(report(0.008, 0.06), design).speed == pytest.approx(0.15 * 0.3, rel=1e-9)

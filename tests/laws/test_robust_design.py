@@ -26,6 +26,7 @@ from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.motion.scenario import scenario_with, sensor_with
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 from pretouch.uncertainty import CorrelatedNormal, Interval, Normal, TruncatedNormal, Uniform, sample_inputs
+from robust_samples import with_robust_options
 
 SCENARIO = Scenario(
     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.0422, velocity=-0.3)
@@ -42,7 +43,7 @@ MEASURES = (Expected(), Quantile(probability=0.9), ConditionalValueAtRisk(probab
 
 def design(sensor: SensorModel = CONSTANT, *, scenario: Scenario = SCENARIO, **given: object) -> RobustDesign:
     asked = {"uncertainty": SPEED, "samples": 256, "validation": 256, "bounds": BOUNDS, **given}
-    return design_robust_gain(Task(scenario, sensor, asked.pop("objective", OBJECTIVE), **asked))  # type: ignore[arg-type]
+    return design_robust_gain(Task(scenario, sensor, asked.pop("objective", OBJECTIVE), **with_robust_options(**asked)))  # type: ignore[arg-type]
 
 
 def limit(name: str, size: float, probability: float = 1.0) -> Required:

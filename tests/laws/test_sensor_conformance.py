@@ -288,7 +288,7 @@ UNLAWFUL = {
 def test_an_unlawful_curve_is_refused_where_it_is_first_used(name: str) -> None:
     sensor, message = UNLAWFUL[name]
     recessed = Recessed(sensor=sensor, recess=0.0)
-    drag = Task(encounter(), sensor, effect=DragEffect(ratio=0.3))
+    drag = Task(encounter(), sensor, drag_effect=DragEffect(ratio=0.3))
     for use in (
         lambda: design(sensor),
         lambda: design(recessed),

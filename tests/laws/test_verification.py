@@ -334,7 +334,9 @@ def test_the_objective_of_a_run_is_that_of_its_contact() -> None:
 def test_an_objective_of_forces_is_that_of_the_runs() -> None:
     objective = pt.Objective(terms=(pt.Term(quantity="virtual_force", scale=10.0),))
     options: dict[str, Any] = {"bounds": (-10.0, -0.01), "gain": -0.7463, "constraints": [velocity_limit(0.08)]}
-    found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, objective, loop=NOISY, runs=60, **options))
+    found = pt.verify_gain(
+        pt.Task(SCENARIO, SENSOR, objective, loop=NOISY, verify=pt.VerifyOptions(runs=60), **options)
+    )
     assert found.loss is not None
     assert found.mitigated is not None
     assert found.loss.objective == pytest.approx(((found.mitigated.virtual_force / 10.0) ** 2).mean())
@@ -379,7 +381,9 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     At nine levels near the floor, other than those that were looked at. Of 24 runs 7 exceed what 5 % do by chance in
     one of 10,000 cases; the floor that is named must quiet the warning itself.
     """
-    task = pt.load_scenario(EXAMPLES / "loop.toml").replace(runs=2)
+    task = pt.load_scenario(EXAMPLES / "loop.toml").replace(
+        verify=replace(pt.load_scenario(EXAMPLES / "loop.toml").verify, runs=2)
+    )
     task = task.replace(loop=replace(task.loop, seed=seed))
     (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if "robot at rest" in text)
     found = re.search(

@@ -35,7 +35,7 @@ relative_velocity = "0.1 m/s"
 rate = "1 kHz"
 [controller]
 rate = "1 kHz"
-[loop]
+[verify]
 runs = 20
 """
 )
@@ -136,7 +136,16 @@ def judged(make: Callable[[np.random.Generator], Drawn], sensor: Any = SENSOR, *
     chain = {"offset": 0.05} | options.pop("chain", {})
     loop = loop_of(rate=1000.0, conditioning={"offset": 0.05}, **chain)
     return pt.verify_gain(
-        pt.Task(SCENARIO, sensor, OBJECTIVE, loop=loop, bounds=BOUNDS, runs=2, calibration=known, **options),
+        pt.Task(
+            SCENARIO,
+            sensor,
+            OBJECTIVE,
+            loop=loop,
+            bounds=BOUNDS,
+            verify=pt.VerifyOptions(runs=2),
+            calibration=known,
+            **options,
+        ),
         changes=False,
     )
 

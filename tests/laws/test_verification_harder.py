@@ -107,7 +107,16 @@ def test_contact_that_comes_with_the_gain_alone_is_harder() -> None:
     turning = pt.Obstacle(position=0.0422, velocity=-0.3, acceleration=0.3**2 / (2 * 0.0402))
     scenario = replace(SCENARIO, obstacle=turning)
     loop = replace(QUICK, horizon=1.0)
-    task = pt.Task(scenario, SENSOR, OBJECTIVE, loop=loop, gain=1.0, bounds=(-10.0, 2.0), runs=2, horizon=1.0)
+    task = pt.Task(
+        scenario,
+        SENSOR,
+        OBJECTIVE,
+        loop=loop,
+        gain=1.0,
+        bounds=(-10.0, 2.0),
+        verify=pt.VerifyOptions(runs=2),
+        horizon=1.0,
+    )
     found = pt.verify_gain(task, changes=False)
     assert found.effect is not None
     assert found.effect.unmitigated == 0
@@ -140,7 +149,7 @@ BOTH = {"natural_frequency": (2.0, 12.0)}
     ],
 )
 def test_bounds_without_a_gain_that_mitigates_are_refused_with_the_sign(verb: Any) -> None:
-    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=QUICK, bounds=(0.01, 10.0), runs=2)
+    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=QUICK, bounds=(0.01, 10.0), verify=pt.VerifyOptions(runs=2))
     expected = (
         "bounds: 0.01 to 10 N s make the robot chase the object; mitigating gains are negative. "
         "Did you mean -10 to -0.01 N s?"
@@ -175,7 +184,13 @@ def test_a_loop_without_effect_does_not_hold() -> None:
     """The object comes within 84 ms, of which an 8 Hz sensor has no two readings."""
     fast = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=-0.5))
     task = pt.Task(
-        fast, SENSOR, OBJECTIVE, loop=loop_of(rate=8.0, random_phase=True), gain=-0.2, bounds=BOUNDS, runs=20
+        fast,
+        SENSOR,
+        OBJECTIVE,
+        loop=loop_of(rate=8.0, random_phase=True),
+        gain=-0.2,
+        bounds=BOUNDS,
+        verify=pt.VerifyOptions(runs=20),
     )
     found = pt.verify_gain(task, changes=False)
     assert found.mitigated is not None

@@ -243,7 +243,9 @@ def test_where_no_gain_is_stable_the_verdict_says_so() -> None:
     late = loop_of(delay=0.05)
     loop = replace(late, law=replace(late.law, admittance=ringing))
     scenario = replace(SCENARIO, admittance=pt.Admittance(mass=1.0, damping=0.0, stiffness=2500.0))
-    found = pt.verify_gain(pt.Task(scenario, SENSOR, OBJECTIVE, loop=loop, gain=-0.3, bounds=BOUNDS, runs=2))
+    found = pt.verify_gain(
+        pt.Task(scenario, SENSOR, OBJECTIVE, loop=loop, gain=-0.3, bounds=BOUNDS, verify=pt.VerifyOptions(runs=2))
+    )
     assert found.stability is not None
     assert found.stability.margin == 0
     assert found.stability.lowest_rate == math.inf

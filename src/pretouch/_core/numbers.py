@@ -67,6 +67,14 @@ def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
     return checked
 
 
+def checked_probability(value: Any, name: str = "probability") -> float:
+    """Return a probability between 0 and 1, both excluded; raise an error for other numbers."""
+    number = float(finite(value, name))
+    if not 0 < number < 1:
+        raise InvalidInputError(f"{name}: found {number:g}, expected a number between 0 and 1, such as 0.95")
+    return number
+
+
 def float_or_array(value: Any) -> Any:
     """Convert a 0-dimensional array to a float, and return any other array unchanged."""
     return float(value) if np.ndim(value) == 0 else value

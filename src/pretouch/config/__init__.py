@@ -26,7 +26,7 @@ from .document import read_document
 from .quantities import KeyPath
 from .reading import Reading, ScenarioSource, split_message
 from .robust import robust_fields
-from .schema import FREE, LOOP_SECTIONS
+from .schema import FREE, LOOP_SECTIONS, OPTIONS
 from .sensor import CALIBRATION, FROM_SURFACE, FitRequest, fit_sensor_of, read_no_object, read_output
 
 if TYPE_CHECKING:
@@ -104,7 +104,9 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
 def _task(builder: _Builder) -> Task | None:
     """Build the task that a scenario file describes; None if the file has mistakes."""
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
-    options = {"impact": builder.make("impact"), **builder.pareto(), **builder.freedom(), **builder.settings("motion")}
+    options = {"impact": builder.make("impact"), **builder.freedom(), **builder.settings("motion")}
+    options |= {section: builder.options(section) for section in OPTIONS}
+    builder.needs_impact_of_quantities()
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
         return None  # with mistakes, a fit would be wasted time
     sensor, calibration = builder.sensor()
@@ -210,14 +212,6 @@ class _Builder(Reading):
         values = self.values("admittance") or {}
         return {key.removesuffix("_bounds"): (values[key][0], values[key][1]) for key in FREE if key in values}
 
-    def pareto(self) -> dict[str, Any]:
-        """Return the quantities of the Pareto front, and the gain that is marked in its plot."""
-        values = self.values("pareto") or {}
-        names = tuple(values.get("quantities", ("displacement", "relative_velocity")))  # as in the objective f_1, L(20)
-        for i, name in enumerate(names if "pareto" in self.sections else ()):
-            self._needs_impact(name, ("pareto", "quantities", i))
-        return {"quantities": names, "choice": values.get("choice")}
-
     def objective(self) -> Objective | None:
         """Build the objective from the section [objective] of the scenario file."""
         values = self.values("objective")
@@ -238,6 +232,11 @@ class _Builder(Reading):
         for name in limits:
             self._needs_impact(CONSTRAINT_NAMES[name], ("constraints", name))
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
+
+    def needs_impact_of_quantities(self) -> None:
+        """Refuse forces as quantities of a Pareto front, if [impact] is missing."""
+        for i, name in enumerate((self.values("pareto") or {}).get("quantities", ())):
+            self._needs_impact(name, ("pareto", "quantities", i))
 
     def needs_impact_of_effect(self) -> None:
         """Report a mistake if a drag is chosen by its impact force but the section [impact] is missing."""

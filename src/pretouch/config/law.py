@@ -43,7 +43,7 @@ def law_fields(
                 f'{why}; add, for example: largest_speed = "0.5 m/s"',
             )
     speed = values.get("largest_speed")
-    return {"law": DRAG, "effect": file.attempt("law", lambda: DragEffect(**effects, largest_speed=speed))}
+    return {"law": DRAG, "drag_effect": file.attempt("law", lambda: DragEffect(**effects, largest_speed=speed))}
 
 
 def sampled_drag(file: Reading, chain: SensorChain) -> VirtualDrag | None:

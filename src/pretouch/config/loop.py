@@ -67,7 +67,7 @@ def loop_fields(
         refuse_curve_below_floor(file, sensor, controller.conditioning, part)
     options = {name: settings.pop(name) for name in ("seed", "horizon", "follow_time")}
     loop = ClosedLoop(law=controller, chain=chain, plant=plant, contact=contact, **options)
-    return {"loop": loop, "gain": values.get("gain"), "part": part, **settings}
+    return {"loop": loop, "gain": values.get("gain"), "sensor_part": part, **settings}
 
 
 def _refuse_missing_sections(file: Reading) -> None:

@@ -166,12 +166,10 @@ LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
     "loop": {
         "": Section(
             {
-                "runs": Key(whole(1, "1000"), 1000),
                 "seed": Key(whole(0, "0"), 0),
                 "horizon": Key(_SPAN, 10.0),
                 "follow_time": Key(Quantity("s", '"1 ms"', "nonnegative"), 0.2),
                 "stability_margin": Key(Quantity("", "2.0", "positive")),
-                "speed_tolerance": Key(Quantity("", "0.1", "nonnegative"), 0.1),
             },
             _check_margin,
         )

@@ -33,16 +33,15 @@ _KEY_OF_NAME: Final[dict[str, KeyPath]] = {
     "sensor": ("sensor",),
     "natural_frequency": ("admittance", "natural_frequency_bounds"),
     "damping_ratio": ("admittance", "damping_ratio_bounds"),
-    "quantities": ("pareto", "quantities"),
     "choice": ("pareto", "choice"),
     "impact_force": ("impact",),
     "drive_force": ("impact",),
     "uncertainty": ("uncertainty",),
     "samples": ("robust", "samples"),
     "seed": ("robust", "seed"),
-    "confidence": ("robust", "confidence"),
+    "runs": ("verify", "runs"),
     "stability_margin": ("loop", "stability_margin"),
-    "effect": ("law",),
+    "drag_effect": ("law",),
     **{name: ("law", name) for name in ("ratio", "excursion", "acceleration", "contact_speed", "largest_speed")},
 }
 
@@ -219,6 +218,13 @@ class Reading:
     def settings(self, section: str) -> dict[str, Any]:
         """Return the values of an optional section of the scenario file, or its default values."""
         return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
+
+    def options(self, section: str) -> Any:
+        """Make the options that a section describes; if it is missing, with its default values."""
+        if section in self.data:
+            return self.make(section)
+        variant: Any = _variant(section, {}, self.kind or DAMPER.kind)
+        return variant.make(**variant({}))
 
     def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
         """Make the object that a section of the scenario file describes, without using some of its keys."""

@@ -1,4 +1,4 @@
-"""Build distributions, measure and probabilities for `design_robust_gain` from [uncertainty] and [robust]."""
+"""Build distributions and required probabilities for `design_robust_gain` from [uncertainty] and [robust]."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from pretouch._core.errors import InvalidInputError
 from pretouch.design.constraints import Constraint
-from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
 from pretouch.design.robust.required import Required
 from pretouch.motion.scenario import Scenario, sensor_inputs
 from pretouch.sensors import SensorModel
@@ -41,7 +40,7 @@ def robust_fields(
     calibration: CalibrationReport | None,
     constraints: tuple[Constraint, ...],
 ) -> dict[str, Any]:
-    """Return the fields of a task for a robust gain, and the constraints with their probabilities.
+    """Return the uncertain inputs of a task, and its constraints with their probabilities.
 
     Contradictions are noted as mistakes of the file. Arguments that could not be built are None.
     """
@@ -55,17 +54,8 @@ def robust_fields(
     uncertainty = _uncertainty(file, settings["measure"], sensor, calibration)
     if scenario is not None and sensor is not None and uncertainty and not file.mistakes:
         _check_means(file, scenario, sensor, uncertainty)
-    measure = _measure(settings.pop("measure"), settings.pop("probability", 0.0))
-    limits = tuple(_required(file, settings.pop("required", {}), constraints))
-    return {"uncertainty": uncertainty, "measure": measure, "constraints": limits, **settings}
-
-
-def _measure(name: str, probability: float) -> Measure:
-    if name == "quantile":
-        return Quantile(probability=probability)
-    if name == "tail-mean":
-        return ConditionalValueAtRisk(probability=probability)
-    return WorstCase() if name == "worst-case" else Expected()
+    limits = tuple(_required(file, settings.get("required", {}), constraints))
+    return {"uncertainty": uncertainty, "constraints": limits}
 
 
 def _required(

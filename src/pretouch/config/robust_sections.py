@@ -11,6 +11,8 @@ from typing import Any, Final
 
 from pretouch._core.units import written_unit
 from pretouch.design.constraints import CONSTRAINT_NAMES
+from pretouch.design.options import RobustOptions
+from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
 from pretouch.motion.scenario import SCENARIO_INPUTS
 from pretouch.sensors import sensor_curves
 from pretouch.uncertainty.ensemble import SAMPLINGS
@@ -123,7 +125,7 @@ def uncertainty_section() -> Section:
     return Section({part: Key(_part(part)) for part in _FIRST})
 
 
-def _probability(value: Any) -> float:
+def read_probability(value: Any) -> float:
     """Read a probability between 0 and 1, excluding both."""
     number = Quantity("")(value)
     if not (isinstance(number, float) and 0 < number < 1):
@@ -157,17 +159,35 @@ def _check_measure(values: Mapping[str, Any]) -> None:
         )
 
 
+def _robust_options(
+    measure: str,
+    probability: float = 0.0,
+    required: Any = None,  # noqa: ARG001 - belongs to the constraints
+    **others: Any,
+) -> RobustOptions:
+    return RobustOptions(measure=_measure(measure, probability), **others)
+
+
+def _measure(name: str, probability: float) -> Measure:
+    if name == "quantile":
+        return Quantile(probability=probability)
+    if name == "tail-mean":
+        return ConditionalValueAtRisk(probability=probability)
+    return WorstCase() if name == "worst-case" else Expected()
+
+
 ROBUST: Final = Section(
     {
         "measure": Key(name_of("expected", "quantile", "tail-mean", "worst-case"), "expected"),
-        "probability": Key(_probability),
+        "probability": Key(read_probability),
         "samples": Key(whole(2, "4096"), 4096),
         "validation": Key(whole(2, "4096"), 4096),
         "seed": Key(whole(0, "0"), 0),
         "sampling": Key(name_of(*SAMPLINGS), "sobol"),
-        "confidence": Key(_probability, 0.95),
+        "confidence": Key(read_probability, 0.95),
         "required": Key(_required),
     },
     _check_measure,
+    _robust_options,
 )
 """The measure of an objective over uncertain encounters, and the sampling of these encounters."""

@@ -13,13 +13,14 @@ from typing import Any, Final
 from pretouch._core.units import written_unit
 from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.design.impact import HertzImpact, SpringImpact
+from pretouch.design.options import ParetoOptions, VerifyOptions
 from pretouch.design.quantities import QUANTITY_UNITS
 from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
 from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
 from pretouch.motion.scenario import Admittance
 
 from .quantities import Quantity, UnfitValueError
-from .robust_sections import ROBUST, uncertainty_section
+from .robust_sections import ROBUST, read_probability, uncertainty_section
 from .section import EFFECTS, REQUIRED, TAG, WEIGHT, Key, Section, by_law, declared_keys, gain_of, list_of, name_of
 from .sensor import sensor_variants
 
@@ -108,12 +109,6 @@ def _check_order(*keys: str, unit: str = "", what: str = "the lower first") -> C
     return check
 
 
-def _check_unique(values: Mapping[str, Any]) -> None:
-    names = values.get("quantities", ())
-    if len(set(names)) < len(names):
-        raise UnfitValueError("found a quantity twice, expected each only once", "quantities")
-
-
 _MASSES: Final = {
     "robot_mass": Key(Quantity("kg", '"4 kg"', "positive"), REQUIRED),
     "obstacle_mass": Key(Quantity("kg", '"inf"', "positive", infinite=True), math.inf),
@@ -156,6 +151,11 @@ _MOTION: Final = {
 _TRADED: Final = 'a list of two or three quantities such as "displacement", "relative_velocity"'
 _QUANTITIES: Final = Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED))
 
+
+def _pareto(law: ContinuousLaw) -> Section:
+    return Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, make=ParetoOptions)
+
+
 _BARE: Final = 5.0  # m, more than the range of proximity sensors: a larger bare number is probably in mm
 _STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s²"'
 _OBSTACLE_KEYS: Final = {
@@ -192,10 +192,16 @@ _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     ),
     "impact": {"stiffness": Section(_SPRING, make=SpringImpact), "radius": Section(_HERTZ, make=HertzImpact)},
     "motion": {"": Section(_MOTION)},
-    "pareto": by_law(lambda law: Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, _check_unique)),
+    "pareto": by_law(_pareto),
     "robust": {"": ROBUST},
+    "verify": {
+        "": Section({**declared_keys(VerifyOptions), "confidence": Key(read_probability, 0.95)}, make=VerifyOptions)
+    },
 }
-LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop")
+OPTIONS: Final = ("pareto", "robust", "verify")
+"""The sections that are options of one verb; each is the field of the task with the same name."""
+
+LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop", "verify")
 """The sections of a sampled loop; a file with any of them needs the first two."""
 
 OF_A_LAW: Final = ("gain", "constraints", "pareto", "controller")
@@ -233,11 +239,11 @@ def variants(section: str) -> Mapping[str, Section]:
         return sensor_variants()
     if section == "uncertainty":
         return {"": uncertainty_section()}
-    if section in {*LOOP_SECTIONS, "law"}:
-        from .loop_sections import LOOP_VARIANTS  # noqa: PLC0415 - the simulation, only for a file with a loop or law
+    if section in _ALWAYS:
+        return _ALWAYS[section]
+    from .loop_sections import LOOP_VARIANTS  # noqa: PLC0415 - the simulation, only for a file with a loop or law
 
-        return LOOP_VARIANTS[section]
-    return _ALWAYS[section]
+    return LOOP_VARIANTS[section]
 
 
 def keys_of(section: str) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from .front.result import FrontPoint, FrontStatus, ParetoFront
 from .gain import GainDesign, design_gain
 from .impact import ElasticImpact, HertzImpact, ImpactModel, SpringImpact
 from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, time_objective
+from .options import ParetoOptions
 from .quantities import QUANTITY_UNITS, quantity_of
 from .task import Task
 
@@ -42,6 +43,7 @@ __all__ = [
     "ImpactModel",
     "Objective",
     "ParetoFront",
+    "ParetoOptions",
     "PhysicalBound",
     "Sensitivity",
     "SpringImpact",

@@ -35,10 +35,10 @@ def designed_number(task: Task) -> float | None:
     Returns:
         The number, such as D_p [N s] or phi [N s^2]; None if no gain meets the constraints or ends in contact.
     """
-    if task.effect is None:
+    if task.drag_effect is None:
         gain: float | None = design_gain(task.replace(evaluate=None)).gain
         return gain
-    return chosen_drag(task, task.effect)[0]
+    return chosen_drag(task, task.drag_effect)[0]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -1,5 +1,7 @@
 """Verify a gain on the sampled loop: compare simulated runs with the prediction, and find changes that help."""
 
+from pretouch.design.options import VerifyOptions
+
 from .calibration_check import CalibrationCheck
 from .effect import Effect, SensorSpeed, VerdictStatus
 from .encounter import SimulatedEncounter
@@ -23,6 +25,7 @@ __all__ = [
     "StabilityCheck",
     "Verdict",
     "VerdictStatus",
+    "VerifyOptions",
     "simulate_encounter",
     "verify_gain",
 ]

@@ -63,7 +63,7 @@ class Draws:
     @property
     def compared(self) -> int:
         """Number of runs on which changes of the loop and other gains are compared."""
-        return min(self.task.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
+        return min(self.task.verify.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
 
     @property
     def speed(self) -> FloatArray:
@@ -78,7 +78,7 @@ class Draws:
     def run(self, loop: ClosedLoop, gain: ArrayLike, count: int | None = None) -> SimulationResult:
         """Simulate all encounters, or the first `count` encounters, with one or several gains."""
         # Several gains have the shape (m, 1).
-        n = self.task.runs if count is None else count
+        n = self.task.verify.runs if count is None else count
         several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
         if not self.sensors:
             return loop.run(several, self.task.sensor, gain)
@@ -90,7 +90,7 @@ class Draws:
         return self._each(np.where(result.reached, np.abs(result.end.relative_velocity), np.nan))
 
     def _each(self, value: Any) -> FloatArray:
-        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.task.runs,))
+        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.task.verify.runs,))
 
 
 def draw_encounters(task: Task) -> Draws:
@@ -98,9 +98,9 @@ def draw_encounters(task: Task) -> Draws:
     # Exact confidence bounds need independent encounters.
     if not task.uncertainty:
         obstacle = task.scenario.obstacle
-        alike = replace(obstacle, position=np.full(task.runs, obstacle.position))
+        alike = replace(obstacle, position=np.full(task.verify.runs, obstacle.position))
         return Draws(task=task, scenarios=replace(task.scenario, obstacle=alike))
-    values = sample_inputs(task.uncertainty, task.runs, seed=task.loop.seed, sampling="random")
+    values = sample_inputs(task.uncertainty, task.verify.runs, seed=task.loop.seed, sampling="random")
     certain = [name for name in values if name.startswith("admittance.")]
     if certain:
         raise InvalidInputError(
@@ -192,7 +192,7 @@ def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
     near = margin is None or margin < USUAL_MARGIN or effect is None or not effect.is_clear
     for limit, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
         count, p = int((ratio <= 1 + _ROUNDING).sum()), limit.probability
-        near |= least_probability(count, len(ratio), task.confidence) < p < 1
+        near |= least_probability(count, len(ratio), task.verify.confidence) < p < 1
         near |= limit.constraint.name != "gain" and 1 - ROOM < float(limit.share(ratio)) <= 1 + _ROUNDING
     return VerdictStatus.HOLDS_NARROWLY if near else VerdictStatus.HOLDS
 

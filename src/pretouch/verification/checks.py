@@ -88,7 +88,7 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
                 required=required,
                 predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, impact),
                 held=count / len(ratio),
-                low=least_probability(count, len(ratio), task.confidence),
+                low=least_probability(count, len(ratio), task.verify.confidence),
                 value=value,
                 margin=None if value is None else constraint.limit - value,
                 source=_source_of(constraint.quantity, task.loop),
@@ -125,7 +125,7 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
 def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
     """Return the assumptions of a verdict in sentences."""
     # `compared` is the number of runs that compare changes.
-    loop, runs = task.loop, task.runs
+    loop, runs = task.loop, task.verify.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
     first = f" in the first {compared} of them" if compared < runs else ""
     number = f"a single one, of seed {loop.seed}" if runs == 1 else f"{runs}, independent, from seed {loop.seed}"

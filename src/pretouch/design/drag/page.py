@@ -298,6 +298,6 @@ def _detection(design: DragDesign) -> PageSection:
 
 
 def _chosen_by(design: DragDesign) -> Row:
-    name, value, unit = (design.designed_task.effect or DragEffect(ratio=design.ratio)).chosen
+    name, value, unit = (design.designed_task.drag_effect or DragEffect(ratio=design.ratio)).chosen
     up_to = f", up to {format_quantity(design.largest_speed, 'm/s')}" if math.isfinite(design.largest_speed) else ""
     return f"the drag is chosen by its {name.replace('_', ' ')}", Measured(float(value), unit, suffix=up_to)

@@ -13,6 +13,7 @@ from pretouch.uncertainty import (
     sample_inputs,
 )
 
+from ..options import RobustOptions
 from .design import design_robust_gain
 from .measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
 from .required import Required
@@ -31,6 +32,7 @@ __all__ = [
     "Quantile",
     "Required",
     "RobustDesign",
+    "RobustOptions",
     "TruncatedNormal",
     "Uniform",
     "WorstCase",

@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
 from pretouch._core.files import with_kind
-from pretouch._core.numbers import FloatArray, finite, float_or_array
+from pretouch._core.numbers import FloatArray, checked_probability, float_or_array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,14 +107,6 @@ class Expected(Measure):
         if not np.isfinite(differences).all() or len(differences) < 2:
             return float(np.mean(others) - np.mean(values)), math.nan
         return float(differences.mean()), float(differences.std(ddof=1)) / math.sqrt(len(differences))
-
-
-def checked_probability(value: Any) -> float:
-    """Return a probability between 0 and 1, both excluded; raise an error for other numbers."""
-    p = float(finite(value, "probability"))
-    if not 0 < p < 1:
-        raise InvalidInputError(f"probability: found {p:g}, expected a number between 0 and 1, such as 0.95")
-    return p
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

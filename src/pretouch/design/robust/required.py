@@ -10,10 +10,10 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.fields import check_types
-from pretouch._core.numbers import float_or_array
+from pretouch._core.numbers import checked_probability, float_or_array
 
 from ..constraints import Constraint
-from .measures import checked_probability, sample_quantile
+from .measures import sample_quantile
 
 _ROUNDING: Final = 1e-9  # a share times the number of runs may be just below a whole number
 

@@ -92,7 +92,7 @@ class RobustDesign(Answer):
     @property
     def seed(self) -> int:
         """The seed of the random samples."""
-        return self.problem.task.seed or 0
+        return self.problem.task.robust.seed
 
     @property
     def scanned(self) -> int:

@@ -102,7 +102,7 @@ class Validation(Value):
 
 def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Validation:
     """Validate the robust gain and the nominal gain on encounters that the design did not use."""
-    confidence = problem.task.confidence
+    confidence = problem.task.robust.confidence
     objective, ratios = problem.values(gain)
     value, low, high = problem.measure.estimate(objective, confidence)
     nominal_value, loss = None, None

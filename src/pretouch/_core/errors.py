@@ -1,4 +1,4 @@
-"""Every error that pretouch raises on purpose.
+"""Define every exception class that pretouch raises on purpose.
 
 The tree:
 

@@ -1,4 +1,4 @@
-"""Load public names lazily: a module's stub (.pyi) lists them, and each is imported when it is first used."""
+"""Import public names on first use, so that `import pretouch` is fast; stub files (.pyi) list the names."""
 
 from __future__ import annotations
 

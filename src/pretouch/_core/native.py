@@ -1,4 +1,4 @@
-"""Load and call the compiled core, a shared library, by ctypes.
+"""Load the compiled core, a shared library, and call its functions through ctypes.
 
 The library is loaded when a kernel is first called. A kernel takes numbers and addresses. `address` returns the address
 of an array. It refuses arrays that a kernel would misread, so that a mistake raises a Python exception instead of a

@@ -1,4 +1,4 @@
-"""Average the readings at each distance, condense many distances into few, and estimate the noise of one reading."""
+"""Average the readings at each distance, condense many distances into few, and estimate the reading noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options that select the columns of a table, by header or number, and give their units."""
+"""Define the user's options that select table columns by header or number and give their units."""
 
 from __future__ import annotations
 

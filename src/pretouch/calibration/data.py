@@ -1,4 +1,4 @@
-"""Calibration data: readings at known distances, readings without an object, and where they come from."""
+"""Store calibration data: readings at known distances, readings without an object, and the source file."""
 
 from __future__ import annotations
 

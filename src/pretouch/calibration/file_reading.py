@@ -1,4 +1,4 @@
-"""Read calibrations from text tables: one curve, or every curve of a file."""
+"""Read one calibration curve, or all calibration curves, from a text table such as CSV."""
 
 from __future__ import annotations
 

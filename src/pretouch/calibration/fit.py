@@ -1,4 +1,4 @@
-"""Fit one model to one calibration: the curve, its parameters with confidence intervals, and its goodness of fit."""
+"""Fit one curve model to one calibration, with confidence intervals of its parameters and goodness of fit."""
 
 from __future__ import annotations
 

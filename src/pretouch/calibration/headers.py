@@ -1,4 +1,4 @@
-"""Interpret the cells and headers of a text table: numbers, missing values, names and units of columns."""
+"""Interpret the cells and headers of a text table: numbers, missing values, column names and units."""
 
 from __future__ import annotations
 

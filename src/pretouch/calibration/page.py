@@ -1,4 +1,4 @@
-"""Build the report page of a calibration: verdict, usable window, ranking, parameters and provenance."""
+"""Build the calibration report: verdict on the sensor, usable distances, ranking of models, and parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Prepare a calibration for fitting: usable window, outliers, offset, noise, and whether there is a signal."""
+"""Prepare a calibration for fitting: find offset, noise, outliers and usable distances, and test for a signal."""
 
 from __future__ import annotations
 

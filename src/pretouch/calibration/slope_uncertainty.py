@@ -1,4 +1,4 @@
-"""How accurately the readings determine the slope g, and the warnings that follow from it.
+"""Estimate the uncertainty of the sensor slope g, and warn if it is too large for a design.
 
 g is judged from the nearest usable distance to the distance at which the signal is a tenth of the signal there. The
 virtual force gives the impulse D_p ln(xi / xi_0) until xi has grown from xi_0 to xi. From a tenth of its value at

@@ -1,4 +1,4 @@
-"""Find the columns of a table that hold distances, outputs and labels, in long and in wide tables."""
+"""Find out which columns of a table contain distances, sensor outputs and labels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The reasons of a verdict on a sensor: problems of a usable signal with their remedies, and readings left out."""
+"""List why a sensor is not fully usable, how to correct each problem, and which readings were excluded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find the usable window of a sensor: beyond clipping and the near-field peak, and above the noise floor."""
+"""Find the usable distances of a sensor, between saturation or a near-field peak and the noise floor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `pretouch fit`: fit sensor curves to a calibration file."""
+"""Implement the command `pretouch fit`, which fits sensor curves to a calibration file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `pretouch sweep`: contacts or optimal gains over a grid of inputs of a scenario file."""
+"""Implement the command `pretouch sweep`, which computes contacts or optimal gains over a grid of inputs."""
 
 from __future__ import annotations
 

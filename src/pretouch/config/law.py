@@ -1,4 +1,4 @@
-"""Build the law from the section [law] of a scenario file: its kind, how a drag is chosen, and its sampling."""
+"""Build the control law from the section [law] of a scenario file."""
 
 from __future__ import annotations
 

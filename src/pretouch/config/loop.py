@@ -1,4 +1,4 @@
-"""Build the sampled loop from the sections [chain], [controller], [robot], [contact] and [loop] of a scenario file."""
+"""Build the sampled control loop from a scenario file: sensor chain, controller, robot and contact."""
 
 from __future__ import annotations
 

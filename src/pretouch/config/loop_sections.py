@@ -1,4 +1,4 @@
-"""Keys of the scenario file's sections [chain], [controller], [law], [robot], [contact] and [loop]."""
+"""Define the keys of a scenario file that describe sensor chain, controller, robot and contact."""
 
 from __future__ import annotations
 

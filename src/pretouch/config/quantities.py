@@ -1,4 +1,4 @@
-"""Read quantities with units from a scenario file, and describe values that are wrong."""
+"""Read quantities with units from a scenario file, and explain wrong values."""
 
 from __future__ import annotations
 

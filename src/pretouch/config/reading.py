@@ -1,4 +1,4 @@
-"""Read the sections of a scenario file; collect all mistakes, each with its key, line and a sentence."""
+"""Read the sections of a scenario file, and report all mistakes together, each with its key and line."""
 
 from __future__ import annotations
 

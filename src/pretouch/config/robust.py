@@ -1,4 +1,4 @@
-"""Build distributions, measure and probabilities for `design_robust_gain` from [uncertainty] and [robust]."""
+"""Build the inputs of `design_robust_gain` from the sections [uncertainty] and [robust] of a scenario file."""
 
 from __future__ import annotations
 

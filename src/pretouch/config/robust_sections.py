@@ -1,4 +1,4 @@
-"""Keys of the scenario file's sections [uncertainty] and [robust]: distributions of inputs, and robust requirements.
+"""Define the keys of the sections [uncertainty] and [robust] of a scenario file.
 
 The keys of [uncertainty] are the inputs of `pretouch.motion.scenario`, each with its unit.
 """

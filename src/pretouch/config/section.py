@@ -1,4 +1,4 @@
-"""Describe a section of a scenario file: its keys, their readers, and checks of the whole section."""
+"""Describe a section of a scenario file by its keys, and check a section as a whole."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The section [sensor] of a scenario file, and the fit of a calibration file."""
+"""Build the sensor curve from the section [sensor] of a scenario file, or fit it to a calibration file."""
 
 from __future__ import annotations
 

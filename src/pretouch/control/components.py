@@ -1,4 +1,4 @@
-"""Parts of a controller other than its law: conditioning of readings, virtual admittance, limits of the motion."""
+"""Define components of a controller: conditioning of readings, virtual admittance and limits of the motion."""
 
 from __future__ import annotations
 

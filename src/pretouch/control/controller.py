@@ -1,4 +1,4 @@
-"""The controller of the letter's Fig. 1: its configuration, the parameters and state of its step, and its runs."""
+"""Define the sampled controller: its settings, and the parameters and state of its compiled step."""
 
 from __future__ import annotations
 

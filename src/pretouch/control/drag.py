@@ -1,4 +1,4 @@
-"""The virtual drag, a sampled law: the contact speed is the same fraction of every approach speed."""
+"""Define the sampled virtual drag, which reduces every approach speed by the same factor before contact."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sampled laws: their interface, the letter's virtual damper, and the compiled blocks of custom laws."""
+"""Define the interface of sampled control laws, the virtual damper, and functions to build custom laws."""
 
 from __future__ import annotations
 

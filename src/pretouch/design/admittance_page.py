@@ -1,4 +1,4 @@
-"""Report page of a design of gain and admittance."""
+"""Build the report of a joint design of gain and admittance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Result of a design of gain and admittance, with its certificate."""
+"""Define the result of a joint design of gain and admittance, with the evidence that it is optimal."""
 
 from __future__ import annotations
 

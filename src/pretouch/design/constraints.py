@@ -1,4 +1,4 @@
-"""Constraints: limits of the quantities of a contact."""
+"""Define constraints, which limit quantities such as the excursion or the contact speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""User-defined objectives: objects with a method `value`, and functions of the state at contact."""
+"""Accept user-defined objectives: objects with a method `value`, or functions of the state at contact."""
 
 from __future__ import annotations
 

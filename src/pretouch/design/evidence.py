@@ -1,4 +1,4 @@
-"""Evidence of a gain design, computed lazily: scan, minima, constraints, certificate, sensitivities."""
+"""Compute the evidence of a gain design when it is read: scanned gains, minima, constraints, sensitivities."""
 
 from __future__ import annotations
 

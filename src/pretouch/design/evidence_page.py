@@ -1,4 +1,4 @@
-"""Report sections with the evidence of a gain design and its sensitivities."""
+"""Build the report sections on the evidence of a gain design and on its sensitivities."""
 
 from __future__ import annotations
 

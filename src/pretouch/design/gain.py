@@ -1,4 +1,4 @@
-"""Design of the optimal gain within bounds and constraints."""
+"""Find the optimal gain within its bounds and constraints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Objectives: weighted sums of squared contact quantities, such as the letter's L(20) and L(22)."""
+"""Define objectives: weighted sums of squared contact quantities, such as excursion and contact speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Report page of a gain design: the gain, the resulting contact, and the evidence."""
+"""Build the report of a gain design: the gain, the resulting contact, and the evidence of optimality."""
 
 from __future__ import annotations
 

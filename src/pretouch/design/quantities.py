@@ -1,4 +1,4 @@
-"""Quantities of a contact that objectives and constraints use, with their units."""
+"""Define the contact quantities that objectives and constraints can use, with their units."""
 
 from __future__ import annotations
 

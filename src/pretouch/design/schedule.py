@@ -1,4 +1,4 @@
-"""Optimal schedule phi(s) of the virtual drag over the reading s, for a sensor of uncertain output scale.
+"""Optimize the virtual drag as a function of the reading, for a sensor of uncertain output scale.
 
 If the reflectance of the object is uncertain, so is the output scale. Let the output scale be theta times that of the
 calibration. Then the loop reads s = ln xi(l) + ln theta. If phi has the constant value p_j on each step j of s, then

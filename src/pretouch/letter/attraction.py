@@ -1,4 +1,4 @@
-"""Section VI-A: proof that motions L(14) near the uniform motion L(16)-(18) converge toward it."""
+"""Check Section VI-A of the letter: motions near the uniform motion converge toward the uniform motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reproductions of the letter's tables, figures and sections: programs, findings and the report."""
+"""Define the results of a reproduction: the compared numbers, the errors found in the letter, and the report."""
 
 from __future__ import annotations
 

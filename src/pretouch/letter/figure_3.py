@@ -1,4 +1,4 @@
-"""Figure 3: the three sensor curves L(3), L(5), L(6) with the parameters of Table I, and their logarithmic slopes."""
+"""Reproduce Figure 3 of the letter: the three sensor curves of Table I and their slopes."""
 
 from __future__ import annotations
 

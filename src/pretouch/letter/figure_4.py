@@ -1,4 +1,4 @@
-"""Figure 4: plant position until contact by integration, closed form L(10) and uniform motion L(19)."""
+"""Reproduce Figure 4 of the letter: plant position until contact, integrated and in closed form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figure 5: relative velocity until contact by integration, closed form L(10) and uniform motion L(16)."""
+"""Reproduce Figure 5 of the letter: relative velocity until contact, integrated and in closed form."""
 
 from __future__ import annotations
 

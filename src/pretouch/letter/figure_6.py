@@ -1,4 +1,4 @@
-"""Figure 6: optimal gain and its trend over the obstacle's speed, for the letter's objective, L(20) and L(21)."""
+"""Reproduce Figure 6 of the letter: the optimal gain as a function of the obstacle's speed."""
 
 from __future__ import annotations
 

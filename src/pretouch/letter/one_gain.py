@@ -1,4 +1,4 @@
-"""Practical conclusion of Figure 6: one gain for all speeds, and its loss in the letter's objective, L(20)."""
+"""Compute the loss of using one gain for all obstacle speeds, a practice that the letter recommends."""
 
 from __future__ import annotations
 

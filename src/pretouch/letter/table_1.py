@@ -1,4 +1,4 @@
-"""Table I: parameters of both exponential curves, recovered by a fit to the inverse power curve."""
+"""Reproduce Table I of the letter: fit both exponential curves to the inverse power curve."""
 
 from __future__ import annotations
 

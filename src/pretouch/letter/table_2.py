@@ -1,4 +1,4 @@
-"""Table II: contact and objective for several gains, with its two misprints."""
+"""Reproduce Table II of the letter, with two misprints: contact and objective for several gains."""
 
 from __future__ import annotations
 

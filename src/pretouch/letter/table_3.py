@@ -1,4 +1,4 @@
-"""Table III: measurements on hardware compared with the model in closed form L(10)."""
+"""Compare Table III of the letter, measured on hardware, with the motion in closed form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bodies of an encounter and their motion without interaction: obstacle, robot, and the task's reference."""
+"""Describe obstacle, robot and task reference, and how each of them moves without interaction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of solved encounters: the contact or other end of a run, and its sampled motion."""
+"""Define the results of solved encounters: the state at contact, or at another end, and the sampled motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Piecewise polynomial approximations of sensor curves for the compiled kernels.
+"""Approximate sensor curves by piecewise polynomials, which the compiled solvers use.
 
 The fast path uses windows: polynomials of ln xi on overlapping intervals. In an approach the distance decreases, and a
 step that starts in a window should have most of that window below it. Each window therefore overlaps the next nearer

@@ -1,4 +1,4 @@
-"""Custom laws in continuous time: any force that depends on ln xi and its rate, integrated numerically."""
+"""Define custom laws in continuous time: any force that depends on ln xi (log output) and its rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check the arguments of a call for the virtual drag, including the assumptions of its solution."""
+"""Check the inputs of a solution with the virtual drag, including the assumptions of this solution."""
 
 from __future__ import annotations
 

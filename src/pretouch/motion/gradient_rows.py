@@ -1,4 +1,4 @@
-"""Exact derivatives of time and relative velocity at contact by the relative inputs.
+"""Compute exact derivatives of contact time and relative velocity at contact for many encounters.
 
 Each run uses the fastest applicable method. Over-damped motions with a constant slope have a closed form. Approaches on
 other curves get their derivatives from vectorized Taylor steps ("lanes"). The guaranteed path solves the rest, one run

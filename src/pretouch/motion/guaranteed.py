@@ -1,4 +1,4 @@
-"""Guaranteed solvers of each method: solve any encounter to its end, one at a time, and sample its motion.
+"""Solve the encounters that the fast vectorized solvers leave open, one at a time, and sample motions.
 
 The uniform motion L(16)-(19) is one particular motion of the second-order exponential curve. It is used only if it is
 selected as the method.

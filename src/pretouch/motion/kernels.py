@@ -1,4 +1,4 @@
-"""Python interface of the compiled kernels that solve encounters; arguments are checked here.
+"""Call the compiled solvers of encounters from Python, with checked arguments.
 
 Curves of constant slope use the closed form L(10)-(13): vectorized, or one encounter at a time in a form that is
 accurate for every damping and for K -> 0. Other curves use vectorized Taylor steps, or guaranteed steps on pieces of

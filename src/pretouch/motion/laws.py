@@ -1,4 +1,4 @@
-"""Laws in continuous time: their interface, the letter's virtual damper, and the virtual drag."""
+"""Define control laws in continuous time: their interface, the virtual damper and the virtual drag."""
 
 from __future__ import annotations
 

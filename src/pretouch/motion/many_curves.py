@@ -1,4 +1,4 @@
-"""A set of sensor curves, one for each encounter, that are solved together in one kernel call."""
+"""Combine many sensor curves, one for each encounter, so that one solver call uses all of them."""
 
 from __future__ import annotations
 

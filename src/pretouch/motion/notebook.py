@@ -1,4 +1,4 @@
-"""Pages of encounters, contacts and motions: the tables that notebooks show."""
+"""Build the tables that notebooks show for encounters, contacts and motions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One call of the solver: check its arguments, choose the method, and flatten the encounters into columns."""
+"""Check the arguments of a solver call, choose the solution method, and arrange the inputs in columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The encounter: admittance and bodies, and access to its inputs by name."""
+"""Describe an encounter of robot and obstacle, and access its inputs by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check the arguments of panels; each message gives the value, what is allowed, and what to do."""
+"""Check the arguments of figure panels, and explain wrong values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The function `panel_figure`: draw panels in a grid as one figure."""
+"""Draw several panels in a grid as one figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Descriptions of panels: curves, marks, ranges and maps on axes with units."""
+"""Describe the panels of a figure: curves, marks, ranges and maps on axes with units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a Pareto front, its parameters and its physical bound, and of the admittance design."""
+"""Draw the figures of a Pareto front, of its parameters, and of an admittance design."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All figures, by short names such as `plots.motion(design)`; each is imported when it is first used.
+"""Provide all figures under short names such as `plots.motion(design)`; each is imported on first use.
 
 The stub plots.pyi lists them. A `Picture` of a page refers to its figure by the same name.
 """

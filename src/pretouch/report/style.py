@@ -1,4 +1,4 @@
-"""Style of all figures: colors, fonts, units, ticks and reproducible output.
+"""Define the style of all figures: colors, fonts, units, ticks and reproducible output.
 
 Matplotlib is imported only when a figure is drawn.
 """

@@ -1,4 +1,4 @@
-"""Figures of a sweep: curves, families of curves and maps."""
+"""Draw the figures of a sweep: curves, families of curves and maps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check that a sensor curve obeys the laws on which the rest of pretouch relies."""
+"""Check that a sensor curve meets the assumptions of pretouch, such as an output that falls with distance."""
 
 from __future__ import annotations
 

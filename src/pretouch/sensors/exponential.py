@@ -1,4 +1,4 @@
-"""The exponential curves with a polynomial of first order, L(5), or of second order, L(6), in the exponent."""
+"""Define the exponential sensor curves of first and second order."""
 
 from __future__ import annotations
 

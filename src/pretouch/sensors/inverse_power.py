@@ -1,4 +1,4 @@
-"""The inverse power curve, L(3), and its family for fits."""
+"""Define the inverse power curve, the usual curve of optical proximity sensors, and how to fit it."""
 
 from __future__ import annotations
 

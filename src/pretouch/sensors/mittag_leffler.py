@@ -1,4 +1,4 @@
-"""The one-parameter Mittag-Leffler curve, a generalization of the exponential cited by the letter as [20]."""
+"""Define the one-parameter Mittag-Leffler sensor curve, a generalization of the exponential curve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Base class of sensor curves: ln xi(l), its slope g(l), and the distances at which they are valid."""
+"""Define the base class of sensor curves: ln xi (log output), its slope g, and the valid distances."""
 
 from __future__ import annotations
 

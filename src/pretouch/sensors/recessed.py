@@ -1,4 +1,4 @@
-"""A sensor that is mounted behind the contact surface."""
+"""Describe a sensor that is mounted behind the contact surface."""
 
 from __future__ import annotations
 

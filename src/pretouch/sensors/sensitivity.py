@@ -1,4 +1,4 @@
-"""Derivatives of sensor curves with respect to their parameters, and similarity of curves under scaling."""
+"""Describe how sensor curves change with their parameters, and which curves are scaled copies of another."""
 
 from __future__ import annotations
 

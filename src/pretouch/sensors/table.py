@@ -1,4 +1,4 @@
-"""Sensor curves through given points: a monotone table, and piecewise cubic polynomials."""
+"""Define sensor curves through given points: a monotone table, and piecewise cubic polynomials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sensor chain, which turns distances into delayed and noisy readings, and the timing of a sampled loop.
+"""Model the sensor chain, which turns distances into delayed, noisy readings, and the timing of the loop.
 
 The stability of a loop depends on the motion and on its timing: when it samples, when its force acts, and for how long.
 """

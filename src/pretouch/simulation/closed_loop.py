@@ -1,4 +1,4 @@
-"""A sampled loop that runs encounters with any gain, and the report sections that describe it."""
+"""Combine sensor chain, controller, robot and contact into a loop that runs encounters with any gain."""
 
 from __future__ import annotations
 

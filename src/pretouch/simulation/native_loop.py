@@ -1,4 +1,4 @@
-"""Run encounters in the compiled loop (native/core/loop*.cpp): fill its structures and collect its results.
+"""Run encounters in the compiled simulator: pass the inputs to C++, and collect the results.
 
 A compiled law is called by its address. A law in Python is called back, which costs some microseconds per step. An
 exception in such a law ends its runs and is raised again here.

@@ -1,4 +1,4 @@
-"""Results of a simulation, and the checks of its inputs."""
+"""Define the results of a simulation, and check the size and length of its runs."""
 
 from __future__ import annotations
 

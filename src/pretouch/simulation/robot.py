@@ -1,4 +1,4 @@
-"""Models of the robot and of its contact: how it follows the virtual object, and the force when it touches."""
+"""Model how the robot follows the virtual object, and the contact force when the robot touches the obstacle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stability limits of the sampled loop: the largest stable gain for a sensor, and the lowest sensor rate for a gain."""
+"""Compute the largest stable gain of the sampled loop, and the lowest sensor rate that a gain needs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inputs of a task that can be swept, and the axes of a sweep."""
+"""Define the axes of a sweep, and which inputs of a task they can vary."""
 
 from __future__ import annotations
 

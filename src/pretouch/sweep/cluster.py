@@ -1,4 +1,4 @@
-"""Compute the blocks of a sweep on the workers of a Dask scheduler, which write to the Zarr folder."""
+"""Distribute the blocks of a sweep to Dask workers, which write their results to a Zarr folder."""
 
 from __future__ import annotations
 

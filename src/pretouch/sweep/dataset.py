@@ -1,4 +1,4 @@
-"""Make the dataset of a sweep, with units and provenance in its attributes; write and open NetCDF files."""
+"""Build the dataset of a sweep with units and provenance, and write or open NetCDF files."""
 
 from __future__ import annotations
 

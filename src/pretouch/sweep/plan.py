@@ -1,4 +1,4 @@
-"""Plan a sweep: check the request, and divide its grid into chunks that do not depend on the machine."""
+"""Plan a sweep: check the request, and divide its grid into chunks in the same way on every machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of a sweep: their names and attributes, and a summary as text or as an object for JSON."""
+"""Define the result variables of a sweep, and summarize a sweep as text or JSON."""
 
 from __future__ import annotations
 

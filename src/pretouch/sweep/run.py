@@ -1,4 +1,4 @@
-"""The function `sweep`: compute a grid of encounters, in memory, as a Zarr folder or as a NetCDF file."""
+"""Define the function `sweep`, which computes a grid of encounters in memory or writes it to disk."""
 
 from __future__ import annotations
 

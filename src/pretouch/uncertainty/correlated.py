@@ -1,4 +1,4 @@
-"""Distributions from data: correlated parameters of a fitted curve, and measured values."""
+"""Define distributions from data: correlated parameters of a fitted curve, and measured samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Probability distributions of uncertain inputs: their base classes, intervals, uniform and normal distributions."""
+"""Define probability distributions of uncertain inputs, such as intervals, uniform and normal distributions."""
 
 from __future__ import annotations
 

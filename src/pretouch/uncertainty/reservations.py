@@ -1,4 +1,4 @@
-"""Find the distances of an encounter at which no calibration data support the curve, and say what to do about it."""
+"""Warn if the motion leaves the distances that the calibration covers, and say how to correct this."""
 
 from __future__ import annotations
 

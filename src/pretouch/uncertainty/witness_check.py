@@ -1,4 +1,4 @@
-"""Check a gain on the readings: compare the contact speed on curves that fit them with the predicted speed."""
+"""Check a gain on other sensor curves that fit the readings, by comparing their contact speeds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw encounters, run a loop on them, and evaluate objective, limits and effect of every run."""
+"""Simulate random encounters on a loop, and evaluate objective, limits and mitigation of every run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check whether a calibration is good enough for a gain, and say what to measure if it is not."""
+"""Check whether a calibration is accurate enough for a gain, and say what to measure otherwise."""
 
 from __future__ import annotations
 

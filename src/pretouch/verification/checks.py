@@ -1,4 +1,4 @@
-"""Compare simulated runs with the prediction; collect assumptions and warnings of a verdict."""
+"""Compare simulated runs with the prediction and the limits, and list assumptions and warnings."""
 
 from __future__ import annotations
 

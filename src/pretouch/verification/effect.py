@@ -1,4 +1,4 @@
-"""Compare the speed at contact with the speed without mitigation and the speed with an infinitely fast sensor."""
+"""Compare contact speeds with and without mitigation, and with an infinitely fast sensor."""
 
 from __future__ import annotations
 

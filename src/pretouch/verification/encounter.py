@@ -1,4 +1,4 @@
-"""Simulate one encounter on the sampled loop, and compare it with the prediction and with no mitigation."""
+"""Simulate one encounter on the sampled loop, and compare it with the prediction and without mitigation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parts of a simulated encounter: comparisons, contacts, controller flags, detection, headline and warnings."""
+"""Summarize a simulated encounter: its contact, detection, controller flags and warnings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Search improvements: the best gain for the loop, and the change of the loop that helps most.
+"""Search for improvements of a loop: the best gain, and the single change that helps most.
 
 Every candidate is simulated with the same noise as the verdict.
 """

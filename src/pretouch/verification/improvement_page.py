@@ -1,4 +1,4 @@
-"""Report sections on improvements: the change that helps most, all tried changes, and the best gain."""
+"""Build the report sections on improvements: the best gain, and all changes that were tried."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Report page of a verdict: status, reasons, improvements, comparisons and assumptions."""
+"""Build the report of a verification: status, reasons, improvements, comparisons and assumptions."""
 
 from __future__ import annotations
 

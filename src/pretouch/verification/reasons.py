@@ -1,4 +1,4 @@
-"""Judge a gain on a loop: the status of its verdict, and the reasons for it."""
+"""Decide whether a gain passes verification on a loop, and list the reasons."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check the stability of a loop, find the sensor rate that a gain needs, and propose loops with one change."""
+"""Check the stability of a loop, find the sensor rate that a gain needs, and propose changes of the loop."""
 
 from __future__ import annotations
 

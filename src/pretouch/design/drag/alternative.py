@@ -1,4 +1,4 @@
-"""Report section that compares an optimal gain with a virtual drag of the same excursion."""
+"""Compare an optimal gain with the virtual drag that needs the same excursion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Search for the drag that meets a limit on one of its effects."""
+"""Find the virtual drag that exactly meets a limit, for example on the excursion of the robot."""
 
 from __future__ import annotations
 

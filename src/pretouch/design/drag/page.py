@@ -1,4 +1,4 @@
-"""Report page of a drag design."""
+"""Build the report of a design of the virtual drag."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Design of a virtual drag, with its predicted effects at every approach speed."""
+"""Define the result of a drag design, with the predicted effects at every approach speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Comparison of encounters with the physical bound."""
+"""Compare excursion and contact speed of encounters with the physical bound for every controller."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Report page of a Pareto front: knee, ends, the user's choice and the physical bound."""
+"""Build the report of a Pareto front: its knee, its ends, the user's choice and the physical bound."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Physical bound: the smallest excursion and contact speed that any controller can reach."""
+"""Compute the smallest excursion and contact speed that any controller can reach with limited acceleration."""
 
 from __future__ import annotations
 

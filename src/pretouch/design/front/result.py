@@ -1,4 +1,4 @@
-"""Result of a Pareto front: points, knee, ends, the user's choice and the comparison with the physical bound."""
+"""Define the result of a Pareto front: its points, knee and ends, the user's choice and the physical bound."""
 
 from __future__ import annotations
 

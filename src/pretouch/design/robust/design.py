@@ -1,4 +1,4 @@
-"""Robust gain design: minimize a measure of the objective over uncertain encounters."""
+"""Find the gain that minimizes, for example, the mean or a quantile of the objective over uncertain encounters."""
 
 from __future__ import annotations
 

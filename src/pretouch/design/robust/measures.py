@@ -1,4 +1,4 @@
-"""Measures that reduce the objectives of all encounters to one number: mean, quantile, tail mean, worst case."""
+"""Reduce the objectives of many encounters to one number: mean, quantile, tail mean or worst case."""
 
 from __future__ import annotations
 

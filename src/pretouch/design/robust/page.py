@@ -1,4 +1,4 @@
-"""Report page of a robust design: gain, validation on fresh samples, and importance of the uncertain inputs."""
+"""Build the report of a robust design: its gain, validation and the importance of the uncertain inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loss of a robust gain compared with the optimal gain for each exactly known value of an input."""
+"""Compute what a robust gain loses compared with the optimal gain for an exactly known input."""
 
 from __future__ import annotations
 

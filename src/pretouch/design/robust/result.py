@@ -1,4 +1,4 @@
-"""Result of a robust design: gain, measure, validation, worst encounter and importance of the inputs."""
+"""Define the result of a robust design: its gain, validation, worst encounter and important inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gain with the best worst case over a box of inputs, with a certificate."""
+"""Find the gain with the best worst case if each uncertain input lies within an interval."""
 
 from __future__ import annotations
 

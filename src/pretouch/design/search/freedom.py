@@ -1,4 +1,4 @@
-"""Free parameters of a search: gain, natural frequency and damping ratio, with their coordinates."""
+"""Define the free parameters of a search: gain, natural frequency and damping ratio."""
 
 from __future__ import annotations
 

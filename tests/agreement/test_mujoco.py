@@ -251,11 +251,14 @@ def test_a_witness_that_sees_no_contact_says_so() -> None:
         ),
         (
             {"contact": pt.simulation.SpringDamper(stiffness=1e9)},
-            r"time_step: found 2e-05 s, too long for .* use at most",
+            r"time_step: found 2e-05 s, expected at most .* because the fastest motion",
         ),
-        ({"time_step": 3e-5}, r"time_step: found 3e-05 s, expected an integer fraction .* 0\.001 s"),
+        ({"time_step": 3e-5}, r"time_step: found 3e-05 s, expected the law's period of 0\.001 s"),
         ({"time_step": 0.0}, "time_step: found 0 s"),
-        ({"scenario": approach(np.array([0.1, 0.3]))}, r"scenario: found encounters of the shape \(2,\), expected one"),
+        (
+            {"scenario": approach(np.array([0.1, 0.3]))},
+            r"scenario: found an array of encounters of shape \(2,\), expected a single",
+        ),
     ],
 )
 def test_a_witness_of_what_makes_no_sense_is_refused(change: dict[str, Any], message: str) -> None:
@@ -269,5 +272,7 @@ def test_a_witness_of_what_makes_no_sense_is_refused(change: dict[str, Any], mes
 def test_a_witness_without_mujoco_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     scenario, curve, _, _ = ENCOUNTERS["an obstacle approaches"]
-    with pytest.raises(MissingExtraError, match=r"mujoco: found no such library.*'pretouch\[mujoco\]'"):
+    with pytest.raises(
+        MissingExtraError, match=r"mujoco: this call needs a library that is not installed.*'pretouch\[mujoco\]'"
+    ):
         witness_encounter(scenario, curve, controller(-0.7), plant=ROBOT, contact=CONTACT)

@@ -226,8 +226,8 @@ def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) ->
         (lambda state: -state.time, "gave -.* expected a number that is not negative"),
         (lambda state: math.nan * state.time, "gave nan"),
         (lambda state: max(state.time, 0.1), "called with many contacts at once"),
-        (lambda state: np.ones(3), "gave the shape \\(3,\\)"),  # noqa: ARG005
-        (lambda: 1.0, "failed on contacts"),
+        (lambda state: np.ones(3), "returned an array of shape \\(3,\\)"),  # noqa: ARG005
+        (lambda: 1.0, "failed for an array of contacts"),
     ],
 )
 def test_what_is_no_objective_is_refused(objective: Any, message: str) -> None:

@@ -322,7 +322,7 @@ def test_forces_are_traded_with_the_physical_mass(letter_encounter: Scenario) ->
     )
     speed = np.abs(front.result.end.relative_velocity)
     assert front.of("impact_force") == pytest.approx(speed * math.sqrt(0.5 * 2e4), rel=1e-12)
-    with pytest.raises(InvalidInputError, match="needs the physical properties"):
+    with pytest.raises(InvalidInputError, match="depends on the physical masses"):
         pareto_front(
             Task(letter_encounter, CURVES["inverse-power"], quantities=("displacement", "impact_force"), bounds=BOUNDS)
         )
@@ -367,8 +367,8 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     ("change", "message"),
     [
         ({"bounds": (-0.1, -1.0)}, "smaller gain first"),
-        ({"quantities": ("time",)}, "two or three different ones"),
-        ({"quantities": ("time", "time")}, "two or three different ones"),
+        ({"quantities": ("time",)}, "two or three different quantities"),
+        ({"quantities": ("time", "time")}, "two or three different quantities"),
         ({"quantities": "time"}, "quantities: found 'time', expected a sequence of texts"),
         ({"quantities": ("time", "speed")}, "quantities: found 'speed'"),
         ({"natural_frequency": (5.0, 5.0)}, "the smaller one first"),

@@ -294,7 +294,9 @@ class TestSecondOrder:
             TABLE_I.log_slope(0.0781)
 
     def test_a_range_behind_the_turning_point_is_refused(self) -> None:
-        with pytest.raises(InvalidInputError, match=r"must lie below the turning point of the curve at 0\.0780591 m"):
+        with pytest.raises(
+            InvalidInputError, match=r"expected a distance below the turning point of the curve at 0\.0780591 m"
+        ):
             replace(TABLE_I, minimum_distance=0.08)
 
     def test_a_range_that_ends_before_the_turning_point_is_kept(self) -> None:
@@ -442,7 +444,7 @@ class TestRecessed:
         assert bare.log_slope(0.03) == TABLE_I.log_slope(0.03)
 
     def test_a_recess_beyond_the_end_of_the_curve_is_refused(self) -> None:
-        with pytest.raises(InvalidInputError, match=r"recess: found 0\.1 m, which leaves no distance"):
+        with pytest.raises(InvalidInputError, match=r"recess: found 0\.1 m, but the .* so no distance"):
             Recessed(sensor=TABLE_I, recess=0.1)
 
     def test_something_else_than_a_curve_is_refused(self) -> None:
@@ -575,7 +577,7 @@ def test_a_class_that_is_no_dataclass_is_never_taken_for_another_one_of_its_kind
 def test_a_function_of_the_users_that_loses_the_shape_is_refused_where_it_is_used() -> None:
     flat = CustomSensor(log_output_function=lambda d: -40 * d, log_slope_function=lambda _: np.array(-40.0))
     with pytest.raises(
-        InvalidInputError, match=r"custom curve returned the shape \(\) for distances of the shape \(3,\)"
+        InvalidInputError, match=r"custom curve returned an array of shape \(\) for distances of shape \(3,\)"
     ):
         flat.log_slope([0.0, 0.01, 0.02])
 

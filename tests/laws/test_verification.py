@@ -82,7 +82,7 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
         (
             [velocity_limit(0.1, 0.99)],
             NARROWLY,
-            "is met in 100 % of 60 runs; this shows only 95.12 % with 95 % confidence (99 % required)",
+            "is met in 100 % of 60 runs, which proves only 95.12 % with 95 % confidence (99 % required)",
         ),
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),
     ],
@@ -130,9 +130,9 @@ def test_a_sensor_too_slow_for_the_gain_does_not_hold_and_a_faster_one_would() -
     assert check.margin < 1 < check.lowest_rate / check.rate
     assert check.lowest_rate_for_margin_2 > check.lowest_rate
     assert check.margin == pytest.approx(check.strongest / -0.7463)
-    assert found.stability_text.startswith("The loop is unstable: ")
+    assert found.stability_text.startswith("The loop is unstable with a gain margin of ")
     assert found.sensor_speed is not None
-    assert found.sensor_speed.text.startswith("The sensor is too slow: with 20 readings per second")
+    assert found.sensor_speed.text.startswith("The sensor is too slow: contact is ")
     best = found.best_change
     assert best is not None
     assert best.standing == 1
@@ -194,7 +194,7 @@ def test_force_limits_are_those_of_the_simulated_contact() -> None:
     assert check.value > 50
     assert found.mitigated.peak_force.max() > 150
     assert found.status is DOES_NOT
-    assert any("times the predicted elastic one" in text for text in found.warnings)
+    assert any("times the predicted force of an elastic impact" in text for text in found.warnings)
 
 
 def test_every_quantity_of_objectives_and_limits_is_simulated() -> None:
@@ -309,7 +309,7 @@ def test_what_a_controller_reports_is_said_in_words() -> None:
     assert any("at larger distances the reading is below the floor" in text for text in found.warnings)
     dropping = loop_of(dropout=0.3)
     found = verdict(dropping, gain=-0.7463, runs=20, changes=False)
-    assert any("the expected reading was missing in" in text for text in found.warnings)
+    assert any("the expected sensor reading was missing" in text for text in found.warnings)
     assert any("A broken sensor cable reads 0" in text for text in found.warnings)
     checked = loop_of(conditioning={"largest_rate": 100.0})
     assert not any("cable" in text for text in verdict(checked, gain=-0.7463, runs=2, changes=False).warnings)
@@ -342,7 +342,7 @@ def test_an_objective_of_forces_is_that_of_the_runs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gain", "words"), [(0.0, "With a gain of 0 the loop cannot oscillate"), (0.3, "does not mitigate")]
+    ("gain", "words"), [(0.0, "A gain of 0 cannot make the loop oscillate"), (0.3, "does not mitigate")]
 )
 def test_gains_that_do_not_mitigate_are_verified_as_they_are(gain: float, words: str) -> None:
     """Without any force the speed at contact is that of the approach; a gain that drives toward the object adds."""
@@ -381,9 +381,9 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     task = task.replace(loop=replace(task.loop, seed=seed))
     (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if "robot at rest" in text)
     found = re.search(
-        r"by at most ([\d.]+) mm within 30 s at a distance of [\d.]+ mm, the worst one \(59 runs, 95 % confidence\)\. "
-        r"A controller floor of ([\d.]+) \(now 100, unit of the readings\) keeps it within 1 mm, but objects are then "
-        r"detected only from ([\d.]+) mm on",
+        r"by at most ([\d.]+) mm within 30 s, in 95 % of the runs at the worst distance, [\d.]+ mm \(59 runs, "
+        r"95 % confidence\)\. A signal floor of ([\d.]+) instead of 100 \(unit of the readings\) keeps the robot "
+        r"within 1 mm, but objects are then detected only from ([\d.]+) mm on",
         said,
     )
     assert found is not None

@@ -199,7 +199,9 @@ def condense(calibration: Calibration) -> Calibration:
     kept = (calibration.outputs == 0) | (at_top & (at_top.sum() > 1))
     widths = [format_quantity(float(w), "m", 3) for w in (np.diff(places).min(), np.diff(places).max())]
     distinct, source = len(calibration.distinct_distances), calibration.source
-    note = f"{distinct} distances were condensed into {count} groups, {widths[0]} to {widths[1]} wide, along the curve."
+    note = (
+        f"{distinct} distances were combined into {count} groups, each {widths[0]} to {widths[1]} wide, and averaged."
+    )
     return replace(
         calibration,
         distances=middle[part],

@@ -39,7 +39,8 @@ _EXAMPLES: Final = {  # in the order of the help: two commands for each verb, an
 
 def _epilog(first: str, second: str, page: str) -> str:
     """Return the last part of the help of a verb; the mark keeps its lines."""
-    return f"\b\nExamples:\n  pretouch {first}\n  pretouch {second}\n\n\b\nDocumentation: docs/{page}"
+    examples = f"Examples:\n  pretouch {first}\n  pretouch {second}"
+    return f"\b\n{examples}\n\n\b\nDocumentation: docs/{page}"
 
 
 for _verb, _example in _EXAMPLES.items():

@@ -159,8 +159,9 @@ def _conflict(design: GainDesign) -> str:
     impossible = [o for o in design.constraints if not o.achievable]
     if impossible:
         return "; ".join(
-            f"{o.name} cannot be limited to {format_quantity(o.limit, o.unit)}: the nearest achievable value is "
-            f"{format_quantity(o.best_value or 0.0, o.unit)}, at {design.number.equals(o.best_gain or 0.0)}"
+            f"the {o.name} cannot be limited to {format_quantity(o.limit, o.unit)}; the nearest achievable value "
+            f"is {format_quantity(o.best_value or 0.0, o.unit)}, reached at "
+            f"{design.number.equals(o.best_gain or 0.0)}"
             for o in impossible
         )
     names = " and ".join(o.name for o in design.constraints)
@@ -177,8 +178,8 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     yield from _about_contact(design, scanned)
     if design.certificate is not None and design.certificate.at == "bound":
         yield (
-            f"the optimum lies on the bound {design.number.text(design.gain or 0.0)}: a wider range of gains may "
-            "contain a better one"
+            f"the optimum lies on the bound {design.number.text(design.gain or 0.0)}; a wider range may contain "
+            f"a better {design.number.name}"
         )
     if design.certificate is not None and design.certificate.at == "edge of contact":
         yield "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed"
@@ -195,13 +196,13 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     n = design.number
     if design.gain is not None and n.sign * design.gain < 0:
         sign = "positive" if design.gain > 0 else "negative"
-        yield f"the optimal {n.name} is {sign}: it drives the plant toward the object"
+        yield f"the optimal {n.name} is {sign}, so it drives the robot toward the object"
     if design.result is not None:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:
             yield (
-                f"the impulse balance of the motion has a residual of {residual:.0e}, expected at most "
-                f"{_RESIDUAL:.0e}: the numbers of the motion are less certain"
+                f"the computed motion violates its impulse balance by {residual:.0e} (usual: at most "
+                f"{_RESIDUAL:.0e}), so its numbers are less certain"
             )
 
 
@@ -231,8 +232,8 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
             text += " The object recedes: an approach has a negative velocity."
         if kind is ContactStatus.LEFT_RANGE and low > 0 and not recedes:
             text += (
-                f" The curve starts at {format_quantity(low, 'm')}: mount the sensor that far behind the contact "
-                "surface and set this distance as its recess."
+                f" The sensor curve starts at {format_quantity(low, 'm')}: mount the sensor that far behind the "
+                "contact surface, and set this distance as its recess."
             )
         yield text
     if design.gain is not None and not design.no_mitigation.reached.all():

@@ -55,7 +55,8 @@ class Term:
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
             raise InvalidInputError(
-                f"scale: {OBSTACLE_SPEED!r} cannot scale the {self.quantity} of an obstacle at rest; use a number [m/s]"
+                f"scale: found {OBSTACLE_SPEED!r}, which cannot scale the {self.quantity} of an obstacle at "
+                "rest, because its speed is 0; use a number in m/s"
             )
         return np.abs(obstacle_speed)
 

@@ -134,7 +134,7 @@ def _next_step(design: GainDesign) -> str:
             "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
         )
     describe = "" if design.problem.task.loop is not None else "describe sensor chain and controller, then "
-    return f"{describe}run `pretouch verify` to check the gain on the sampled loop"
+    return describe + "run `pretouch verify` to check the gain on the sampled loop"
 
 
 def _contact(design: GainDesign) -> PageSection:
@@ -200,8 +200,9 @@ def _constraint_row(o: ConstraintOutcome, number: LawNumber) -> Row:
 def _trade_off(design: GainDesign) -> PageSection:
     itemized = bool(design.objective_parts or not isinstance(design.definition, CustomObjective))
     caption = (
-        f"Left: {'the objective and its terms' if itemized else 'the objective'} over the searched range of gains; "
-        "hatched gains exceed the named limit or end without contact. Right: the resulting contact of each gain."
+        f"The left plot shows {'the objective and its terms' if itemized else 'the objective'} over the searched "
+        "range of gains; hatched gains exceed the named limit or end without contact. The right plot shows the "
+        "contact that results from each gain."
     )
     if shows_equals(design):
         caption += (
@@ -302,9 +303,9 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
             place = f"{name}, l = {format_quantity(distance, 'm')}"
             rows.append((place, Measured(gain, n.unit), Measured(slope, "1/m"), Measured(gain * slope**power, unit)))
     note = (
-        f"{force} Only this product acts on the motion, so a {n.name} cannot be compared between sensors: on a sensor "
-        f"with half the slope, the same motion needs about {times} the {n.name}. A no-object offset that remains in "
-        "the output lowers g and weakens the force."
+        f"{force} Only this product affects the motion, so a {n.name} cannot be compared between different "
+        f"sensors. A sensor with half the slope needs about {times} the {n.name} for the same motion. An offset "
+        "that remains in the readings lowers g and weakens the force."
     )
     head = ("distance", n.label, "sensor slope g", coefficient)
     table = PageTable(head=head, rows=tuple(rows), note=note, brief=True)

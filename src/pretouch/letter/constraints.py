@@ -1,4 +1,4 @@
-"""Reproduce Section VI-B of the letter: limit the range of motion and the relative velocity in a design."""
+"""Reproduce Section VI-B of the published letter: limit the range of motion and the relative velocity in a design."""
 
 from __future__ import annotations
 

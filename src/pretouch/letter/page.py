@@ -1,4 +1,4 @@
-"""Build the report on the letter's reproduction: all compared numbers and the errors found."""
+"""Build the report on the published letter's reproduction: all compared numbers and the errors found."""
 
 from __future__ import annotations
 

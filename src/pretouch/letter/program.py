@@ -1,4 +1,4 @@
-"""Provide complete scripts that draw the letter's figures."""
+"""Provide complete scripts that draw the published letter's figures."""
 
 from __future__ import annotations
 

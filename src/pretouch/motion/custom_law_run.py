@@ -131,8 +131,8 @@ class CustomLawRun:
         array = np.asarray(force)
         if array.shape != () or array.dtype.kind not in "iuf" or not np.isfinite(array):
             raise InvalidInputError(
-                f"force: the law {self.kind} returned {force!r} at a distance of {distance:g} m and a rate of {rate:g} "
-                "1/s, expected one finite number [N]"
+                f"force: the law {self.kind} returned {force!r} at a distance of {distance:g} m and a rate of "
+                f"{rate:g} 1/s, expected a single finite number in N"
             )
         return float(array)
 

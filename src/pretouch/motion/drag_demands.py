@@ -199,8 +199,8 @@ class DragGradients(Value):
         """
         if quantity not in _QUANTITIES or by not in _INPUTS:
             raise InvalidInputError(
-                f"gradients: found {quantity!r} by {by!r}, expected one of {', '.join(_QUANTITIES)} by one of "
-                f"{', '.join(_INPUTS)}"
+                f"gradients: found the derivative of {quantity!r} with respect to {by!r}; available are "
+                f"derivatives of {', '.join(_QUANTITIES)} with respect to {', '.join(_INPUTS)}"
             )
         shape = self.columns.request.shape
         derivative = _derivative(self.columns, quantity, by)

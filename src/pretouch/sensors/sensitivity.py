@@ -105,5 +105,5 @@ def _by_differences(sensor: Any, name: str) -> SlopeSensitivity:
 
         return slope
     raise InvalidInputError(
-        f"{name}: found {value:g}, where the curve has no derivative, since nearby values are invalid: {error}"
+        f"{name}: the curve has no derivative at {value:g}, because nearby values are invalid: {error}"
     )

@@ -151,16 +151,20 @@ def witness_encounter(
     """
     coefficients = plant.coefficients()
     if scenario.shape:
-        raise InvalidInputError(f"scenario: found encounters of the shape {scenario.shape}, expected one")
+        raise InvalidInputError(
+            f"scenario: found an array of encounters of shape {scenario.shape}, expected a single encounter"
+        )
     if coefficients[0] == 0:
         raise InvalidInputError("plant: an ideal plant has no mass; choose an ImpedancePlant or a PositionPlant")
     if not isinstance(contact, SpringDamper):
-        raise InvalidInputError(f"contact: found {type(contact).__name__}, expected a SpringDamper, as in MuJoCo")
+        raise InvalidInputError(
+            f"contact: found {type(contact).__name__}, expected a SpringDamper, the contact model that MuJoCo supports"
+        )
     step = positive(time_step, "time_step", "s")
     parts = round(law.period / step)
     if parts < 1 or abs(law.period / step - parts) > 1e-9 * parts:
         raise InvalidInputError(
-            f"time_step: found {step:g} s, expected an integer fraction of the law's period of {law.period:g} s"
+            f"time_step: found {step:g} s, expected the law's period of {law.period:g} s divided by a whole number"
         )
     slides = _Slides(
         scenario=scenario,
@@ -219,8 +223,8 @@ def _check_step(slides: _Slides) -> None:
     fastest = max(drive, math.sqrt(contact.stiffness / reduced), contact.damping / reduced)
     if slides.step * fastest > _COARSEST:
         raise InvalidInputError(
-            f"time_step: found {slides.step:g} s, too long for the shortest time scale of robot and contact, "
-            f"{1 / fastest:.3g} s; use at most {_COARSEST / fastest:.3g} s"
+            f"time_step: found {slides.step:g} s, expected at most {_COARSEST / fastest:.3g} s, because the "
+            f"fastest motion of robot and contact has a time scale of {1 / fastest:.3g} s"
         )
 
 

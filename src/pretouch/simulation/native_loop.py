@@ -325,7 +325,7 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
     sizes = {size for _, size in places}
     if len(sizes) != 1:
         raise InvalidInputError(
-            f"{name}: found sizes of {sorted(sizes)} bytes among laws with the same step, expected one size"
+            f"{name}: laws with the same step function need the same size, but found sizes of {sorted(sizes)} bytes"
         )
     size = sizes.pop()
     rows = np.zeros((len(parts), max(-(-size // 8), 1)))

@@ -170,8 +170,8 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
         temporary.replace(path)
     except OSError as error:
         raise InvalidInputError(
-            f"{path}: cannot be written ({error.strerror or error}); the computed results are kept; run the same "
-            "command again to resume"
+            f"{path}: the file cannot be written ({error.strerror or error}), but the computed results are kept; "
+            "run the same command again to resume"
         ) from None
     finally:
         temporary.unlink(missing_ok=True)

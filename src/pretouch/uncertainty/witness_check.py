@@ -82,19 +82,23 @@ class WitnessCheck(Value):
         of = f" (the worst of {self.unsupported} of {self.encounters} encounters)" if self.encounters > 1 else ""
         if self.harder_count:
             return (
-                f"Not supported by the readings: on {self.harder_count} of {self.curves} curves that fit the readings, "
-                f"contact is harder than without mitigation ({free}); the fitted curve predicts {predicted}{of}."
+                f"Not supported by the readings: contact is harder than without mitigation ({free}) on "
+                f"{self.harder_count} of {self.curves} curves that fit the readings. The fitted curve predicts "
+                f"{predicted}{of}."
             )
         return (
-            f"Not supported by the readings: on curves that fit the readings, contact is at {low} to {high}; the "
-            f"fitted curve predicts {predicted}{of}."
+            f"Not supported by the readings: on other curves that fit the readings, the contact speed is {low} "
+            f"to {high}; the fitted curve predicts {predicted}{of}."
         )
 
     @property
     def text(self) -> str:
         """The range of contact speeds on these curves, in a clause."""
         low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted))
-        return f"on {self.curves} curves that fit the readings, contact is at {low} to {high} ({predicted} predicted)"
+        return (
+            f"on {self.curves} other curves that fit the readings, the contact speed is {low} to {high} "
+            f"(predicted: {predicted})"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the check as one JSON object, in SI."""

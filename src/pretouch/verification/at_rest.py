@@ -43,17 +43,20 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
         return
     where, far, still = (format_quantity(x, "m", 3) for x in (place, moved, _STILL))
     text = (
-        f"Sensor noise alone moves a robot at rest near an object: in 95 % of the runs by at most {far} within "
-        f"{_rest(law):g} s at a distance of {where}, the worst one ({_RESTS} runs, 95 % confidence)."
+        f"Sensor noise alone moves a robot at rest near an object by at most {far} within {_rest(law):g} s, in "
+        f"95 % of the runs at the worst distance, {where} ({_RESTS} runs, 95 % confidence)."
     )
     quiet = _quiet_floor(task, gain, law, moved)
     if quiet is None:
-        yield f"{text} No floor that was tried keeps it within {still}; reduce the noise or use a law with a dead zone."
+        yield (
+            f"{text} No signal floor that was tried keeps the robot within {still}; reduce the noise, or use a law "
+            "with a dead zone."
+        )
         return
     sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)
     yield (
-        f"{text} A controller floor of {quiet:g} (now {floor:g}, unit of the readings) keeps it within {still}, but "
-        f"objects are then detected only from {sees} on."
+        f"{text} A signal floor of {quiet:g} instead of {floor:g} (unit of the readings) keeps the robot within "
+        f"{still}, but objects are then detected only from {sees} on."
     )
 
 

@@ -131,7 +131,7 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
         *loop_sentences(loop),
         *_force(task),
         *(uncertain or ["Encounter: the nominal one in every run; nothing is uncertain."]),
-        f"Runs: {number}; other gains and changes are simulated with the same noise{first}.",
+        f"Runs: {number}; all other gains and changes of the loop are simulated with the same noise{first}.",
         "Prediction: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly.",
         "Stability: of the loop linearized at each distance of the nominal curve, without noise, misfit, jitter, "
         "limits and friction.",
@@ -150,8 +150,8 @@ def _force(task: Task) -> Iterator[str]:
     if task.impact is None:
         model = "the same contact stiffness without loss, and the mass of the robot"
     yield (
-        f"The impact force is predicted with {model}. Loss in the contact lowers the simulated force; the robot's "
-        "drive and a driven obstacle raise it."
+        f"The impact force is predicted with {model}. Energy loss in the contact lowers the simulated force, but "
+        "the robot's drive and a driven obstacle raise it."
     )
 
 
@@ -183,9 +183,9 @@ def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
     if virtual is None or all(np.allclose(getattr(virtual, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
         return
     yield (
-        f"The controller's virtual mass, damping and stiffness ({virtual.mass:g} kg, {virtual.damping:g} N s/m, "
-        f"{virtual.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
-        f"{a.stiffness:g} N/m)."
+        "The controller and the prediction use different virtual masses, dampings or stiffnesses: "
+        f"{virtual.mass:g} kg, {virtual.damping:g} N s/m and {virtual.stiffness:g} N/m in the controller, "
+        f"{a.mass:g} kg, {a.damping:g} N s/m and {a.stiffness:g} N/m in the prediction."
     )
 
 
@@ -218,8 +218,8 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
     if distance.mean() < _LATE * start:
         near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
         yield (
-            f"The object is first detected {format_quantity(late, 's')} after the start on average, at {near} instead "
-            f"of {far}: {_why_late(loop, late)}."
+            f"On average, the object is first detected {format_quantity(late, 's')} after the start, at a "
+            f"distance of {near} instead of {far}: {_why_late(loop, late)}."
         )
 
 
@@ -251,9 +251,9 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     pushing = "the driven obstacle and the robot's drive push" if driven else "the robot's drive pushes"
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
     yield (
-        f"The largest force of the whole contact is larger with mitigation, {newton[0]} on average, than without, "
-        f"{newton[1]}. The impact itself is {newton[2]} with and {newton[3]} without; the larger force follows it, "
-        f"because {pushing} while the bodies are in contact."
+        f"Mitigation raises the largest force of the contact from {newton[1]} to {newton[0]} on average. This "
+        f"force occurs after the impact ({newton[2]} with and {newton[3]} without mitigation), because {pushing} "
+        "while the bodies are in contact."
     )
 
 
@@ -266,7 +266,7 @@ def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
         return
     pushed = "the robot's drive and the obstacle push while the bodies are in contact"
     why = pushed if times > 1 else "the contact loses energy, or the robot yields during it"
-    yield f"The simulated impact force is {times:.3g} times the predicted elastic one: {why}."
+    yield f"The simulated impact force is {times:.3g} times the predicted force of an elastic impact: {why}."
 
 
 def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
@@ -278,7 +278,10 @@ def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
             yield f"In {_percent(share)} of the runs {text}."
     stale = _stale(result)
     if stale > 0:
-        yield f"While an object was detected, the expected reading was missing in {_percent(stale)} of the steps."
+        yield (
+            f"In {_percent(stale)} of the controller steps with a detected object, the expected sensor reading was "
+            "missing."
+        )
 
 
 def _stale(result: SimulationResult) -> float:
@@ -300,6 +303,6 @@ def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
     if report is None or report.best is None or report.curves is not None:
         return
     yield (
-        f"The calibration has only {len(report.window.distances)} usable distances, too few to check whether it is "
-        "good enough."
+        f"The calibration has only {len(report.window.distances)} usable distances, which are too few to check "
+        "its accuracy."
     )

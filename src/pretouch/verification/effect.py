@@ -167,7 +167,7 @@ def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: S
     speed, before = _speeds(run, free)
     if speed > before * (1 + _SHOWN):
         yield (
-            f"With the gain, contact is harder than without mitigation: {_text(speed)} instead of "
+            f"With this gain, contact is harder than without mitigation: {_text(speed)} instead of "
             f"{_text(before) if free.touched else 'no contact'}."
         )
 
@@ -176,8 +176,10 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
     """Yield a warning if the gain has no effect on contact; none for the gain 0."""
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
-        text = f"The {number.name} has no effect in this run: contact is at {_text(speed)}"
-        yield f"{text}, and at {_text(before)} without mitigation."
+        yield (
+            f"The {number.name} has no effect in this run: the contact speed is {_text(speed)} with the "
+            f"{number.name}, and {_text(before)} without mitigation."
+        )
 
 
 def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:
@@ -219,9 +221,11 @@ class SensorSpeed(Value):
         """Whether the sensor is fast enough, in one sentence."""
         enough = "fast enough" if self.is_fast_enough else "too slow"
         speed, fast = format_quantity(self.speed, "m/s", 3), format_quantity(self.fast, "m/s", 3)
-        text = f"The sensor is {enough}: with {self.rate:.6g} readings per second, contact is at {speed} on average; "
-        text += f"with an infinitely fast sensor at {fast} (both without noise). Contact is {self.harder_in_words}"
-        return f"{text} ({100 * self.tolerance:.3g} % allowed)."
+        return (
+            f"The sensor is {enough}: contact is {self.harder_in_words} than with an infinitely fast sensor "
+            f"({100 * self.tolerance:.3g} % allowed). Without noise, the mean contact speed is {speed} with "
+            f"{self.rate:.6g} readings per second, and {fast} with an infinitely fast sensor."
+        )
 
     @property
     def harder_in_words(self) -> str:

@@ -220,9 +220,15 @@ class SimulatedEncounter(Described, Value):
             yield "The loop is unstable with any gain, however weak."
         elif margin < 1:
             strongest = number.text(limit.strongest, 3)
-            yield f"The loop is unstable: the strongest stable {number.name} is {strongest}, at a distance of {place}."
+            yield (
+                f"The loop is unstable at a distance of {place}, where the strongest stable {number.name} is "
+                f"{strongest}."
+            )
         else:
-            yield f"The gain margin of the loop is only {margin:.3g} (2 is usual), at a distance of {place}."
+            yield (
+                f"The gain margin of the loop is only {margin:.3g} at a distance of {place}; a gain margin of 2 is "
+                "usual."
+            )
 
     @property
     def grows_after_impact(self) -> bool:
@@ -320,9 +326,9 @@ def _comparison(e: SimulatedEncounter) -> PageSection:
     loop, contact = e.loop, e.loop.contact
     model = "no contact model" if contact is None else type(contact).__name__
     method = (
-        f"On the loop: {type(loop.law).__name__} every {format_quantity(loop.law.period, 's', 3)}, readings at "
-        f"{loop.chain.rate:g} Hz, {type(loop.plant).__name__}, {model}, seed {loop.seed}. Predicted: "
-        f"{_NOTHING if e.prediction is None else e.prediction.method}."
+        f"The simulation ran {type(loop.law).__name__} every {format_quantity(loop.law.period, 's', 3)}, with "
+        f"readings at {loop.chain.rate:g} Hz, {type(loop.plant).__name__}, {model} and seed {loop.seed}. The "
+        f"prediction used {_NOTHING if e.prediction is None else e.prediction.method}."
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
     return PageSection(title="Loop and prediction", blocks=(table, Paragraph(text=method, brief=True), elastic))

@@ -131,9 +131,10 @@ class Detection(Value):
             return f"The object was detected at the start, at {format_quantity(self.distance, 'm')}."
         text = f"The object was first detected after {format_quantity(self.time, 's', 3)}, at "
         text += f"{format_quantity(self.distance, 'm')} (start: {format_quantity(self.start_distance, 'm')})"
-        if self.missed_share is not None:
-            text += f". {100 * self.missed_share:.2g} % of the change of ln xi until contact happened before detection"
-        return f"{text}."
+        if self.missed_share is None:
+            return f"{text}."
+        missed = f"{100 * self.missed_share:.2g} % of the change of ln xi until contact"
+        return f"{text}. Before this detection, {missed} had already happened."
 
 
 _MEANINGS: Final[dict[Status, str]] = {
@@ -273,13 +274,16 @@ def _is_harder(run: SimulationResult, free: SimulationResult) -> bool:
 def _loop_clause(run: SimulationResult, free: SimulationResult) -> str:
     if _is_harder(run, free):
         speed = _speed(run.relative_velocity)
-        return f"Harder than without mitigation: contact on the loop at {speed} instead of {_speed_or_none(free)}"
+        return (
+            f"Contact is harder than without mitigation: the contact speed on the loop is {speed} instead of "
+            f"{_speed_or_none(free)}"
+        )
     if run.touched:
         return f"Contact on the loop at {_speed(run.relative_velocity)}"
     if run.status == ContactStatus.UNRESOLVED:
-        return f"The loop diverges: its numbers exceed all bounds after {_time(run.end_time)}"
+        return f"The simulated loop diverges: its numbers exceed all bounds after {_time(run.end_time)}"
     nearest = format_quantity(run.closest_distance, "m", 3)
-    return f"No contact on the loop within {_time(run.end_time)}; closest distance {nearest}"
+    return f"There is no contact on the loop within {_time(run.end_time)}; the closest distance is {nearest}"
 
 
 def _speed_or_none(run: SimulationResult) -> str:
@@ -318,16 +322,17 @@ def cautions_in_words(
     if detection is None:
         yield "The object was never detected, so there was no virtual force. Check floor, offset and sensor range."
     elif detection.missed_share is not None and detection.missed_share > _LATE:
+        late = detection.sentence[0].lower() + detection.sentence[1:]
         yield (
-            f"Late detection: {detection.sentence[0].lower()}{detection.sentence[1:]} The prediction assumes "
-            f"detection at {format_quantity(detection.start_distance, 'm')}."
+            f"Late detection: {late} The prediction assumes detection at "
+            f"{format_quantity(detection.start_distance, 'm')}."
         )
     approach = run.time if run.touched else run.end_time
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
             yield (
-                f"During the approach, the controller reported {flag.name} ({flag.meaning}): first after "
-                f"{_time(flag.since)}, for {_time(flag.approach_duration)} in total."
+                f"During the approach, the controller reported {flag.name} ({flag.meaning}) after "
+                f"{_time(flag.since)}, and for {_time(flag.approach_duration)} in total."
             )
     if run.contacts > 1:
         hardest = max(contacts, key=lambda contact: -contact.relative_velocity)
@@ -338,8 +343,8 @@ def cautions_in_words(
         yield f"There are {run.contacts} contacts; {which} is the fastest{beyond}."
     if grows:
         yield (
-            f"After the impact, the contact force grows to {_force(run.peak_force)}: a push or another contact is "
-            "stronger than the first impact."
+            f"After the impact, the contact force grows to {_force(run.peak_force)}, because a push or another "
+            "contact is stronger than the first impact."
         )
 
 
@@ -348,8 +353,8 @@ def force_in_words(force: QuantityComparison) -> Iterator[str]:
     if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
         loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
         yield (
-            f"The virtual force on the loop reaches {loop}, predicted {predicted}. Noise, slow readings or a loop "
-            "close to instability cause such peaks."
+            f"The virtual force on the loop reaches {loop}, but {predicted} was predicted. Noise, slow readings "
+            "or a loop close to instability cause such peaks."
         )
 
 

@@ -141,15 +141,17 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
 def _check_task(task: Task) -> Task:
     """Check the inputs of a verdict; return the task without gains that lack the required gain margin."""
     if task.scenario.shape != ():
-        raise InvalidInputError(f"scenario: found encounters of shape {task.scenario.shape}, expected one")
+        raise InvalidInputError(
+            f"scenario: found an array of encounters of shape {task.scenario.shape}, expected a single encounter"
+        )
     law: Any = _loop_of(task).law
     if not isinstance(law, TunableLaw):
         raise InvalidInputError(
-            f"loop: found a law ({type(law).__name__}) without the method with_value, which sets its gain"
+            f"loop: the law {type(law).__name__} has no method with_value, which must return the law with another gain"
         )
     if not finite(task.speed_tolerance, "speed_tolerance") >= 0:
         raise InvalidInputError(
-            f"speed_tolerance: found {task.speed_tolerance:g}, expected 0 or more, such as 0.1 for 10 %"
+            f"speed_tolerance: found {task.speed_tolerance:g}, expected 0 or a positive number, such as 0.1 for 10 %"
         )
     if type(task.runs) is not int or task.runs < 1:
         raise InvalidInputError(f"runs: found {task.runs!r}, expected a positive whole number")
@@ -175,12 +177,15 @@ def _loop_of(task: Task) -> ClosedLoop:
     law = task.loop.continuous
     if law is None and "law" not in vars(task):
         raise InvalidInputError(
-            f"loop: found a law ({type(getattr(task.loop.law, 'law', task.loop.law)).__name__}) without a law in "
-            'continuous time for the prediction; set its `continuous`, such as "virtual-damper" or a CustomLaw, or '
-            "set the law of the task"
+            "loop: the prediction needs a law in continuous time, which "
+            f"{type(getattr(task.loop.law, 'law', task.loop.law)).__name__} does not name. Set its attribute "
+            '`continuous`, such as "virtual-damper" or a CustomLaw, or set the law of the task'
         )
     if law is not None and law != task.law:
-        raise InvalidInputError(f"law: found {task.law.kind}, but the controller of the loop is a {law.kind}")
+        raise InvalidInputError(
+            f"law: the task has the law {task.law.kind}, but the controller of the loop has the law {law.kind}; use "
+            "the same law"
+        )
     return task.loop
 
 
@@ -188,7 +193,7 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
     """Raise if the horizon of the loop ends before the predicted contact."""
     if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
         raise InvalidInputError(
-            f"loop horizon: found {loop.horizon:g} s, but contact is predicted after "
+            f"loop horizon: found {loop.horizon:g} s, but contact is predicted only after "
             f"{float(predicted.end.time):.4g} s; set a longer horizon"
         )
 
@@ -196,8 +201,8 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
 def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
     """Return why the stability of a gain is not assessed."""
     if known:
-        return f"Stability is not assessed: {task.law.number.equals(gain)} does not mitigate."
-    return f"The stability of the loop is not known: damping and timing of the law {task.law.kind} are unknown."
+        return f"Stability is not assessed, because {task.law.number.equals(gain)} does not mitigate the impact."
+    return f"The stability of the loop is unknown, because damping and timing of the law {task.law.kind} are unknown."
 
 
 @check_arguments
@@ -237,7 +242,8 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
     scenario, sensor, loop = task.scenario, task.sensor, _loop_of(task)
     if scenario.shape:
         raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {scenario.shape}, expected one; ClosedLoop.run takes many"
+            f"scenario: found an array of encounters of shape {scenario.shape}, expected a single encounter; use "
+            "ClosedLoop.run for many encounters"
         )
     gain = finite(_gain_of(task), "gain", task.law.number.unit)
     if not isinstance(gain, float):
@@ -264,7 +270,7 @@ def _gain_of(task: Task) -> float:
         status = "" if course else design_gain(task.replace(evaluate=None)).status.value
         why = "an ideal design does not support an obstacle with a course" if course else f"the design is {status}"
         raise InvalidInputError(
-            f'gain: {why}, so there is none to simulate; set one: gain = "-0.7 N*s" in [controller], the option '
-            "--gain, or gain=-0.7 in Python"
+            f'gain: there is no gain to simulate, because {why}. Set gain = "-0.7 N*s" in [controller], the '
+            "option --gain, or gain=-0.7 in Python"
         )
     return designed

@@ -1,1 +1,1 @@
-"""Compute Pareto fronts of contact quantities, and the physical bound that no controller can beat."""
+"""Compute Pareto fronts of contact quantities, and the physical limit that no controller can exceed."""

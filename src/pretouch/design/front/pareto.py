@@ -117,7 +117,9 @@ def _quantities(quantities: Sequence[str]) -> tuple[str, ...]:
         if name not in QUANTITY_UNITS:
             raise InvalidInputError(f"quantities: found {name!r}, expected some of {', '.join(QUANTITY_UNITS)}")
     if len(names) not in {2, 3} or len(set(names)) < len(names):
-        raise InvalidInputError(f"quantities: found {', '.join(names) or 'none'}, expected two or three different ones")
+        raise InvalidInputError(
+            f"quantities: found {', '.join(names) or 'none'}, expected two or three different quantities"
+        )
     return names
 
 

@@ -139,13 +139,13 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
         for limit in limits:
             if limit.probability < 1:
                 raise InvalidInputError(
-                    f"constraint {limit.constraint.name}: found a probability of {limit.probability:g} with a worst "
-                    "case, which has no probabilities; pass the Constraint without a probability"
+                    f"constraint {limit.constraint.name}: found a probability of {limit.probability:g}, but a "
+                    "worst-case design has no probabilities; pass the Constraint without a probability"
                 )
         return
     for name, distribution in task.uncertainty.items():
         if type(distribution) is Interval:
             raise InvalidInputError(
-                f"uncertainty {name}: found an interval, which has no probabilities, for the measure "
-                f"{measure.label!r}; use Uniform if all values are equally likely, or the measure WorstCase"
+                f"uncertainty {name}: an interval has no probabilities, which the measure {measure.label!r} "
+                "needs; use Uniform if all values are equally likely, or the measure WorstCase"
             )

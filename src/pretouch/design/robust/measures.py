@@ -52,19 +52,20 @@ def checked_measure(measure: Any) -> Measure:
     """Return a measure; raise an error unless it is a Measure that overrides label and interval together with `of`."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
-            f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a Measure"
+            f"measure: found {measure!r}, but a measure must be Expected, Quantile, ConditionalValueAtRisk, "
+            "WorstCase or a class derived from Measure"
         )
     home = {name: next(c for c in type(measure).__mro__ if name in vars(c)) for name in ("of", "label", "estimate")}
     for name in ("label", "estimate"):
         if not issubclass(home[name], home["of"]):
             raise InvalidInputError(
-                f"measure: found {type(measure).__name__}, which overrides `of` but inherits `{name}` from "
-                f"{home[name].__name__}; override `{name}`, too"
+                f"measure: the class {type(measure).__name__} overrides `of` but inherits `{name}` from "
+                f"{home[name].__name__}; override `{name}` as well"
             )
     if isinstance(measure, WorstCase) and home["of"] is not WorstCase:
         raise InvalidInputError(
-            f"measure: found {type(measure).__name__}, a worst case that overrides `of`, expected WorstCase itself: "
-            "the worst encounter is found by a search, not by `of`"
+            f"measure: the class {type(measure).__name__} overrides `of` of WorstCase, but the worst encounter "
+            "is found by a search that ignores `of`; use WorstCase itself"
         )
     return measure
 

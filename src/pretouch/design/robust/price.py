@@ -92,4 +92,6 @@ def _distribution_of(uncertainty: Uncertainty, name: str) -> tuple[JointDistribu
     for key, joint in uncertainty.items():
         if name in joint.inputs(key):
             return joint, joint.inputs(key)
-    raise InvalidInputError(f"price: found {name!r}, expected an uncertain input: {', '.join(names_of(uncertainty))}")
+    raise InvalidInputError(
+        f"price: found {name!r}, expected the name of an uncertain input: {', '.join(names_of(uncertainty))}"
+    )

@@ -119,12 +119,13 @@ def make_freedom(
     axis = GainAxis.between(bounds, law.number)
     if law == DRAG and not (natural_frequency is None and damping_ratio is None):
         raise InvalidInputError(
-            f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: found bounds with a virtual "
-            "drag, which suspends the admittance: stiffness and damping do not change the encounter; remove the bounds"
+            f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: remove these bounds, "
+            "because a virtual drag suspends the admittance: stiffness and damping do not affect the encounter"
         )
     if scenario.shape:
         raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {scenario.shape}, expected one; call this for each one"
+            f"scenario: found an array of encounters of shape {scenario.shape}, expected a single encounter; "
+            "call the function for each encounter"
         )
     stiffness = scenario.admittance.stiffness
     if natural_frequency is not None and damping_ratio is None and stiffness == 0:
@@ -151,7 +152,7 @@ def _interval(bounds: Sequence[float] | None, name: str, unit: str) -> Range | N
     ends = np.asarray(nonnegative(bounds, name, unit))
     if ends.shape != (2,) or not ends[0] < ends[1]:
         raise InvalidInputError(
-            f"{name}: found {bounds!r}, expected two numbers in {unit or '1'}, the smaller one first"
+            f"{name}: found {bounds!r}, expected two numbers in {unit or '1'}, the smaller number first"
         )
     return float(ends[0]), float(ends[1])
 

@@ -76,7 +76,7 @@ def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
     for reason in report.reasons:
         assert f"  - {reason}\n" in out
     assert f"to 56 mm ({report.window.end_reason})" in out
-    assert f"the controller must subtract the {report.offset.value:.4g} ± " in out
+    assert f"the controller must subtract the {report.offset.kind} offset {report.offset.value:.4g} ± " in out
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     known = told["calibration"]
     assert (known["verdict"], known["reasons"]) == (report.verdict, list(report.reasons))

@@ -153,7 +153,7 @@ def test_a_sweep_whose_answer_is_no_ends_with_1(run: Any) -> None:
         ),
         (["obstacle.velocity=-1 kg:-2 kg:3"], "obstacle.velocity: found '-1 kg', expected a quantity in m/s"),
         (["obstacle.speed=-1:-2:3"], "'obstacle.speed', which is not an input of this sweep"),
-        (["obstacle.velocity=-1", "obstacle.velocity=-2"], "found obstacle.velocity twice"),
+        (["obstacle.velocity=-1", "obstacle.velocity=-2"], "obstacle.velocity is given twice"),
     ],
 )
 def test_a_mistake_in_an_axis_is_told(run: Any, axes: list[str], sentence: str) -> None:

@@ -307,7 +307,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "high alone": (lambda: line(high=X), r"the argument high is given without low"),
     "low above": (lambda: line(low=X + 1, high=X), r"low = 1 above high = 0 at index 0"),
     "mark": (lambda: Mark(x=np.nan, y=0.0, label="m"), r"^mark 'm': x: found nan"),
-    "mark of two": (lambda: Mark(x=[0.0, 1.0], y=0.0), r"shape \(2,\), expected one number"),
+    "mark of two": (lambda: Mark(x=[0.0, 1.0], y=0.0), r"shape \(2,\), expected a single number"),
     "shape": (lambda: Mark(x=0.0, y=0.0, shape="star"), r"found 'star', expected one of dot, ring, square"),
     "log x": (lambda: panel(line(label="a"), x_log=True), r"^curve 'a': x: found 0 on a logarithmic axis"),
     "log level": (lambda: panel(line(), y_log=True, levels={"z": -1}), r"^levels: z: found -1 on a logarithmic axis"),

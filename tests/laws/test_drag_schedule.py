@@ -268,7 +268,7 @@ def test_rails_may_be_given_by_ratios() -> None:
     [
         ({"ratio": 1.0}, "ratio: found 1.0, expected a single number below 1; a ratio of 1 means no drag"),
         ({"ratio": 0.0}, "ratio: found 0, which must be positive"),
-        ({"ratio": [0.1, 0.2]}, "ratio: found .* expected one number"),
+        ({"ratio": [0.1, 0.2]}, "ratio: found .* expected a single number"),
         (
             {"rails": (0.1, 0.9)},
             r"rails: .* ratios 0.87\d* and 0.297\d*, but the required ratio 0.26 must lie between",

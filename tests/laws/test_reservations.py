@@ -180,7 +180,7 @@ def pt_speed(speed: float) -> str:
 
 def test_distances_count_from_the_contact_surface_and_those_in_brackets_from_the_zero_of_the_sensor() -> None:
     found = answer(0.008, 0.06, recess=0.005)
-    zero = "the sensor's zero, 5 mm behind the contact surface"
+    zero = "the zero of the sensor, which is 5 mm behind the contact surface"
     assert "from 3 mm (first measured distance) to contact at 0 mm. Distances in brackets count from" in found.headline
     assert f"Distances in brackets count from {zero}." in found.headline
     assert 'mount the sensor deeper, with recess = "8 mm" (now 5 mm), or ' in found.headline

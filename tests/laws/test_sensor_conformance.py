@@ -266,7 +266,7 @@ UNLAWFUL = {
     ),
     "slope 10 % off": (
         _custom(straight, lambda d: 1.1 * forty(d)),
-        "found a mean slope of -44 1/m from .* but ln xi changes by -40 1/m there; the slope must be the derivative",
+        "found a slope of -44 1/m on average from .* but ln xi changes by -40 1/m there; the slope must be the",
     ),
     "slope 0.3 % off": (_custom(straight, lambda d: 1.003 * forty(d)), r"found a slope of -40\.12 1/m"),
     "jump": (_custom(lambda d: -40 * d - 0.1 * (d > 0.02), forty), "the slope must be the derivative of ln xi"),

@@ -160,7 +160,7 @@ def test_correlated_inputs_have_the_covariance_that_was_given() -> None:
                 {"a": Normal(mean=0, deviation=1), "b": CorrelatedNormal(names=("a",), mean=(0,), covariance=((1,),))},
                 9,
             ),
-            "found a twice",
+            "the input a has two",
         ),
     ],
 )

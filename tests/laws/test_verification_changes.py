@@ -165,7 +165,7 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
         "damping to 254.6 N s/m.",
         "offset": "Subtract the exact offset of the sensor, 0.12 (unit of the readings) instead of 0.1, and "
         "track its drift.",
-        "largest-rate": "Set largest_rate to 48 1/s, which is twice the largest |d ln xi / dt| of an approach "
+        "largest-rate": "Set largest_rate to 48 1/s, which is twice the largest rate |d ln xi / dt| of an approach "
         "plus noise.",
     }
 

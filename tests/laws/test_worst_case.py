@@ -156,7 +156,7 @@ def test_slopes_of_an_ensemble_are_differences_of_it(sensor: SensorModel) -> Non
     [
         ({"obstacle.velocity": Normal(mean=-0.3, deviation=0.1)}, WorstCase(), [], "which has no bounds"),
         ({"obstacle.velocity": TruncatedNormal(location=-0.3, deviation=0.1, high=0)}, WorstCase(), [], "no bounds"),
-        (BOX, Expected(), [], "an interval has no probabilities"),
+        (BOX, Expected(), [], "found an interval, which has no probabilities"),
         (
             BOX,
             WorstCase(),

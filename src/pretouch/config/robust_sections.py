@@ -59,7 +59,7 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
     for key in ("uniform", "interval", "between"):
         pair = values.get(key)
         if pair is not None and not pair[0] < pair[1]:
-            raise UnfitValueError(f"found {pair[0]:g} followed by {pair[1]:g}, expected the smaller number first", key)
+            raise UnfitValueError(f"found {pair[0]:g} followed by {pair[1]:g}, expected the smaller one first", key)
     if "normal" in values and not values["normal"][1] > 0:
         deviation = values["normal"][1]
         raise UnfitValueError(

@@ -154,7 +154,7 @@ def schedule_drag(
     if np.ndim(ratio) or not positive(ratio, "ratio") < 1:
         raise InvalidInputError(f"ratio: found {ratio}, expected a single number below 1; a ratio of 1 means no drag")
     if type(steps) is not int or steps < 1:
-        raise InvalidInputError(f"steps: found {steps!r}, expected a whole number of 1 or more")
+        raise InvalidInputError(f"steps: found {steps!r}, expected a whole number of at least 1")
     constant = drag_by(sensor, distance, mass, ratio=ratio)
     between = _rails(constant, rails)
     ends = np.asarray(sensor.log_output(np.array([distance, 0.0])))

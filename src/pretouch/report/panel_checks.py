@@ -58,7 +58,7 @@ def as_limits(limits: Any, name: str) -> tuple[float, float] | None:
         return None
     ends = finite(limits, name)
     if np.shape(ends) != (2,) or not ends[0] < ends[1]:
-        raise InvalidInputError(f"{name}: found {limits!r}, expected two numbers, the smaller number first")
+        raise InvalidInputError(f"{name}: found {limits!r}, expected two numbers, the smaller one first")
     return float(ends[0]), float(ends[1])
 
 

@@ -181,8 +181,8 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
         if len(wrong):
             i = wrong[0]
             return (
-                f"found {what} of {values[i]:g}{unit} at a distance of {distance[i]:g} m, but it must be finite; "
-                "exclude this distance by minimum_distance or maximum_distance"
+                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, which must be finite; exclude this "
+                "distance by minimum_distance or maximum_distance"
             )
         again = function(distance)
         i = int(np.abs(again - values).argmax())
@@ -201,9 +201,9 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
         return "found a slope of 0 1/m at every distance, which must be negative: the output is constant"
     if slope[i] > _ROUNDED * steepest:
         return (
-            f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, but slopes must not be positive, because "
-            "the output of a sensor falls with the distance. Limit the curve to its falling part by "
-            "minimum_distance or maximum_distance, or use Recessed to mount the sensor behind the surface"
+            f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, which must not be positive, because the "
+            "output of a sensor falls with the distance. Limit the curve to its falling part by minimum_distance "
+            "or maximum_distance, or recess the sensor behind the surface by Recessed"
         )
     constant = sensor.constant_log_slope
     if constant is None:
@@ -239,8 +239,9 @@ def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
     i = int(np.abs(change - integral).argmax())
     width = right[i] - left[i]
     return (
-        f"found a mean slope of {integral[i] / width:.5g} 1/m from {left[i]:.5g} m to {right[i]:.5g} m, but ln "
-        f"xi changes by {change[i] / width:.5g} 1/m there; the slope must be the derivative of ln xi within 0.1 %"
+        f"found a slope of {integral[i] / width:.5g} 1/m on average from {left[i]:.5g} m to {right[i]:.5g} m, "
+        f"but ln xi changes by {change[i] / width:.5g} 1/m there; the slope must be the derivative of ln xi "
+        "within 0.1 %"
     )
 
 

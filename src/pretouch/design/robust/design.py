@@ -146,6 +146,7 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
     for name, distribution in task.uncertainty.items():
         if type(distribution) is Interval:
             raise InvalidInputError(
-                f"uncertainty {name}: an interval has no probabilities, which the measure {measure.label!r} "
-                "needs; use Uniform if all values are equally likely, or the measure WorstCase"
+                f"uncertainty {name}: found an interval, which has no probabilities, but the measure "
+                f"{measure.label!r} needs probabilities; use Uniform if all values are equally likely, or the "
+                "measure WorstCase"
             )

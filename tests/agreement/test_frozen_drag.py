@@ -187,7 +187,7 @@ def test_what_is_not_known_is_asked_for() -> None:
         suspends_admittance=True,
     )
     with pytest.raises(
-        InvalidInputError, match=r"^relative_velocity: found none, expected .* of a virtual-drag depends on it"
+        InvalidInputError, match=r"^relative_velocity: .* is missing, but the damping of a virtual-drag depends on it"
     ):
         gain_limit(CURVE, LETTER, TIMING, distance=0.0, law=DRAG)
     with pytest.raises(InvalidInputError, match=r"^law: the damping of the shock is unknown"):

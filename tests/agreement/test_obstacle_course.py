@@ -160,8 +160,8 @@ def test_values_travel() -> None:
     [
         ((Stretch(until=0.2), Stretch(until=0.1)), "0.2 s is followed by 0.1 s"),
         ((Stretch(until=0.2), Stretch(until=0.2)), "the end times must increase"),
-        ((3.0,), "expected a list or tuple of Stretch"),
-        (Stretch(until=1.0), "expected a list or tuple of Stretch"),
+        ((3.0,), "expected a sequence of Stretch"),
+        (Stretch(until=1.0), "expected a sequence of Stretch"),
     ],
 )
 def test_courses_that_make_no_sense_are_refused(course: tuple[Stretch, ...], told: str) -> None:

@@ -178,7 +178,7 @@ def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_r
 def test_the_ways_out_of_a_refusal_lead_out(run):
     recessed = CLIPPED + '\nrecess = "5 mm"'
     err = run("design", scenario("clipped.toml", recessed))[2]
-    assert "starts 7 mm in front" in err
+    assert "only from 7 mm in front" in err
     assert 'recess = "12 mm"' in err
     assert run("design", scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"'), "--no-report")[0] == 0
     code, out, _ = run(

@@ -223,8 +223,8 @@ def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) ->
         (3.0, "found 3.0, expected an Objective"),
         (pt.Objective, "expected an Objective"),
         (None, "found None, expected an Objective"),
-        (lambda state: -state.time, "gave -.* expected a number that is not negative"),
-        (lambda state: math.nan * state.time, "gave nan"),
+        (lambda state: -state.time, "returned -.* expected 0 or a positive number"),
+        (lambda state: math.nan * state.time, "returned nan"),
         (lambda state: max(state.time, 0.1), "called with many contacts at once"),
         (lambda state: np.ones(3), "returned an array of shape \\(3,\\)"),  # noqa: ARG005
         (lambda: 1.0, "failed for an array of contacts"),

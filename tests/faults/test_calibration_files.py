@@ -77,7 +77,7 @@ def test_no_object_readings_come_as_number_list_or_file(tmp_path):
     assert read_calibration(path, no_object=0.1).no_object.tolist() == [0.1]
     for given in ([0.1, 0.2], np.array([0.1, 0.2]), bare, str(headed)):
         assert read_calibration(path, no_object=given).no_object.tolist() == pytest.approx([0.1, 0.2], rel=1e-15)
-    with pytest.raises(CalibrationDataError, match="found the unit 'counts', expected 'V'"):
+    with pytest.raises(CalibrationDataError, match="'counts', expected the unit of the calibration, 'V'"):
         read_calibration(path, no_object=write(tmp_path, "output [counts]\n1\n", name="wrong.csv"))
 
 
@@ -90,7 +90,7 @@ def test_further_columns_tell_curves_apart(tmp_path):
     assert len(read_calibrations(path, labels=["day"])) == 2
     with pytest.raises(CalibrationDataError, match=r"found 3 curves, expected one.*day: 1, 2; side: a, b"):
         read_calibration(path)
-    with pytest.raises(CalibrationDataError, match="select: found 'size', expected a label column"):
+    with pytest.raises(CalibrationDataError, match="select: found the label 'size', expected one of"):
         read_calibration(path, select={"size": "1"})
 
 

@@ -265,7 +265,7 @@ class OwnWorst(pt.robust.WorstCase):
 
 
 @pytest.mark.parametrize(
-    ("measure", "message"), [(OwnMean(), "override `label`, too"), (OwnWorst(), "WorstCase itself")]
+    ("measure", "message"), [(OwnMean(), "override `label` as well"), (OwnWorst(), "WorstCase itself")]
 )
 def test_a_measure_that_would_be_told_as_another_is_refused(measure: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):

@@ -1,4 +1,4 @@
-"""Run an encounter in MuJoCo, to check `simulate` against another integrator and another contact model.
+"""Simulate an encounter in MuJoCo, as an independent check of the function `simulate`.
 
 MuJoCo's contact is a soft constraint. With the impedance d and a direct `solref` = (-k', -c'), the depth delta has the
 acceleration a_1 = (1 - d) a_0 - k' delta - c' delta', where a_0 is the acceleration without contact. That is a force of

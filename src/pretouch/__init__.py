@@ -1,4 +1,4 @@
-"""pretouch designs the gain of a proximity-sensor-based preemptive impact controller without collision tests.
+"""pretouch designs the gain of a preemptive impact controller with proximity sensors, without collision tests.
 
 Calibrate the sensor, describe the encounter, and get the optimal gain, the contact that it results in, the margins and
 the evidence:

@@ -106,7 +106,7 @@ def test_a_curve_that_ends_too_soon_is_solved_for_itself() -> None:
     [
         ({"obstacle.speed": [1.0]}, "found 'obstacle.speed', which is no input; did you mean"),
         ({"sensor.rate": [1.0]}, "which is no input"),
-        ({"obstacle.velocity": [-0.1, -0.2], "admittance.mass": [1.0]}, "expected rows of equal lengths"),
+        ({"obstacle.velocity": [-0.1, -0.2], "admittance.mass": [1.0]}, "expected lists of equal length"),
         ({}, "none"),
         ({"admittance.mass": [1.0, -1.0]}, "mass: found -1 kg, which must be positive"),
         ({"sensor.exponent": [3.0, -1.0]}, "exponent: found -1"),

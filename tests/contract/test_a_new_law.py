@@ -64,7 +64,7 @@ def test_the_drag_that_is_optimal_is_that_of_a_plain_scan():
 
 
 def test_a_mitigating_drag_is_not_said_to_drive_toward_the_object():
-    assert not [warning for warning in pt.design_gain(TASK).warnings if "drives the plant" in warning]
+    assert not [warning for warning in pt.design_gain(TASK).warnings if "drives the robot" in warning]
 
 
 def test_the_damping_at_contact_is_that_of_the_law():
@@ -75,7 +75,7 @@ def test_the_damping_at_contact_is_that_of_the_law():
 
 @pytest.mark.parametrize("verb", [pt.design_admittance, pt.pareto_front])
 def test_an_admittance_that_is_held_off_is_not_searched(verb):
-    with pytest.raises(ValueError, match="stiffness and damping do not change the encounter"):
+    with pytest.raises(ValueError, match="stiffness and damping do not affect the encounter"):
         verb(TASK.replace(damping_ratio=(0.7, 2.0)))
 
 

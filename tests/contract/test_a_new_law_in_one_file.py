@@ -170,7 +170,10 @@ def test_a_loop_is_designed_for_and_judged_with_it(tmp_path: Path) -> None:
         write_report(result, tmp_path / f"{name}.html")
     for name in ("verdict", "encounter"):
         assert "Shared" in (tmp_path / f"{name}.html").read_text(encoding="utf-8")
-    with pytest.raises(InvalidInputError, match=r"found virtual-damper, but the controller of the loop is a shared-"):
+    with pytest.raises(
+        InvalidInputError,
+        match=r"the task has the law virtual-damper, but the controller of the loop has the law shared-",
+    ):
         verdict(LOOP, gain=-1.2, law="virtual-damper")
 
 

@@ -33,7 +33,9 @@ VERBS = {
 }
 CLIPPED = 'calibration = "clipped.csv"\nmodel = "exponential-1"'
 WHOLE = 'calibration = "sensor.csv"\nmodel = "exponential-1"\nmaximum_distance = "60 mm"'
-UNSUPPORTED = "Not supported by data: this answer extrapolates the fitted exponential-1 curve from "
+UNSUPPORTED = (
+    "Not supported by data: this result uses the fitted exponential-1 curve beyond the calibrated distances, from "
+)
 
 
 def scenario(name: str, sensor: str, *changes: tuple[str, str]) -> str:
@@ -74,7 +76,7 @@ def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
     for reason in report.reasons:
         assert f"  - {reason}\n" in out
     assert f"to 56 mm ({report.window.end_reason})" in out
-    assert f"the controller must subtract the offset {report.offset.value:.4g} ± " in out
+    assert f"the controller must subtract the {report.offset.kind} offset {report.offset.value:.4g} ± " in out
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     known = told["calibration"]
     assert (known["verdict"], known["reasons"]) == (report.verdict, list(report.reasons))
@@ -115,7 +117,7 @@ def test_every_page_has_the_reservations_and_the_headline_at_its_top(run, verb):
     first = words.index(UNSUPPORTED + near_end()[0])
     assert first < words.index("D_p")
     assert "Sensor calibration: clipped.csv" in words
-    assert "The controller must subtract the offset " in words
+    assert "The controller must subtract the " in words
     run(verb, scenario("whole.toml", WHOLE), *VERBS[verb])
     words = assert_sound(Path(f"whole-{verb}.html").read_text(encoding="utf-8")).words
     assert "Not supported by data" not in words
@@ -140,10 +142,13 @@ def test_a_start_beyond_the_data_is_said_first_where_it_is_decisive(run):
     assert out.startswith(
         UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), which gives 53 % of the impulse"
     )
-    assert "To fix this, calibrate out to 42.2 mm with more readings at each distance, or start at 20 mm." in out
+    assert (
+        "To fix this, calibrate out to 42.2 mm with more readings at each distance, or start the encounter at 20 mm."
+        in out
+    )
     _, out, _ = run("design", scenario("less.toml", sensor, ("42.2 mm", "20.9 mm")), "--no-report", "--verbose")
     assert out.startswith("Optimal gain")
-    assert "beyond 20 mm, the extrapolated curve gives 4.3 % of the impulse of the virtual force" in out
+    assert "beyond 20 mm, the curve is extrapolated and gives 4.3 % of the impulse of the virtual force" in out
 
 
 def test_a_motion_that_leaves_the_data_names_the_calibration(run):
@@ -152,7 +157,8 @@ def test_a_motion_that_leaves_the_data_names_the_calibration(run):
     assert code == 1
     assert out.startswith(
         "The object recedes at the start. For an approach, give the obstacle a negative velocity. "
-        "Not supported by data: the motion leaves the range of the data before contact. Data support the fitted "
+        "Not supported by data: the motion leaves the calibrated distances before contact. The calibration supports "
+        "the fitted "
     )
 
 
@@ -178,7 +184,7 @@ def test_the_ways_out_of_a_refusal_lead_out(run):
     )
     assert code == 0
     assert out.startswith(f"{UNSUPPORTED}7 mm ({near_end()[1]}) to contact at 0 mm.")
-    assert "Distances in brackets count from the sensor's zero, 5 mm behind the contact surface." in out
+    assert "Distances in brackets count from the zero of the sensor, which is 5 mm behind the contact surface." in out
     far = scenario("far.toml", WHOLE.splitlines()[0], ("42.2 mm", "70 mm"))
     assert "the end of the calibrated range (last measured distance)" in run("design", far)[2]
 
@@ -199,7 +205,7 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
     code, _, err = run(verb, scenario("far.toml", sensor, ("42.2 mm", "22 mm"), known), *options)
     assert code == 2
     assert (
-        "; the calibration supports the curve from 0 mm (first measured distance) to 56 mm (last measured distance)"
+        "; the calibration covers distances from 0 mm (first measured distance) to 56 mm (last measured distance)"
         in err
     )
 

@@ -125,7 +125,7 @@ def test_without_a_gain_verify_says_so_and_simulate_asks_for_one(run):
     assert (code, strict(out)["status"]) == (1, "no-gain")
     code, out, err = run("simulate", "no.toml")
     assert (code, out) == (2, "")
-    assert "the design is infeasible, so there is none to simulate; set one" in err
+    assert "there is no gain to simulate, because the design is infeasible" in err
 
 
 @pytest.mark.parametrize("verb", ["simulate", "verify"])

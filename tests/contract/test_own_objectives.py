@@ -224,11 +224,11 @@ def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) ->
         (3.0, "found 3.0, expected an Objective"),
         (pt.Objective, "expected an Objective"),
         (None, "found None, expected an Objective"),
-        (lambda state: -state.time, "gave -.* expected a number that is not negative"),
-        (lambda state: math.nan * state.time, "gave nan"),
+        (lambda state: -state.time, "returned -.* expected 0 or a positive number"),
+        (lambda state: math.nan * state.time, "returned nan"),
         (lambda state: max(state.time, 0.1), "called with many contacts at once"),
-        (lambda state: np.ones(3), "gave the shape \\(3,\\)"),  # noqa: ARG005
-        (lambda: 1.0, "failed on contacts"),
+        (lambda state: np.ones(3), "returned an array of shape \\(3,\\)"),  # noqa: ARG005
+        (lambda: 1.0, "failed for an array of contacts"),
     ],
 )
 def test_what_is_no_objective_is_refused(objective: Any, message: str) -> None:
@@ -266,7 +266,7 @@ class OwnWorst(pt.robust.WorstCase):
 
 
 @pytest.mark.parametrize(
-    ("measure", "message"), [(OwnMean(), "override `label`, too"), (OwnWorst(), "WorstCase itself")]
+    ("measure", "message"), [(OwnMean(), "override `label` as well"), (OwnWorst(), "WorstCase itself")]
 )
 def test_a_measure_that_would_be_told_as_another_is_refused(measure: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):

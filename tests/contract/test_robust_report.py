@@ -228,7 +228,7 @@ def test_what_fresh_samples_refuse_is_a_warning(one: RobustDesign) -> None:
     warned = replace(one, validation=replace(v, limits=(missed,), reached=0.75))
     assert [text[:30] for text in warned.warnings] == [
         "25 % of the fresh encounters e",
-        "the fresh samples meet relativ",
+        "the limit of the relative_velo",
     ]
     assert all(f"warning: {text}\n" in str(warned) for text in warned.warnings)
     assert line(str(warned), "relative velocity at contact").endswith(" missed")

@@ -146,7 +146,7 @@ def test_design_chooses_the_admittance_where_the_file_leaves_it_open(run):
     Path("free.toml").write_text(free)
     code, out, err = run("design", "free.toml")
     assert (code, err) == (0, "")
-    assert out.startswith("Optimal admittance: natural frequency 5 rad/s, damping ratio 1.5")
+    assert out.startswith("The optimal admittance has a natural frequency of 5 rad/s and a damping ratio of 1.5")
     assert "The admittance" in Path("free-design.html").read_text(encoding="utf-8")
     told = strict(run("design", "free.toml", "--json")[1])
     assert told["status"] == "optimal"
@@ -313,7 +313,7 @@ def test_a_designed_admittance_is_drawn_and_reported(problem, free):
 
 def test_what_cannot_be_drawn_is_refused(problem):
     limits = [pt.Constraint(name="excursion", limit=1e-6)]
-    with pytest.raises(InvalidInputError, match="expected one with points"):
+    with pytest.raises(InvalidInputError, match="this Pareto front has no points"):
         plots.pareto(front_of(problem, constraints=limits))
     design = pt.design_admittance(
         pt.Task(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, constraints=limits, **FREE)

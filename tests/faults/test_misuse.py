@@ -737,8 +737,11 @@ def test_every_public_name_is_tried_or_is_none_that_takes_arguments_of_a_user() 
             lambda: pt.plots.motion(SCENARIO),
             "design: found a Scenario, expected a GainDesign, which design_gain returns",
         ),
-        (lambda: SENSOR.log_slope("0.01"), "distance: found '0.01', expected a number or an array of numbers in m"),
-        (lambda: SENSOR.contains(True), "distance: found True, expected a number or an array of numbers in m"),
+        (
+            lambda: SENSOR.log_slope("0.01"),
+            "distance: found '0.01', expected a number or an array of numbers in meters",
+        ),
+        (lambda: SENSOR.contains(True), "distance: found True, expected a number or an array of numbers in meters"),
         (lambda: pt.report.panel_figure("x"), "panels: found 'x', expected a Panel"),
     ],
 )

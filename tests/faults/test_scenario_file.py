@@ -106,7 +106,7 @@ KEYS = [
     ("exponent = 3.32", "", "[sensor]", "sensor.exponent", "missing, expected a number; add, for example: exponent = "),
     ('mass = "1 kg"', "", "[admittance]", "admittance.mass", 'add, for example: mass = "1 kg"'),
     ('bounds = ["-10 N*s", "-0.01 N*s"]', "", "[gain]", "gain.bounds", 'add, for example: bounds = ["-10 N*s"'),
-    ("exponent = 3.32", "exponent = 3\nrate = -60", "rate", "sensor.rate", 'which "inverse-power" does not have'),
+    ("exponent = 3.32", "exponent = 3\nrate = -60", "rate", "sensor.rate", 'but not to "inverse-power"'),
     ("exponent = 3.32", "exponent = 3\nselect = {}", "select", "sensor.select", "only together with calibration"),
     (
         "model =",
@@ -123,11 +123,17 @@ KEYS = [
         "found together with mass",
     ),
     ("exponent = 3.32", "exponent = 3\nmass = 1", "mass", "sensor.mass", "found a key of [admittance]"),
-    ("[sensor]", 'mass = "1 kg"\n[sensor]', "mass", "mass", "outside of a section, expected it in [admittance]"),
+    ("[sensor]", 'mass = "1 kg"\n[sensor]', "mass", "mass", "outside of a section, expected the key in [admittance]"),
     ('velocity_scale = "0.3 m/s"', "", "[objective]", "objective", "missing velocity_scale"),
     ("velocity_scale", "force_scale = 1\nvelocity_scale", "force_scale", "objective.force_scale", "found both"),
     ("velocity_scale", "force_weight = 1\nvelocity_scale", "force_weight", "objective.force_weight", "without force"),
-    ("velocity_scale", "time_scale = 1\nvelocity_scale", "time_scale", "objective.time_scale", 'a key of "time"'),
+    (
+        "velocity_scale",
+        "time_scale = 1\nvelocity_scale",
+        "time_scale",
+        "objective.time_scale",
+        'a key that belongs to "time"',
+    ),
 ]
 
 
@@ -179,8 +185,8 @@ def test_an_empty_file_misses_every_required_section(message):
 @pytest.mark.parametrize(
     ("old", "new", "line", "says"),
     [
-        ('"1 kg"', "1 kg", 7, 'a quantity with a unit is text, expected mass = "1 kg"'),
-        ('"1 kg"', "1,5", 7, "expected a decimal point instead of the comma: mass = 1.5"),
+        ('"1 kg"', "1 kg", 7, 'a quantity with a unit needs quotation marks: mass = "1 kg"'),
+        ('"1 kg"', "1,5", 7, "write a decimal point instead of the comma: mass = 1.5"),
         ('"inverse-power"', "inverse-power # L(3)", 2, 'text needs quotes, expected model = "inverse-power"'),
         ('"1 kg"', '"1 kg', 7, "not valid TOML"),
         ('mass = "1 kg"', 'mass = "1 kg"\nmass = 2', 8, "this key is given twice, expected once"),
@@ -204,9 +210,11 @@ def test_line_ends_and_byte_order_mark_change_nothing(write, message):
 
 
 def test_a_text_that_is_no_utf_8_is_refused_with_its_line(message):
-    assert message(WHOLE.encode("utf-16")).startswith("approach.toml, line 1: found text in UTF-16, expected UTF-8")
+    assert message(WHOLE.encode("utf-16")).startswith(
+        "approach.toml, line 1: found text in UTF-16, expected text in UTF-8"
+    )
     told = message(replaced('"1 kg"', '"1 kg" # \xe9').encode("latin-1"))
-    assert told.startswith("approach.toml, line 7: found the byte 0xe9, expected text in UTF-8")
+    assert told.startswith("approach.toml, line 7: found the byte 0xe9, which is not valid in UTF-8")
 
 
 def test_a_file_that_cannot_be_read_is_refused_with_its_name(write, tmp_path):
@@ -214,7 +222,7 @@ def test_a_file_that_cannot_be_read_is_refused_with_its_name(write, tmp_path):
     cases = {
         "aproach.toml": "aproach.toml: there is no such file; did you mean approach.toml?",
         "nothing.toml": "nothing.toml: there is no such file",
-        ".": ".: found a folder, expected a scenario file (TOML)",
+        ".": ".: this path is a folder, expected a scenario file (TOML)",
         "a\0b": "cannot be read",
     }
     for name, says in cases.items():

@@ -282,9 +282,9 @@ def test_a_motion_that_does_not_meet_its_balance_is_warned_of(
         design = design_gain(Task(letter_encounter, letter_power, F1, bounds=BOUNDS))
         with monkeypatch.context() as other:
             other.setattr(InversePower, "log_output", lambda self, x, e=error: (1 + e) * log_output(self, x))
-            said = [text for text in design.warnings if "the impulse balance of the motion has a residual of" in text]
+            said = [text for text in design.warnings if "the computed motion violates its impulse balance by" in text]
         assert len(said) == warned
-    residual = float(re.search(r"has a residual of (\S+), expected at most", said[0]).group(1))
+    residual = float(re.search(r"violates its impulse balance by (\S+) \(usual: at most", said[0]).group(1))
     assert residual == pytest.approx(1e-6, rel=1.0)  # one digit of a share of some 0.5 to 1.5 of the largest term
 
 

@@ -344,7 +344,7 @@ def test_forces_are_traded_with_the_physical_mass(letter_encounter: Scenario) ->
     )
     speed = np.abs(front.result.end.relative_velocity)
     assert front.of("impact_force") == pytest.approx(speed * math.sqrt(0.5 * 2e4), rel=1e-12)
-    with pytest.raises(InvalidInputError, match="needs the physical properties"):
+    with pytest.raises(InvalidInputError, match="depends on the physical masses"):
         pareto_front(
             Task(
                 letter_encounter,

@@ -295,7 +295,7 @@ def test_knowing_more_never_costs(name: str) -> None:
     slope = np.gradient(price.best_gain, price.value)[i]
     near = abs(price.best_gain[i] - found.gain) <= abs(slope) * (price.value[1] - price.value[0])
     assert near == (price.loss[i] < price.loss.max() / 20)  # where the best gain is the robust one, nothing is lost
-    with pytest.raises(InvalidInputError, match="expected an uncertain input"):
+    with pytest.raises(InvalidInputError, match="expected the name of an uncertain input"):
         found.price("plant.velocity")
 
 
@@ -360,7 +360,7 @@ def test_what_is_shown_is_what_was_designed() -> None:
         ({"confidence": 1.0}, "confidence: found 1"),
         ({"samples": 0}, "samples: found 0"),
         ({"seed": -1}, "seed: found -1"),
-        ({"constraints": [limit("time", 1.0), limit("time", 2.0)]}, "constraint time: found twice"),
+        ({"constraints": [limit("time", 1.0), limit("time", 2.0)]}, "constraint time: this constraint is given twice"),
     ],
 )
 def test_what_makes_no_sense_is_refused(asked: dict[str, object], words: str) -> None:

@@ -250,14 +250,14 @@ def test_a_loop_that_runs_away_says_so() -> None:
     with np.errstate(over="ignore"):
         encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(law=LoudLaw(0.0, 1e-3)), gain=-1e308))
     assert encounter.run.status is pt.ContactStatus.UNRESOLVED
-    assert encounter.headline.startswith("The loop diverges: its numbers exceed all bounds after ")
+    assert encounter.headline.startswith("The simulated loop diverges: its numbers exceed all bounds after ")
     assert json.loads(as_json(encounter.to_dict()))["status"] == "unresolved"
     assert_legible(plots.simulation(encounter))
 
 
 def test_runs_that_do_not_come_to_a_contact_say_so() -> None:
     short = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(horizon=0.2), gain=GAIN))
-    assert short.headline.startswith("No contact on the loop within 200 ms; closest distance ")
+    assert short.headline.startswith("There is no contact on the loop within 200 ms; the closest distance is ")
     assert "predicted 0.0815 m/s" in short.headline
     assert compared(short)["time"][:2] == (None, short.prediction.end.time)
     assert compared(short)["closest_distance"][:3] == (short.run.closest_distance, 0.0, 0.0)

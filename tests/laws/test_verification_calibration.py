@@ -85,7 +85,10 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
     assert f"  {check.reason}\n" in str(found)
     assert check.failing > 2 * known.failing
     assert (check.decisive, check.draws) == ("offset", 100)
-    assert check.remedy == "record readings without an object in range, and add them to the calibration as no_object"
+    assert (
+        check.remedy
+        == "record readings without an object in range, and add these readings to the calibration as no_object"
+    )
     assert check.high > 1.15 * check.predicted
     page = report_html(found, calibration=problem.calibration)
     assert_sound(page)
@@ -222,7 +225,7 @@ def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> Non
     few = replace(report(), curves=None)
     found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, calibration=few, **given), changes=False)
     assert found.calibration_check is None
-    assert any("too few to check whether it is good enough" in warning for warning in found.warnings)
+    assert any("too few to check its accuracy" in warning for warning in found.warnings)
     assert found.to_dict()["calibration_check"] is None
 
 

@@ -185,7 +185,7 @@ def test_slopes_of_an_ensemble_are_differences_of_it(sensor: SensorModel) -> Non
             BOX,
             WorstCase(),
             [Required(constraint=Constraint(name="time", limit=1.0), probability=0.9)],
-            "with a worst case, which has no probabilities",
+            "but a worst-case design has no probabilities",
         ),
     ],
 )

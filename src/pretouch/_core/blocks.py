@@ -1,4 +1,4 @@
-"""The page of a result: headline, warnings, tables, sentences and figures, independent of the medium.
+"""Describe a report as headline, warnings, tables, text and figures, for terminal, notebook and HTML alike.
 
 A result is described once, as a `Page`. The terminal shows the headline, the warnings and the blocks that are marked as
 brief. A notebook shows the headline, the warnings and the first brief table. A report shows everything, with figures.

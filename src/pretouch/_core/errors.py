@@ -86,5 +86,5 @@ def require(module: str, *, extra: str = "sweep") -> Any:
             raise  # the original message is more specific
         name = module.partition(".")[0]
         raise MissingExtraError(
-            f"{name}: found no such library, which this call needs; install it with: pip install 'pretouch[{extra}]'"
+            f"{name}: this call needs a library that is not installed; install it with: pip install 'pretouch[{extra}]'"
         ) from None

@@ -1,4 +1,4 @@
-"""Fields of dataclasses that declare unit, sign and an example, and the checks of their values."""
+"""Declare dataclass fields with unit, sign and example, and check the values of these fields."""
 
 from __future__ import annotations
 

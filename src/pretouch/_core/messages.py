@@ -1,4 +1,4 @@
-"""Parts of error messages: the value that was found, and what was expected."""
+"""Format wrong values for error messages, together with an example of the expected value."""
 
 from __future__ import annotations
 

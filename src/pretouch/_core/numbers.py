@@ -1,4 +1,4 @@
-"""Checks and conversions of numbers from users; Chebyshev polynomials."""
+"""Check and convert numbers that users pass, and evaluate Chebyshev polynomials."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def parse_unit(text: str) -> Unit:
     if rest:
         raise UnitError(f"{text!r} is not a unit: cannot read {rest[0]!r}")
     if not 0 < unit.factor < math.inf:
-        raise UnitError(f"{text!r} is not a unit: its factor to SI is zero or infinite")
+        raise UnitError(f"{text!r} is not a unit: the conversion factor to SI units would be zero or infinite")
     return unit
 
 
@@ -119,7 +119,9 @@ def _tokens(text: str) -> list[str]:
         space, part = match.groups()
         if space and tokens and _ends_factor(tokens) and _starts_factor(part):
             if divided[-1]:
-                raise UnitError(f"{text!r} is not a unit: the space before {part!r} is ambiguous; write * or /")
+                raise UnitError(
+                    f"{text!r} is not a unit: the space before {part!r} is ambiguous; write * or / instead of the space"
+                )
             tokens.append("*")
         divided[-1] |= part == "/"
         if part == "(":
@@ -183,7 +185,7 @@ def _symbol(symbol: str, text: str) -> Unit:
         factor = 1.0 if symbol == "kg" else _PREFIX[symbol[0]] * base.factor
         return Unit(factor, base.exponents)
     symbols = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, in, counts, %"
-    raise UnitError(f"{text!r} is not a unit: {symbol!r} is unknown (known are {symbols})")
+    raise UnitError(f"{text!r} is not a unit: the symbol {symbol!r} is unknown; known symbols are {symbols}")
 
 
 def _combine(left: Unit, right: Unit, power: int) -> Unit:
@@ -261,7 +263,9 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
         try:
             number = float(value)
         except OverflowError:
-            raise UnitError(f"{name}: found an integer larger than any float, expected {expected}") from None
+            raise UnitError(
+                f"{name}: found an integer that is too large for a floating-point number ({expected} expected)"
+            ) from None
     if math.isnan(number):
         raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
     return number

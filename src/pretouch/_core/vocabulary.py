@@ -1,4 +1,4 @@
-"""Name, symbol and SI unit of every quantity that results report."""
+"""List the name, symbol and SI unit of every quantity that results report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Summarize the page of a result for a terminal: answer, important numbers, limits, warnings and next step."""
+"""Summarize a result for the terminal: answer, important numbers, limits, warnings and next step."""
 
 from __future__ import annotations
 

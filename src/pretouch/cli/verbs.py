@@ -1,4 +1,4 @@
-"""The commands `pretouch design`, `pareto`, `robust`, `simulate`, `verify` and `reproduce`."""
+"""Implement the commands `pretouch design`, `pareto`, `robust`, `simulate`, `verify` and `reproduce`."""
 
 from __future__ import annotations
 

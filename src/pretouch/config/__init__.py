@@ -141,7 +141,7 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
     near, far = (format_quantity(max(d - recess, 0.0), "m") for d in (window.l_min, window.l_max))
     return (
-        f"the calibration supports the curve from {near} ({window.start_reason}) to {far} ({window.end_reason}): "
+        f"the calibration covers distances from {near} ({window.start_reason}) to {far} ({window.end_reason}); "
         "calibrate over more distances, or extend the curve with minimum_distance or maximum_distance"
     )
 
@@ -248,7 +248,7 @@ class _Builder(Reading):
         low, high = sensor.valid_range
         recess = getattr(sensor, "recess", 0.0)
         window = None if calibration is None else calibration.window
-        consequence = "every answer then begins with a warning that no data support it there"
+        consequence = "every result then begins with a warning that no data support it there"
         if low > 0:
             cause, other = "", 'extend the curve with minimum_distance = "0 mm" (not for a table)'
             if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
@@ -263,13 +263,14 @@ class _Builder(Reading):
             if window is not None and window.l_max <= (recess + high) * (1 + _ROUNDING):
                 cause = f", the end of the calibrated range ({window.end_reason})"
                 extending = (
-                    f", calibrate at larger distances, or extend the curve with maximum_distance = "
-                    f'"{1e3 * scenario.distance:.4g} mm" if the model allows it (a table does not): {consequence}'
+                    " To start there, calibrate at larger distances, or extend the curve with maximum_distance = "
+                    f'"{1e3 * scenario.distance:.4g} mm" if the model allows it (a table does not): '
+                    f"{consequence}."
                 )
             self.refuse(
                 ("obstacle", "position"),
-                f"found a distance of {1e3 * scenario.distance:.4g} mm at the start, expected at most "
-                f"{1e3 * high:.4g} mm{cause}: start the encounter where the object enters the range{extending}",
+                f"the encounter starts at a distance of {1e3 * scenario.distance:.4g} mm, but the sensor curve "
+                f"ends at {1e3 * high:.4g} mm{cause}; start the encounter at a smaller distance.{extending}",
             )
 
     def check_frequencies(self, scenario: Scenario | None) -> None:
@@ -283,8 +284,8 @@ class _Builder(Reading):
             if frequency > _FASTEST:
                 self.refuse(
                     ("admittance", key),
-                    f"found a natural frequency of {frequency:.4g} rad/s, expected at most {_FASTEST:,.0f} rad/s, "
-                    "because no control loop is faster; check mass and stiffness with their units",
+                    f"the natural frequency is {frequency:.4g} rad/s, but no control loop is faster than "
+                    f"{_FASTEST:,.0f} rad/s; check mass and stiffness with their units",
                 )
 
     def check_slope(self, sensor: SensorModel) -> None:
@@ -295,13 +296,17 @@ class _Builder(Reading):
         if slope > 1 / _STEEPEST:
             self.refuse(
                 ("sensor",),
-                f"found an output that falls by a factor of e within {1 / slope:.3g} m at {nearest:g} m, expected at "
-                f"least {_STEEPEST:g} m; check the parameters of the curve and their units",
+                f"at a distance of {nearest:g} m, the output falls by a factor of e within {1 / slope:.3g} m, "
+                f"expected at least {_STEEPEST:g} m; check the parameters of the curve and their units",
             )
 
     def _needs_impact(self, quantity: str, path: KeyPath) -> None:
         if quantity in _PHYSICAL and "impact" not in self.data:
-            self.refuse(path, f'found {quantity} without [impact], expected [impact] with robot_mass = "4 kg"')
+            self.refuse(
+                path,
+                f'the quantity {quantity} needs the section [impact]; add this section with robot_mass = "4 kg", for '
+                "example",
+            )
 
 
 def _without_content(error: PretouchError, path: Path) -> str:

@@ -1,4 +1,4 @@
-"""Build the law from the section [law] of a scenario file: its kind, how a drag is chosen, and its sampling."""
+"""Build the control law from the section [law] of a scenario file."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def law_fields(
             why = "the obstacle does not approach" if certain else "the approach speed is uncertain"
             file.refuse(
                 ("law", "largest_speed"),
-                "missing, expected the largest approach speed for which the limit must hold, because "
-                f'{why}; add, for example: largest_speed = "0.5 m/s"',
+                f"the largest approach speed is missing, and cannot be derived from the scenario, because {why}; "
+                'add, for example: largest_speed = "0.5 m/s"',
             )
     speed = values.get("largest_speed")
     return {"law": DRAG, "drag_effect": file.attempt("law", lambda: DragEffect(**effects, largest_speed=speed))}

@@ -1,4 +1,4 @@
-"""Keys of the scenario file's sections [chain], [controller], [law], [robot], [contact] and [loop]."""
+"""Define the keys of a scenario file that describe sensor chain, controller, robot and contact."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def _check_margin(values: Mapping[str, Any]) -> None:
     margin = values.get("stability_margin", 2.0)
     if not margin > 1:
         raise UnfitValueError(
-            f"found {margin:g}, expected a gain margin above 1, such as 2: the factor by which the gain could "
-            "grow until the loop is unstable",
+            f"found a gain margin of {margin:g}, expected a number above 1, such as 2. If the gain grows by this "
+            "factor, the loop becomes unstable",
             "stability_margin",
         )
 
@@ -104,7 +104,8 @@ def _check_drag(values: Mapping[str, Any]) -> None:
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
-            f"found both {ways[0]} and {ways[1]}, expected one of {', '.join(EFFECTS)}, drag", ways[1]
+            f"found both {ways[0]} and {ways[1]}, but only one of these keys is allowed: {', '.join(EFFECTS)}, drag",
+            ways[1],
         )
     if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:
         context = f"together with {ways[0]}" if ways else "alone"

@@ -1,4 +1,4 @@
-"""Read quantities with units from a scenario file, and describe values that are wrong."""
+"""Read quantities with units from a scenario file, and explain wrong values."""
 
 from __future__ import annotations
 
@@ -139,8 +139,8 @@ class Quantity:
         number = self._number(value)
         if not isinstance(value, str) and abs(number) > self.largest_bare:
             raise UnfitValueError(
-                f"expected a quantity with its unit, because a bare number is in {self.unit}: did you mean "
-                f'"{value:g} m{self.unit}"? Otherwise write "{value:g} {self.unit}"'
+                f"expected a quantity with its unit, because a number without a unit is read in {self.unit}; did "
+                f'you mean "{value:g} m{self.unit}"? Otherwise write "{value:g} {self.unit}"'
             )
         if self.sign != "any" and not _HOLDS[self.sign](number, 0.0):
             raise UnfitValueError(f"expected {self._described(f'{self.sign} ')}")

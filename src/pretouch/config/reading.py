@@ -1,4 +1,4 @@
-"""Read the sections of a scenario file; collect all mistakes, each with its key, line and a sentence."""
+"""Read the sections of a scenario file, and report all mistakes together, each with its key and line."""
 
 from __future__ import annotations
 
@@ -243,7 +243,7 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
         homes = [f"[{section}]" for section in SECTIONS if name in keys_of(section)]
         near = nearest(name, SECTIONS)
         if not isinstance(data[name], (dict, list)) and homes:
-            yield (name,), f"found a key outside of a section, expected it in {' or '.join(homes)}"
+            yield (name,), f"found a key outside of a section, expected the key in {' or '.join(homes)}"
         else:
             expected = f"[{near}]" if near else f"one of {', '.join(f'[{s}]' for s in SECTIONS)}"
             yield (name,), f"found an unknown section, expected {expected}"
@@ -313,8 +313,11 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
         return "found a key that belongs to a calibration, expected it only together with calibration = ..."
     if name in OF_A_LAW:
         instead = _INSTEAD.get((name, key), f"only {takes}")
-        return f'found a key of law kind "{owners[0]}", which the law of this file does not have; expected {instead}'
+        return (
+            f'found a key that belongs to the law kind "{owners[0]}", but this file uses another law; expected '
+            f"{instead}"
+        )
     if name in _TAGS:
         quoted = " and ".join(f'"{owner}"' for owner in owners)
-        return f'found a key of {quoted}, which "{content[_TAGS[name]]}" does not have; expected only {takes}'
+        return f'found a key that belongs to {quoted}, but not to "{content[_TAGS[name]]}"; expected only {takes}'
     return f"found together with {', '.join(k for k in content if k != key)}, expected only {takes}"

@@ -67,7 +67,8 @@ def _required(
         if name not in limited:
             file.refuse(
                 ("robust", "required", name),
-                f"found a probability for a missing constraint, expected {name} in [constraints]",
+                f"found a probability for a constraint that does not exist, expected the constraint {name} in "
+                "[constraints]",
             )
     for constraint in constraints:
         probability = probabilities.get(constraint.name)
@@ -100,7 +101,7 @@ def _uncertainty(
         if "interval" in values and measure != "worst-case":
             file.refuse(
                 (*path, "interval"),
-                f'found an interval, which has no probabilities, together with measure = "{measure}"; '
+                f'found an interval, which has no probabilities, but measure = "{measure}" needs probabilities; '
                 'expected uniform if all values are equally likely, or measure = "worst-case"',
             )
         distribution = file.attempt("", partial(_distribution, values), path)
@@ -147,7 +148,8 @@ def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncerta
         if name in means:
             file.refuse(
                 ("uncertainty", *name.split(".")),
-                f"found {name} together with sensor.{FROM_CALIBRATION}, expected one of them",
+                f"found the input {name} twice, alone and in sensor.{FROM_CALIBRATION}; expected only one of "
+                "these keys",
             )
         means |= {member: [mean] for member, mean in zip(value.inputs(name), value.means(), strict=True)}
     try:

@@ -1,4 +1,4 @@
-"""Keys of the scenario file's sections [uncertainty] and [robust]: distributions of inputs, and robust requirements.
+"""Define the keys of the sections [uncertainty] and [robust] of a scenario file.
 
 The keys of [uncertainty] are the inputs of `pretouch.motion.scenario`, each with its unit.
 """
@@ -54,16 +54,19 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
         raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(_KINDS)}")
     if "between" in values and "normal" not in values:
         raise UnfitValueError(
-            f"found between together with {kinds[0]}, expected it only with normal, which it truncates", "between"
+            f"found between together with {kinds[0]}, expected between only with normal, whose distribution it "
+            "truncates",
+            "between",
         )
     for key in ("uniform", "interval", "between"):
         pair = values.get(key)
         if pair is not None and not pair[0] < pair[1]:
-            raise UnfitValueError(f"found {pair[0]:g} before {pair[1]:g}, expected the smaller one first", key)
+            raise UnfitValueError(f"found {pair[0]:g} followed by {pair[1]:g}, expected the smaller one first", key)
     if "normal" in values and not values["normal"][1] > 0:
         deviation = values["normal"][1]
         raise UnfitValueError(
-            f"found a standard deviation of {deviation:g}, expected [mean, deviation] with a positive deviation",
+            f"found a standard deviation of {deviation:g}, expected a list of mean and standard deviation, with "
+            "a positive deviation",
             "normal",
         )
 
@@ -77,7 +80,7 @@ def _distribution_section(unit: str) -> Section:
     return Section(
         {
             "normal": Key(
-                list_of(number, 2, 2, f"a list of two {what}, mean and standard deviation, such as {example}")
+                list_of(number, 2, 2, f"a list of two {what}: the mean and the standard deviation, such as {example}")
             ),
             "uniform": Key(list_of(number, 2, 2, pair)),
             "interval": Key(list_of(number, 2, 2, pair)),
@@ -143,7 +146,7 @@ def _required(value: Any) -> dict[str, float]:
             raise UnfitValueError(f"found a constraint {shown(name)}, expected one of {names}", name)
         if type(number) not in {int, float} or not 0 < number <= 1:
             raise UnfitValueError(
-                f"found {shown(number)}, expected a probability above 0 and at most 1, such as 0.99", name
+                f"found {shown(number)}, expected a probability greater than 0 and at most 1, such as 0.99", name
             )
     return {name: float(number) for name, number in value.items()}
 
@@ -152,10 +155,14 @@ def _check_measure(values: Mapping[str, Any]) -> None:
     measure = values.get("measure", "expected")
     needs_probability = measure in {"quantile", "tail-mean"}
     if needs_probability and "probability" not in values:
-        raise UnfitValueError(f"missing probability, which {measure} needs; add, for example: probability = 0.9")
+        raise UnfitValueError(
+            f"the probability is missing, which the measure {measure} needs; add, for example: probability = 0.9"
+        )
     if not needs_probability and "probability" in values:
         raise UnfitValueError(
-            f"found a probability together with {measure}, expected it only with quantile or tail-mean", "probability"
+            f"found a probability, which the measure {measure} does not use; expected a probability only with "
+            "quantile or tail-mean",
+            "probability",
         )
 
 

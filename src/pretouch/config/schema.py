@@ -1,4 +1,4 @@
-"""Schema of a scenario file: its sections, their keys, and the unit of each key.
+"""Define the schema of a scenario file: its sections, their keys, and the unit of each key.
 
 Messages and the test of docs/scenario-file.md use this schema.
 """
@@ -36,7 +36,9 @@ def _check_second_term(values: Mapping[str, Any]) -> None:
         raise UnfitValueError(f"missing velocity_scale, {expected}")
     for kind in ("velocity", "force"):
         if f"{kind}_weight" in values and f"{kind}_scale" not in values:
-            raise UnfitValueError(f"found {kind}_weight without {kind}_scale, expected both or none", f"{kind}_weight")
+            raise UnfitValueError(
+                f"found {kind}_weight without {kind}_scale, expected both keys or neither", f"{kind}_weight"
+            )
 
 
 def _two_term_objective(first: str, unit: str, example: str) -> Section:
@@ -169,7 +171,10 @@ def _check_course(values: Mapping[str, Any]) -> None:
     ends = [stretch["until"] for stretch in values.get("course", ())]
     for i, (before, after) in enumerate(pairwise(ends), 1):
         if not after > before:
-            sentence = f"found {after:g} s after a stretch until {before:g} s, expected a later time"
+            sentence = (
+                f"found a stretch that ends at {after:g} s, expected a time after {before:g} s, the end of the "
+                "stretch before"
+            )
             raise UnfitValueError(sentence, "course", i, "until")
 
 

@@ -1,4 +1,4 @@
-"""Describe a section of a scenario file: its keys, their readers, and checks of the whole section."""
+"""Describe which keys a section of a scenario file can have, and check the section as a whole."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Key:
         """Return a message about a missing key, with what is expected and an example."""
         if isinstance(self.read, Quantity):
             example = written_unit(self.read.example)
-            return f"missing, expected {self.read.expected}; add, for example: {name} = {example}"
+            return f"this key is missing, expected {self.read.expected}; add, for example: {name} = {example}"
         return f"missing; add, for example: {name} = {self.example}"
 
 

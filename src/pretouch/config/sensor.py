@@ -1,4 +1,4 @@
-"""The section [sensor] of a scenario file, and the fit of a calibration file."""
+"""Build the sensor curve from the section [sensor] of a scenario file, or fit it to a calibration file."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
             return read_quantity(value, unit, name=name), unit
         except (UnitError, ArithmeticError):
             continue
-    raise UnitError(f"{name}: found {value!r}, expected a number or text in V or counts")
+    raise UnitError(f"{name}: found {value!r}, expected a number, or a text with a number in V or counts")
 
 
 def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
@@ -197,8 +197,8 @@ class FitRequest:
             labels = "; ".join(curve.label for curve in curves[:8] if curve.label) or "none: the file holds one curve"
             more = f" and {len(curves) - 8} more" if len(curves) > 8 else ""
             message = (
-                f"select: found {', '.join(sorted(selected))}, expected labels of a curve in {self.path.name} "
-                f"({labels}{more})"
+                f"select: found {', '.join(sorted(selected))}, expected the labels of a curve in "
+                f"{self.path.name} ({labels}{more})"
             )
             raise CalibrationDataError.without_content(message)  # labels of a valid calibration may be quoted
         if isinstance(self.no_object, tuple):
@@ -250,7 +250,7 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
     number, unit = value
     if unit and unit != calibration.unit:
         raise UnitError(
-            f"{name}: found {number:g} {unit}, expected the unit of the calibration, "
+            f"{name}: found {number:g} {unit}, expected a value in the unit of the calibration, "
             f"{calibration.unit or 'which has none'}"
         )
     return number
@@ -262,8 +262,8 @@ def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(
-            f"select: found {len(curves)} curves in {request.path.name}, expected one; choose one by its labels, "
-            f"for example {_as_toml(curves[0].label)}"
+            f"select: {request.path.name} contains {len(curves)} curves, expected one; choose a curve by its "
+            f"labels, for example {_as_toml(curves[0].label)}"
         )
     report = request.rank(curves[0])
     if report.best is None:

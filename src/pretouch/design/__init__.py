@@ -1,4 +1,4 @@
-"""Gain design: tasks, objectives, constraints, optimal gains and the evidence for them."""
+"""Design gains: define tasks, objectives and constraints, and find the optimal gain with evidence for it."""
 
 from pretouch.motion.evaluator import Evaluator
 

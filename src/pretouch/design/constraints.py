@@ -1,4 +1,4 @@
-"""Constraints: limits of the quantities of a contact."""
+"""Define constraints, which limit quantities such as the excursion or the contact speed."""
 
 from __future__ import annotations
 
@@ -56,7 +56,9 @@ class Constraint:
         if self.name not in CONSTRAINT_NAMES:
             raise InvalidInputError(f"constraint: found {self.name!r}, expected one of {', '.join(CONSTRAINT_NAMES)}")
         if not finite(self.limit, f"constraint {self.name}", self.unit) > 0:
-            raise InvalidInputError(f"constraint {self.name}: found {self.limit:g} {self.unit}, which must be positive")
+            raise InvalidInputError(
+                f"constraint {self.name}: found a limit of {self.limit:g} {self.unit}, expected a positive limit"
+            )
 
     @property
     def quantity(self) -> str:
@@ -78,4 +80,4 @@ def each_once(constraints: Iterable[Constraint]) -> None:
     names = [constraint.name for constraint in constraints]
     for name in names:
         if names.count(name) > 1:
-            raise InvalidInputError(f"constraint {name}: found twice, expected once; remove one of the two")
+            raise InvalidInputError(f"constraint {name}: this constraint is given twice; remove one of the two")

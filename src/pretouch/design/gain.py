@@ -1,4 +1,4 @@
-"""Design of the optimal gain within bounds and constraints."""
+"""Find the optimal gain within its bounds and constraints."""
 
 from __future__ import annotations
 
@@ -194,8 +194,8 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     yield from _about_contact(design, scanned)
     if design.certificate is not None and design.certificate.at == "bound":
         yield (
-            f"the optimum lies on the bound {design.number.text(design.gain or 0.0)}: a wider range of gains may "
-            "contain a better one"
+            f"the optimum lies on the bound {design.number.text(design.gain or 0.0)}; a wider range may contain "
+            f"a better {design.number.name}"
         )
     if design.certificate is not None and design.certificate.at == "edge of contact":
         yield "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed"
@@ -212,13 +212,13 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     n = design.number
     if design.gain is not None and n.sign * design.gain < 0:
         sign = "positive" if design.gain > 0 else "negative"
-        yield f"the optimal {n.name} is {sign}: it drives the plant toward the object"
+        yield f"the optimal {n.name} is {sign}, so it drives the robot toward the object"
     if design.result is not None:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:
             yield (
-                f"the impulse balance of the motion has a residual of {residual:.0e}, expected at most "
-                f"{_RESIDUAL:.0e}: the numbers of the motion are less certain"
+                f"the computed motion violates its impulse balance by {residual:.0e} (usual: at most "
+                f"{_RESIDUAL:.0e}), so its numbers are less certain"
             )
 
 

@@ -1,4 +1,4 @@
-"""Objectives: weighted sums of squared contact quantities, such as the letter's L(20) and L(22)."""
+"""Define objectives: weighted sums of squared contact quantities, such as excursion and contact speed."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ class Term:
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
             raise InvalidInputError(
-                f"scale: {OBSTACLE_SPEED!r} cannot scale the {self.quantity} of an obstacle at rest; use a number [m/s]"
+                f"scale: found {OBSTACLE_SPEED!r}, which cannot scale the {self.quantity} of an obstacle at "
+                "rest, because its speed is 0; use a number in m/s"
             )
         return np.abs(obstacle_speed)
 

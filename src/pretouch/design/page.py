@@ -1,4 +1,4 @@
-"""Report page of a gain design: the gain, the resulting contact, and the evidence."""
+"""Build the report of a gain design: the gain, the resulting contact, and the evidence of optimality."""
 
 from __future__ import annotations
 
@@ -213,8 +213,9 @@ def _constraint_row(o: ConstraintOutcome, number: LawNumber) -> Row:
 def _trade_off(design: GainDesign) -> PageSection:
     itemized = bool(design.objective_parts or not isinstance(design.definition, CustomObjective))
     caption = (
-        f"Left: {'the objective and its terms' if itemized else 'the objective'} over the searched range of gains; "
-        "hatched gains exceed the named limit or end without contact. Right: the resulting contact of each gain."
+        f"The left plot shows {'the objective and its terms' if itemized else 'the objective'} over the searched "
+        "range of gains; hatched gains exceed the named limit or end without contact. The right plot shows the "
+        "contact that results from each gain."
     )
     if shows_equals(design):
         caption += (
@@ -315,9 +316,9 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
             place = f"{name}, l = {format_quantity(distance, 'm')}"
             rows.append((place, Measured(gain, n.unit), Measured(slope, "1/m"), Measured(gain * slope**power, unit)))
     note = (
-        f"{force} Only this product acts on the motion, so a {n.name} cannot be compared between sensors: on a sensor "
-        f"with half the slope, the same motion needs about {times} the {n.name}. A no-object offset that remains in "
-        "the output lowers g and weakens the force."
+        f"{force} Only this product affects the motion, so a {n.name} cannot be compared between different "
+        f"sensors. A sensor with half the slope needs about {times} the {n.name} for the same motion. An offset "
+        "that remains in the readings lowers g and weakens the force."
     )
     head = ("distance", n.label, "sensor slope g", coefficient)
     table = PageTable(head=head, rows=tuple(rows), note=note, brief=True)

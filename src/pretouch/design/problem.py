@@ -1,4 +1,4 @@
-"""Gain problem: a task with the search coordinate and the criteria of its gain; also the base class of results."""
+"""Define the search problem of a gain design: the task, the search coordinate, and criteria that judge a gain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quantities of a contact that objectives and constraints use, with their units."""
+"""Define the contact quantities that objectives and constraints can use, with their units."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
         return state.columns.column("gain")
     if impact is None:
         raise InvalidInputError(
-            f"{name}: needs the physical properties of robot and obstacle; pass an impact model with the robot's "
-            "reflected mass, which is not the virtual mass of the admittance"
+            f"{name}: this quantity depends on the physical masses of robot and obstacle; pass an impact model "
+            "with the robot's reflected mass, which is not the virtual mass of the admittance"
         )
     if name == "drive_force":
         return impact.robot_mass * np.asarray(state.largest_acceleration)

@@ -1,4 +1,4 @@
-"""Task: the problem that every design, simulation or verification solves: encounter, sensor and all options."""
+"""Define the Task: encounter, sensor, objective, constraints and options of one design problem."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of solved encounters: the contact or other end of a run, and its sampled motion."""
+"""Define the results of solved encounters: the state at contact, or at another end, and the sampled motion."""
 
 from __future__ import annotations
 
@@ -186,9 +186,9 @@ class ContactResult(InNotebooks, Value):
             count = int((~self.reached).sum())
             which = "the run" if self.reached.size == 1 else f"{count} of {self.reached.size} runs"
             raise ResultUnavailableError(
-                f"contact: {which} did not end in contact ({status.label}: {status.meaning} "
-                f"Nearest distance {float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m); "
-                "read .end for the state in which it ended"
+                f"contact: {which} did not end in contact. The status is {status.label}: {status.meaning} The "
+                f"nearest distance was {float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. "
+                "Read .end for the final state"
             )
         return self.end
 
@@ -202,7 +202,7 @@ class ContactResult(InNotebooks, Value):
         gradients: ContactGradients | None = gradients_of(self.columns)
         if gradients is None:
             raise ResultUnavailableError(
-                f"gradients: not available for a result of the method {self.method}; solve the encounter by "
+                f"gradients: the method {self.method} does not compute gradients; solve the encounter by "
                 "find_contact with another method or law"
             )
         return gradients

@@ -1,4 +1,4 @@
-"""Custom laws in continuous time: any force that depends on ln xi and its rate, integrated numerically."""
+"""Define custom laws in continuous time: any force that depends on ln xi (log output) and its rate."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class CustomLaw(Value):
     ) -> Request:
         if method not in {"auto", "integration"}:
             raise InvalidInputError(
-                f"method: found {method!r}, expected 'auto' or 'integration' for the law {self.kind}"
+                f"method: found {method!r}, but the law {self.kind} supports only 'auto' and 'integration'"
             )
         checked = finite(value, self.number.name, self.number.unit)
         return make_request(scenario, sensor, checked, "integration", horizon)

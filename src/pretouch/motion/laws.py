@@ -1,4 +1,4 @@
-"""Laws in continuous time: their interface, the letter's virtual damper, and the virtual drag."""
+"""Define control laws in continuous time: their interface, the virtual damper and the virtual drag."""
 
 from __future__ import annotations
 
@@ -247,7 +247,7 @@ class Drag:
 
 def _check_quadrature(method: str) -> None:
     if method not in {"auto", "quadrature"}:
-        raise InvalidInputError(f"method: found {method!r}, expected 'auto' or 'quadrature' for a virtual drag")
+        raise InvalidInputError(f"method: found {method!r}, but a virtual drag supports only 'auto' and 'quadrature'")
 
 
 DAMPER: Final = Damper()
@@ -273,7 +273,7 @@ def continuous_law(law: Any) -> ContinuousLaw:
     if sampled is None:
         name = repr(law) if isinstance(law, str) else type(law).__name__
         raise InvalidInputError(
-            f"law: found {name}, which is no law in continuous time, expected one of "
-            f"{', '.join(LAWS)}, a CustomLaw, or a sampled law whose attribute `continuous` names one of these"
+            f"law: found {name}, expected a law in continuous time: {', '.join(LAWS)}, a CustomLaw, or a sampled "
+            "law whose attribute `continuous` names one of these"
         )
     return continuous_law(sampled)

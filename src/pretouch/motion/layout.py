@@ -1,4 +1,4 @@
-"""Names and order of the columns that the kernels read and write, and the status of a run."""
+"""Name the columns of the arrays that compiled solvers read and write, and the codes of how a run ended."""
 
 from __future__ import annotations
 

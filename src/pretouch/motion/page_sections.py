@@ -1,4 +1,4 @@
-"""Sections that report pages share: inputs of the encounter, sensor, method and its assumptions."""
+"""Build report sections that several reports share: inputs of the encounter, sensor and solution method."""
 
 from __future__ import annotations
 

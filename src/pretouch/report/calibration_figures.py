@@ -1,4 +1,4 @@
-"""Figures of a calibration: readings, fitted curves, slopes and residuals."""
+"""Draw the figures of a calibration: readings, fitted curves, slopes and residuals."""
 
 from __future__ import annotations
 

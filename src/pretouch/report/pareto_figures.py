@@ -1,4 +1,4 @@
-"""Figures of a Pareto front, its parameters and its physical bound, and of the admittance design."""
+"""Draw the figures of a Pareto front, of its parameters, and of an admittance design."""
 
 from __future__ import annotations
 
@@ -49,7 +49,9 @@ def pareto(front: ParetoFront) -> Figure:
         InvalidInputError: the front is empty.
     """
     if not len(front.gain):
-        raise InvalidInputError(f"front: found a front with status {front.status.value}, expected one with points")
+        raise InvalidInputError(
+            f"front: this Pareto front has no points (status: {front.status.value}), so there is nothing to draw"
+        )
     pairs = list(combinations(range(len(front.quantities)), 2))
     panels = [_plane(front, *pair) for pair in pairs]
     if front.comparison is not None and np.isfinite(front.comparison.least_excursion).any():

@@ -1,4 +1,4 @@
-"""Style of all figures: colors, fonts, units, ticks and reproducible output.
+"""Define the style of all figures: colors, fonts, units, ticks and reproducible output.
 
 Matplotlib is imported only when a figure is drawn.
 """
@@ -207,8 +207,9 @@ def draw_svg(figure: Figure, name: str) -> str:
     if len(panels) < 2:
         return whole
     # a narrow screen shows the panels one below the other: views of the same drawing
+    use = f'<use href="#{name}-all"/>'
     views = (
-        f'<svg viewBox="{x:.1f} {y:.1f} {w:.1f} {h:.1f}" style="max-width: {w:.0f}pt"><use href="#{name}-all"/></svg>'
+        f'<svg viewBox="{x:.1f} {y:.1f} {w:.1f} {h:.1f}" style="max-width: {w:.0f}pt">{use}</svg>'
         for x, y, w, h in panels
     )
     return f'<div class="whole">{whole}</div>\n<div class="panels">{"".join(views)}</div>'

@@ -1,4 +1,4 @@
-"""Figures of a verdict: distributions of the simulated runs, and two runs compared with the prediction."""
+"""Draw the distributions of simulated runs, and compare two single runs with the prediction."""
 
 from __future__ import annotations
 

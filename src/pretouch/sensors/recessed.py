@@ -1,4 +1,4 @@
-"""A sensor that is mounted behind the contact surface."""
+"""Describe a sensor that is mounted behind the contact surface."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ class Recessed(SensorModel):
         object.__setattr__(self, "maximum_distance", min(farthest, high - recess))
         if not self.maximum_distance > 0:
             raise InvalidInputError(
-                f"recess: found {recess:g} m, which leaves no distance in front of the contact surface: "
-                f"the {self.sensor.name} curve ends at {high:g} m; choose a smaller recess"
+                f"recess: found {recess:g} m, but the {self.sensor.name} curve already ends at {high:g} m, so no "
+                "distance in front of the contact surface remains; choose a smaller recess"
             )
         SensorModel.__post_init__(self)
 

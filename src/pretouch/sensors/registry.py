@@ -1,4 +1,4 @@
-"""Registry of the sensor curves that files and fits may name."""
+"""List the sensor curves that scenario files and fits can select by name."""
 
 from __future__ import annotations
 

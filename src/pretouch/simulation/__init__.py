@@ -1,4 +1,4 @@
-"""Simulate the sampled loop (sensor chain, controller, plant, contact), and find out when it is stable."""
+"""Simulate the sampled loop of sensor, controller, robot and contact, and compute when it is stable."""
 
 from .chain import LoopTiming, SensorChain, chain_of_fit, timing_of
 from .closed_loop import ClosedLoop

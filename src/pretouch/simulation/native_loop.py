@@ -1,4 +1,4 @@
-"""Run encounters in the compiled loop (native/core/loop*.cpp): fill its structures and collect its results.
+"""Run encounters in the compiled simulator: pass the inputs to C++, and collect the results.
 
 A compiled law is called by its address. A law in Python is called back, which costs some microseconds per step. An
 exception in such a law ends its runs and is raised again here.
@@ -332,7 +332,7 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
     sizes = {size for _, size in places}
     if len(sizes) != 1:
         raise InvalidInputError(
-            f"{name}: found sizes of {sorted(sizes)} bytes among laws with the same step, expected one size"
+            f"{name}: laws with the same step function need the same size, but found sizes of {sorted(sizes)} bytes"
         )
     size = sizes.pop()
     rows = np.zeros((len(parts), max(-(-size // 8), 1)))

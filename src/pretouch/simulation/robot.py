@@ -1,4 +1,4 @@
-"""Models of the robot and of its contact: how it follows the virtual object, and the force when it touches."""
+"""Model how the robot follows the virtual object, and the contact force when the robot touches the obstacle."""
 
 from __future__ import annotations
 
@@ -116,8 +116,9 @@ class ImpedancePlant(PlantModel):
         frequency = math.sqrt(self.stiffness / self.mass)
         if frequency > _FASTEST:
             raise InvalidInputError(
-                f"stiffness: found {self.stiffness:g} N/m for a mass of {self.mass:g} kg, a natural frequency of "
-                f"{frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s; check both units"
+                f"stiffness: found {self.stiffness:g} N/m for a mass of {self.mass:g} kg. Their natural "
+                f"frequency is {frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s; check the units of "
+                "stiffness and mass"
             )
 
     def coefficients(self) -> tuple[float, ...]:

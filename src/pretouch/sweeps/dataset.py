@@ -1,4 +1,4 @@
-"""Make the dataset of a sweep, with units and provenance in its attributes; write and open NetCDF files."""
+"""Build the dataset of a sweep with units and provenance, and write or open NetCDF files."""
 
 from __future__ import annotations
 
@@ -173,8 +173,8 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
         temporary.replace(path)
     except OSError as error:
         raise InvalidInputError(
-            f"{path}: cannot be written ({error.strerror or error}); the computed results are kept; run the same "
-            "command again to resume"
+            f"{path}: the file cannot be written ({error.strerror or error}), but the computed results are kept; "
+            "run the same command again to resume"
         ) from None
     finally:
         temporary.unlink(missing_ok=True)

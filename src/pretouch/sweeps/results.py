@@ -1,4 +1,4 @@
-"""Results of a sweep: their names and attributes, and a summary as text or as an object for JSON."""
+"""Define the result variables of a sweep, and summarize a sweep as text or JSON."""
 
 from __future__ import annotations
 
@@ -52,11 +52,15 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
     allowed = (*(OF_DESIGNS if designs else ()), *_OF_CONTACTS)
     for name in names:
         if name in OF_DESIGNS and not designs:
-            raise InvalidInputError(f"results: found {name!r}, which needs designs; add an objective and bounds")
+            raise InvalidInputError(
+                f"results: the result {name!r} needs designs; add an objective and the bounds of the gain"
+            )
         if name not in allowed and name != STATUS:
             raise InvalidInputError(f"results: found {name!r}, expected one of {', '.join(allowed)}")
         if name in _PHYSICAL and impact is None:
-            raise InvalidInputError(f"results: found {name!r} without an impact model; add one with the robot's mass")
+            raise InvalidInputError(
+                f"results: the result {name!r} needs an impact model; add one with the robot's mass"
+            )
     return tuple(dict.fromkeys(name for name in names if name != STATUS))
 
 

@@ -1,4 +1,4 @@
-"""Find the distances of an encounter at which no calibration data support the curve, and say what to do about it."""
+"""Warn if the motion leaves the distances that the calibration covers, and say how to correct this."""
 
 from __future__ import annotations
 
@@ -93,7 +93,10 @@ class Reservations(Value):
         if not any(parts):
             return None
         if contradiction is not None and self._extension is None:
-            parts.append(f"Measure more distances between {' and '.join(self._measured_span)}, each several times.")
+            parts.append(
+                f"Measure at more distances between {' and '.join(self._measured_span)}, several times at each "
+                "distance."
+            )
         return " ".join(part for part in (self._receding, *parts) if part)
 
     @property
@@ -126,19 +129,23 @@ class Reservations(Value):
         if self.share_beyond > _DECISIVE:
             share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]}"
             parts.append(f"from the start at {start} to {far}{farthest}, which gives {share}")
-            remedies.append(f"calibrate out to {start} with more readings at each distance, or start at {far}")
+            remedies.append(
+                f"calibrate out to {start} with more readings at each distance, or start the encounter at {far}"
+            )
         if self.leaves_range:
             remedy = "; ".join(remedies) or "calibrate farther out"
             ending = "" if self.recedes else f" To fix this, {remedy}."
             return (
-                "Not supported by data: the motion leaves the range of the data before contact. Data support the "
-                f"fitted {self._model} curve from {near}{nearest} to {far}{farthest}.{self._zero}{ending}"
+                "Not supported by data: the motion leaves the calibrated distances before contact. The "
+                f"calibration supports the fitted {self._model} curve from {near}{nearest} to "
+                f"{far}{farthest}.{self._zero}{ending}"
             )
         if not parts:
             return None
         return (
-            f"Not supported by data: this answer extrapolates the fitted {self._model} curve "
-            f"{' and '.join(parts)}.{self._zero}{self._without_force(near)} To fix this, {'; '.join(remedies)}."
+            f"Not supported by data: this result uses the fitted {self._model} curve beyond the calibrated "
+            f"distances, {' and '.join(parts)}.{self._zero}{self._without_force(near)} To fix this, "
+            f"{'; '.join(remedies)}."
         )
 
     @property
@@ -148,18 +155,18 @@ class Reservations(Value):
 
     @property
     def _sensor_zero(self) -> str:
-        return f"the sensor's zero, {format_quantity(self.recess, 'm')} behind the contact surface"
+        return f"the zero of the sensor, which is {format_quantity(self.recess, 'm')} behind the contact surface"
 
     def _without_force(self, near: str) -> str:
         """Compare the predicted contact speed with the speed if no force acts nearer than any calibration reading."""
         if self.speed is None or self.speed_without_force is None:
             return ""
         speed, predicted = (format_quantity(v, "m/s") for v in (self.speed_without_force, self.speed))
-        text = f" With no virtual force nearer than {near}, contact is at {speed} instead of {predicted}."
+        text = f" Without a virtual force below {near}, the contact speed is {speed} instead of {predicted}."
         unmitigated = self.speed_without_mitigation
         if unmitigated is None or self.speed_without_force <= _HARDER * unmitigated:
             return text
-        return f"{text} That is harder than without mitigation ({format_quantity(unmitigated, 'm/s')})."
+        return f"{text} This contact is harder than without mitigation ({format_quantity(unmitigated, 'm/s')})."
 
     @property
     def _model(self) -> str:
@@ -185,13 +192,13 @@ class Reservations(Value):
         lines = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
         if self.recess:
             lines.append(
-                f"distances in brackets and those of excluded readings count from {self._sensor_zero}; all others "
-                "count from the contact surface"
+                "distances in brackets and distances of excluded readings are measured from "
+                f"{self._sensor_zero}; all other distances are measured from the contact surface"
             )
         for share, where in ((self.share_nearer, f"nearer than {near}"), (self.share_beyond, f"beyond {far}")):
             if share > _ROUNDING:
                 lines.append(
-                    f"{where}, the extrapolated curve gives {100 * share:.2g} % of the {_EFFECTS[self.degree]}"
+                    f"{where}, the curve is extrapolated and gives {100 * share:.2g} % of the {_EFFECTS[self.degree]}"
                 )
         if self.witness is not None and self.witness.is_supported:
             lines.append(self.witness.text)
@@ -365,6 +372,6 @@ def recess_advice(nearest: float, present: float) -> str:
 
 def _offset_in_words(offset: OffsetEstimate, unit: str) -> str:
     return (
-        f"the controller must subtract the offset {offset.in_words(unit)} ({offset.kind}; 95 % interval "
+        f"the controller must subtract the {offset.kind} offset {offset.in_words(unit)} (95 % interval "
         f"{offset.low:.4g} to {offset.high:.4g}) from each reading"
     )

@@ -1,4 +1,4 @@
-"""Check a gain on the readings: compare the contact speed on curves that fit them with the predicted speed."""
+"""Check a gain on other sensor curves that fit the readings, by comparing their contact speeds."""
 
 from __future__ import annotations
 
@@ -85,12 +85,13 @@ class WitnessCheck(Value):
         of = f" (the worst of {self.unsupported} of {self.encounters} encounters)" if self.encounters > 1 else ""
         if self.harder_count:
             return (
-                f"Not supported by the readings: on {self.harder_count} of {self.curves} curves that fit the readings, "
-                f"contact is harder than without mitigation ({free}); the fitted curve predicts {predicted}{of}."
+                f"Not supported by the readings: contact is harder than without mitigation ({free}) on "
+                f"{self.harder_count} of {self.curves} curves that fit the readings. The fitted curve predicts "
+                f"{predicted}{of}."
             )
         return (
-            f"Not supported by the readings: on curves that fit the readings, contact is at {low} to {high}; the "
-            f"fitted curve predicts {predicted}{of}."
+            f"Not supported by the readings: on other curves that fit the readings, the contact speed is {low} "
+            f"to {high}; the fitted curve predicts {predicted}{of}."
         )
 
     @property

@@ -1,4 +1,4 @@
-"""Verify a gain on the sampled loop: compare simulated runs with the prediction, and find changes that help."""
+"""Verify a gain by simulating the sampled loop, compare the runs with the prediction, and suggest changes."""
 
 from pretouch.design.options import VerifyOptions
 

@@ -1,4 +1,4 @@
-"""Draw encounters, run a loop on them, and evaluate objective, limits and effect of every run."""
+"""Simulate random encounters on a loop, and evaluate objective, limits and mitigation of every run."""
 
 from __future__ import annotations
 
@@ -104,7 +104,8 @@ def draw_encounters(task: Task) -> Draws:
     certain = [name for name in values if name.startswith("admittance.")]
     if certain:
         raise InvalidInputError(
-            f"uncertainty: found {certain[0]}, which is a number in the controller and known exactly; remove it"
+            f"uncertainty: the input {certain[0]} is a number in the controller and therefore known exactly; "
+            "remove this input"
         )
     several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
     sensors = several.sensors() if any(name.startswith("sensor.") for name in values) else ()

@@ -1,4 +1,4 @@
-"""Compute how far sensor noise moves a robot at rest, and the signal floor of the controller that keeps it still."""
+"""Compute how far sensor noise moves a robot at rest, and which signal floor keeps the robot still."""
 
 from __future__ import annotations
 

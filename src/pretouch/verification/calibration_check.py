@@ -1,4 +1,4 @@
-"""Check whether a calibration is good enough for a gain, and say what to measure if it is not."""
+"""Check whether a calibration is accurate enough for a gain, and say what to measure otherwise."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class CalibrationCheck(Value):
         counts = ", ".join(text for count, text in named if count)
         against = None if self.witness is None else self.witness.headline
         if counts:
-            return f"the calibration is not good enough: of {self.draws} sensors that its readings allow, {counts}"
+            return f"the calibration is not good enough: of {self.draws} sensors that agree with the readings, {counts}"
         return "the calibration is not good enough" + ("" if against is None else f": {_lower(against)}")
 
     @property
@@ -206,7 +206,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
     limits = [limit for limit in task.limits if limit.name != "gain"]
     speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
     for i, drawn in enumerate(sensors):
-        note_work(f"simulating sensor {i + 1} of {len(sensors)} that the calibration allows")
+        note_work(f"simulating sensor {i + 1} of {len(sensors)} that agree with the calibration")
         there = replace(chain, offset=chain.offset + drawn.offset - own)
         loop = replace(task.loop.after(i), chain=there)
         result = loop.run(task.scenario, drawn.sensor, gain)
@@ -243,15 +243,17 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
     window, recess = report.window, getattr(task.sensor, "recess", 0.0)
     if decisive == "offset":
         again = "more " if report.offset is not None and report.offset.kind == "measured" else ""
-        return f"record {again}readings without an object in range, and add them to the calibration as no_object"
+        return (
+            f"record {again}readings without an object in range, and add these readings to the calibration as no_object"
+        )
     if decisive == "misfit":
         apart = format_quantity(task.loop.chain.misfit_length, "m", 2)
         return (
-            f"check how the distances were set, and calibrate again at distances at most {apart} apart; if the curve "
-            "misses readings near contact, recess the sensor farther"
+            f"check how the distances were set, and calibrate again at distances at most {apart} apart. If the "
+            "curve misses readings near contact, mount the sensor farther behind the contact surface"
         )
     where = "" if report.slope is None else f" around {format_quantity(report.slope.worst_at, 'm', 3)}"
-    parts = [f"record more distances, and more readings at each{where}"]
+    parts = [f"record readings at more distances, and more readings at each distance{where}"]
     if window.l_min - recess > _CLOSE:
         nearest = format_quantity(window.l_min, "m")
         parts.append(f"record distances below {nearest}, or {recess_advice(window.l_min, recess)}")

@@ -1,4 +1,4 @@
-"""Compare simulated runs with the prediction; collect assumptions and warnings of a verdict."""
+"""Compare simulated runs with the prediction and the limits, and list assumptions and warnings."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
         *loop_sentences(loop),
         *_force(task),
         *(uncertain or ["Encounter: the nominal one in every run; nothing is uncertain."]),
-        f"Runs: {number}; other gains and changes are simulated with the same noise{first}.",
+        f"Runs: {number}; all other gains and changes of the loop are simulated with the same noise{first}.",
         "Prediction: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly.",
         "Stability: of the loop linearized at each distance of the nominal curve, without noise, misfit, jitter, "
         "limits and friction.",
@@ -153,8 +153,8 @@ def _force(task: Task) -> Iterator[str]:
     if task.impact is None:
         model = "the same contact stiffness without loss, and the mass of the robot"
     yield (
-        f"The impact force is predicted with {model}. Loss in the contact lowers the simulated force; the robot's "
-        "drive and a driven obstacle raise it."
+        f"The impact force is predicted with {model}. Energy loss in the contact lowers the simulated force, but "
+        "the robot's drive and a driven obstacle raise it."
     )
 
 
@@ -192,9 +192,9 @@ def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
     if virtual is None or all(np.allclose(getattr(virtual, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
         return
     yield (
-        f"The controller's virtual mass, damping and stiffness ({virtual.mass:g} kg, {virtual.damping:g} N s/m, "
-        f"{virtual.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
-        f"{a.stiffness:g} N/m)."
+        "The controller and the prediction use different virtual masses, dampings or stiffnesses: "
+        f"{virtual.mass:g} kg, {virtual.damping:g} N s/m and {virtual.stiffness:g} N/m in the controller, "
+        f"{a.mass:g} kg, {a.damping:g} N s/m and {a.stiffness:g} N/m in the prediction."
     )
 
 
@@ -228,8 +228,8 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
     if distance.mean() < _LATE * start:
         near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
         yield (
-            f"The object is first detected {format_quantity(late, 's')} after the start on average, at {near} instead "
-            f"of {far}: {_why_late(loop, late)}."
+            f"On average, the object is first detected {format_quantity(late, 's')} after the start, at a "
+            f"distance of {near} instead of {far}: {_why_late(loop, late)}."
         )
 
 
@@ -275,7 +275,7 @@ def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
         return
     pushed = "the robot's drive and the obstacle push while the bodies are in contact"
     why = pushed if times > 1 else "the contact loses energy, or the robot yields during it"
-    yield f"The simulated impact force is {times:.3g} times the predicted elastic one: {why}."
+    yield f"The simulated impact force is {times:.3g} times the predicted force of an elastic impact: {why}."
 
 
 def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
@@ -287,7 +287,10 @@ def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
             yield f"In {_percent(share)} of the runs {text}."
     stale = _stale(result)
     if stale > 0:
-        yield f"While an object was detected, the expected reading was missing in {_percent(stale)} of the steps."
+        yield (
+            f"In {_percent(stale)} of the controller steps with a detected object, the expected sensor reading was "
+            "missing."
+        )
 
 
 def _stale(result: SimulationResult) -> float:

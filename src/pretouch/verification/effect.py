@@ -1,4 +1,4 @@
-"""Compare the speed at contact with the speed without mitigation and the speed with an infinitely fast sensor."""
+"""Compare contact speeds with and without mitigation, and with an infinitely fast sensor."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: S
     speed, before = _speeds(run, free)
     if speed > before * (1 + _SHOWN):
         yield (
-            f"With the gain, contact is harder than without mitigation: {_text(speed)} instead of "
+            f"With this gain, contact is harder than without mitigation: {_text(speed)} instead of "
             f"{_text(before) if free.touched else 'no contact'}."
         )
 
@@ -179,8 +179,10 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
     """Yield a warning if the gain has no effect on the contact speed; no warning for a gain of 0."""
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
-        text = f"The {number.name} has no effect in this run: contact is at {_text(speed)}"
-        yield f"{text}, and at {_text(before)} without mitigation."
+        yield (
+            f"The {number.name} has no effect in this run: the contact speed is {_text(speed)} with the "
+            f"{number.name}, and {_text(before)} without mitigation."
+        )
 
 
 def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:

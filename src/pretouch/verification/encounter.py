@@ -1,4 +1,4 @@
-"""Simulate one encounter on the sampled loop, and compare it with the prediction and with no mitigation."""
+"""Simulate one encounter on the sampled loop, and compare it with the prediction and without mitigation."""
 
 from __future__ import annotations
 
@@ -224,9 +224,15 @@ class SimulatedEncounter(Described, Value):
             yield "The loop is unstable with any gain, however weak."
         elif margin < 1:
             strongest = number.text(limit.strongest, 3)
-            yield f"The loop is unstable: the strongest stable {number.name} is {strongest}, at a distance of {place}."
+            yield (
+                f"The loop is unstable at a distance of {place}, where the strongest stable {number.name} is "
+                f"{strongest}."
+            )
         else:
-            yield f"The gain margin of the loop is only {margin:.3g} (2 is usual), at a distance of {place}."
+            yield (
+                f"The gain margin of the loop is only {margin:.3g} at a distance of {place}; a gain margin of 2 is "
+                "usual."
+            )
 
     @property
     def is_mitigated(self) -> bool:

@@ -1,4 +1,4 @@
-"""Parts of a simulated encounter: comparisons, contacts, controller flags, detection, headline and warnings."""
+"""Summarize a simulated encounter: its contact, detection, controller flags and warnings."""
 
 from __future__ import annotations
 
@@ -145,9 +145,10 @@ class Detection(Value):
             return f"The object was detected at the start, at {format_quantity(self.distance, 'm')}."
         text = f"The object was first detected after {format_quantity(self.time, 's', 3)}, at "
         text += f"{format_quantity(self.distance, 'm')} (start: {format_quantity(self.start_distance, 'm')})"
-        if self.missed_share is not None:
-            text += f". {100 * self.missed_share:.2g} % of the change of ln xi until contact happened before detection"
-        return f"{text}."
+        if self.missed_share is None:
+            return f"{text}."
+        missed = f"{100 * self.missed_share:.2g} % of the change of ln xi until contact"
+        return f"{text}. Before this detection, {missed} had already happened."
 
 
 _MEANINGS: Final[dict[Status, str]] = {
@@ -305,13 +306,16 @@ def is_harder(run: SimulationResult, free: SimulationResult) -> bool:
 def _loop_clause(run: SimulationResult, free: SimulationResult) -> str:
     if is_harder(run, free):
         speed = _speed(run.relative_velocity)
-        return f"Harder than without mitigation: contact on the loop at {speed} instead of {_speed_or_none(free)}"
+        return (
+            f"Contact is harder than without mitigation: the contact speed on the loop is {speed} instead of "
+            f"{_speed_or_none(free)}"
+        )
     if run.touched:
         return f"Contact on the loop at {_speed(run.relative_velocity)}"
     if run.status == ContactStatus.UNRESOLVED:
-        return f"The loop diverges: its numbers exceed all bounds after {_time(run.end_time)}"
+        return f"The simulated loop diverges: its numbers exceed all bounds after {_time(run.end_time)}"
     nearest = format_quantity(run.closest_distance, "m", 3)
-    return f"No contact on the loop within {_time(run.end_time)}; closest distance {nearest}"
+    return f"There is no contact on the loop within {_time(run.end_time)}; the closest distance is {nearest}"
 
 
 def _speed_or_none(run: SimulationResult) -> str:
@@ -371,8 +375,8 @@ def cautions_in_words(
         yield f"There are {run.contacts} contacts; {which} is the fastest{beyond}."
     if grows:
         yield (
-            f"After the impact, the contact force grows to {_force(run.peak_force)}: a push or another contact is "
-            "stronger than the first impact."
+            f"After the impact, the contact force grows to {_force(run.peak_force)}, because a push or another "
+            "contact is stronger than the first impact."
         )
 
 

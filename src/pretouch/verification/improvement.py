@@ -1,4 +1,4 @@
-"""Search improvements: the best gain for the loop, and the change of the loop that helps most.
+"""Search for improvements of a loop: the best gain, and the single change that helps most.
 
 Every candidate is simulated with the same noise as the verdict.
 """
@@ -227,7 +227,7 @@ class _Search:
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
             gains = self.axis.gain(np.array(list(new.values())))
-            note_work(f"searching the best gain on the loop, {len(self.tried)} gains simulated")
+            note_work(f"searching the best gain on the loop; {len(self.tried)} gains were simulated")
             for place, gain, o in zip(new, gains.tolist(), self.problem.appraise_each(gains), strict=True):
                 self.tried[place] = _Tried(gain, o.mean, o.standing, o.whole_share, o.is_kept)
         of = (self.tried[round(u, _DIGITS)] for u in coordinate.tolist())

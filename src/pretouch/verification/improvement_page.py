@@ -1,4 +1,4 @@
-"""Report sections on improvements: the change that helps most, all tried changes, and the best gain."""
+"""Build the report sections on improvements: the best gain, and all changes that were tried."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def best_change_section(v: Verdict) -> PageSection | None:
     best, rate = v.best_change, _rate_in_words(v)
     if best is None:
         text = (
-            "None of the tried changes improves the status, or lowers the objective significantly and by at least 1 %."
-            f" {rate}"
+            "No change that was tried improves the status, or lowers the objective significantly and by at least "
+            f"1 %. {rate}"
         ).strip()
         return PageSection(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
     open_reasons = _reasons_not_checked(v)
@@ -74,10 +74,10 @@ def _rate_in_words(v: Verdict) -> str:
     enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= USUAL_MARGIN)
     if check is None or check.margin >= USUAL_MARGIN or enough:
         return ""
-    gain = f"With {v.law.number.equals(v.gain or 0.0)}"
+    gain = v.law.number.equals(v.gain or 0.0)
     if math.isfinite(check.lowest_rate_for_margin_2):
-        return f"{gain} a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
-    text = f"{gain} no sensor rate results in a gain margin of 2: latency, filters or robot are too slow"
+        return f"With {gain}, a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
+    text = f"With {gain}, no sensor rate results in a gain margin of 2, because latency, filters or robot are too slow"
     if math.isfinite(check.lowest_rate):
         text += f"; stability needs {check.lowest_rate:.3g} Hz"
     return f"{text}."
@@ -117,11 +117,12 @@ def changes_section(v: Verdict) -> PageSection | None:
     if not v.changes:
         return None
     n = v.compared_runs
-    note = f"Each change was simulated on the same {n} run{'' if n == 1 else 's'}, with the same encounters and noise"
-    note += f", the first of the {v.runs}; another gain was simulated on all {v.runs}" if n < v.runs else ""
+    note = f"Each change was simulated on the same {n} run{'' if n == 1 else 's'}, with the same encounters and noise."
+    if n < v.runs:
+        note += f" These are the first of all {v.runs} runs. Another gain was simulated on all {v.runs} runs."
     head = ("change", "objective", "limits met", "gain margin", "what to do")
     rows = (*_rows_as_it_is(v), *map(_change_row, v.changes))
-    table = PageTable(head=head, rows=rows, note=f"{note}.{_HELPS}", wraps=True, brief=True)
+    table = PageTable(head=head, rows=rows, note=note + _HELPS, wraps=True, brief=True)
     return PageSection(title="Tried changes", titled=True, blocks=(table,))
 
 
@@ -202,17 +203,18 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
         return "No gain was found that meets every limit on this loop."
     best = f"the {best}, {v.law.number.text(loss.loop_gain)}"
     if loss.loss is None or loss.loop_objective is None:
-        return f"A run ends without contact, so the objective cannot be compared with that of {best}."
+        return f"A run ends without contact, so the objectives of the verified gain and of {best} cannot be compared."
     share, error = 100 * loss.loss / loss.loop_objective, 100 * (loss.loss_error or 0.0) / loss.loop_objective
     apart = _percent_with_error(share, error)
     if share > max(SIGNIFICANT * error, 0.0):
-        return f"The objective of the verified gain is {share:.3g} % worse ({apart}) than that of {best}."
+        return f"The objective of the verified gain is {share:.3g} % worse ({apart}) than the objective of {best}."
     lacks = _lacks_in_words(v) if share < -SIGNIFICANT * error else ""
     if lacks:
         return (
-            f"The objective of the verified gain is {-share:.3g} % better ({apart}) than that of {best}, but {lacks}."
+            f"The objective of the verified gain is {-share:.3g} % better ({apart}) than the objective of "
+            f"{best}, but {lacks}."
         )
-    return f"The objective of the verified gain is not significantly worse ({apart}) than that of {best}."
+    return f"The objective of the verified gain is not significantly worse ({apart}) than the objective of {best}."
 
 
 def _best_gain_in_words(loss: Loss) -> str:
@@ -220,7 +222,7 @@ def _best_gain_in_words(loss: Loss) -> str:
     if loss.sought_margin is None:
         return "best gain on this loop"
     if loss.sought_margin >= USUAL_MARGIN:
-        return f"best gain on this loop with a gain margin of {loss.sought_margin:g}"
+        return f"best gain on this loop that has a gain margin of {loss.sought_margin:g}"
     return "best stable gain on this loop (none within the bounds has a gain margin of 2)"
 
 

@@ -1,4 +1,4 @@
-"""Report page of a verdict: status, reasons, improvements, comparisons and assumptions."""
+"""Build the report of a verification: status, reasons, improvements, comparisons and assumptions."""
 
 from __future__ import annotations
 
@@ -247,13 +247,17 @@ def _reached(v: Verdict) -> str:
     """Return a sentence on how many runs end in contact."""
     if v.reached is None:
         return ""
-    text = f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and happens in "
-    text += f"{share_in_words(v.reached.simulated)} of the {_runs(v)}"
-    text += f"; {v.reached.missing} end without the predicted contact" if v.reached.missing else ""
+    text = (
+        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and occurs in "
+        f"{share_in_words(v.reached.simulated)} of the {_runs(v)}"
+    )
+    text += f"; {v.reached.missing} end without the predicted contact." if v.reached.missing else "."
     if v.reached.low is not None:
-        text += f". A predicted contact happens with a probability of at least {share_in_words(v.reached.low)} "
-        text += f"({100 * v.confidence:g} % confidence)"
-    return f"{text}."
+        text += (
+            f" A predicted contact occurs with a probability of at least {share_in_words(v.reached.low)} "
+            f"({100 * v.confidence:g} % confidence)."
+        )
+    return text
 
 
 def _limits(v: Verdict) -> PageSection | None:

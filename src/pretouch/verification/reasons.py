@@ -1,4 +1,4 @@
-"""Judge a gain on a loop: the status of its verdict, and the reasons for it."""
+"""Decide whether a gain passes verification on a loop, and list the reasons."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def _failures(v: Verdict) -> Iterator[str]:
         else:
             strongest = format_quantity(stability.strongest, v.law.number.unit)
             place = format_quantity(stability.critical_distance, "m")
-            yield f"the loop is unstable: {strongest} is the strongest stable gain, at a distance of {place}"
+            yield f"the loop is unstable, because the strongest stable gain is {strongest} at a distance of {place}"
     if reached is not None and reached.missing:
-        yield f"{reached.missing} of {v.runs} runs end without the predicted contact"
+        yield f"{reached.missing} of {v.runs} runs end without contact, although contact was predicted"
     yield from _harm_reasons(v)
     yield from (_limit_missed(check, v.runs) for check in v.limits if not check.is_met)
     if calibration is not None and not calibration.is_good_enough:
@@ -67,10 +67,13 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
     if effect is not None and effect.is_harder:
         yield f"contact is harder than without mitigation{_harder(effect)}"
     elif quiet is not None and quiet.is_harder:
-        yield f"contact is harder than without mitigation even without noise{_harder(quiet)}"
+        yield f"even without sensor noise, contact is harder than without mitigation{_harder(quiet)}"
     elif effect is not None and effect.is_absent:
         speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
-        yield f"the gain has no effect: contact is at {speed} on average, and at {free} without mitigation"
+        yield (
+            f"the gain has no effect: the contact speed is {speed} on average with the gain, and {free} without "
+            "mitigation"
+        )
     predicted, free_end = v.predicted, v.design.no_mitigation
     if predicted is None or not predicted.reached.all():
         return
@@ -79,7 +82,8 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
         before = abs(float(free_end.end.relative_velocity))
     if own > before * (1 + _ROUNDING):
         yield (
-            f"contact is predicted to be harder than without mitigation: {format_quantity(own, 'm/s')} instead of "
+            "the prediction itself is harder than without mitigation: the contact speed is "
+            f"{format_quantity(own, 'm/s')} instead of "
             f"{format_quantity(before, 'm/s') if before else 'no contact'}"
         )
 
@@ -165,9 +169,9 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
         return
     if not effect.is_softer:
         yield (
-            f"contact is not shown to be softer than without mitigation: difference {effect.difference:.2g} +- "
-            f"{effect.standard_error:.1g} m/s over {effect.runs} runs"
+            "contact is not significantly softer than without mitigation: the difference is "
+            f"{effect.difference:.2g} +- {effect.standard_error:.1g} m/s over {effect.runs} runs"
         )
     if effect.harder_count > OFTEN * effect.runs:
         share = share_in_words(effect.harder_count / effect.runs)
-        yield f"in {share} of the runs contact is harder than without mitigation"
+        yield f"in {share} of the runs, contact is harder than without mitigation"

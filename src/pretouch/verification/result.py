@@ -1,4 +1,4 @@
-"""Results of `verify_gain`: the verdict, with its comparisons, limits and spread over runs."""
+"""Define the result of `verify_gain`: the status, comparisons, limits and scatter over the runs."""
 
 from __future__ import annotations
 

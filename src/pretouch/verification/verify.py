@@ -156,11 +156,13 @@ def _rate_needed(design: GainDesign) -> float | None:
 def _check_task(task: Task) -> Task:
     """Check the task of a verification, and narrow its bounds to gains with the required gain margin."""
     if task.scenario.shape != ():
-        raise InvalidInputError(f"scenario: found encounters of shape {task.scenario.shape}, expected one")
+        raise InvalidInputError(
+            f"scenario: found an array of encounters of shape {task.scenario.shape}, expected a single encounter"
+        )
     law: Any = _loop_of(task).law
     if not isinstance(law, TunableLaw):
         raise InvalidInputError(
-            f"loop: found a law ({type(law).__name__}) without the method with_value, which sets its gain"
+            f"loop: the law {type(law).__name__} has no method with_value, which must return the law with another gain"
         )
     refuse_too_many_runs(task.verify.runs)
     if task.drag_effect is not None and (task.objective is None or task.bounds is None):
@@ -179,7 +181,10 @@ def _loop_of(task: Task) -> ClosedLoop:
         raise InvalidInputError(f"loop: found {type(task.loop).__name__}, expected a ClosedLoop")
     law = task.loop.continuous
     if law is not None and law != task.law:
-        raise InvalidInputError(f"law: found {task.law.kind}, but the controller of the loop is a {law.kind}")
+        raise InvalidInputError(
+            f"law: the task has the law {task.law.kind}, but the controller of the loop has the law {law.kind}; use "
+            "the same law"
+        )
     return task.loop
 
 
@@ -187,7 +192,7 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
     """Raise an error if simulated runs would end before the predicted contact."""
     if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
         raise InvalidInputError(
-            f"loop horizon: found {loop.horizon:g} s, but contact is predicted after "
+            f"loop horizon: found {loop.horizon:g} s, but contact is predicted only after "
             f"{float(predicted.end.time):.4g} s; set a longer horizon"
         )
 
@@ -195,8 +200,8 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
 def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
     """Return a sentence on why the stability of a gain is not assessed."""
     if known:
-        return f"Stability is not assessed: {task.law.number.equals(gain)} does not mitigate."
-    return f"The stability of the loop is not known: damping and timing of the law {task.law.kind} are unknown."
+        return f"Stability is not assessed, because {task.law.number.equals(gain)} does not mitigate the impact."
+    return f"The stability of the loop is unknown, because damping and timing of the law {task.law.kind} are unknown."
 
 
 @check_arguments
@@ -236,7 +241,8 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
     scenario, sensor, loop = task.scenario, task.sensor, _loop_of(task)
     if scenario.shape:
         raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {scenario.shape}, expected one; ClosedLoop.run takes many"
+            f"scenario: found an array of encounters of shape {scenario.shape}, expected a single encounter; use "
+            "ClosedLoop.run for many encounters"
         )
     gain = finite(_gain_of(task), "gain", task.law.number.unit)
     if not isinstance(gain, float):
@@ -263,7 +269,7 @@ def _gain_of(task: Task) -> float:
         status = "" if course else design_gain(task.replace(evaluate=None)).status.value
         why = "an ideal design does not support an obstacle with a course" if course else f"the design is {status}"
         raise InvalidInputError(
-            f'gain: {why}, so there is none to simulate; set one: gain = "-0.7 N*s" in [controller], the option '
-            "--gain, or gain=-0.7 in Python"
+            f'gain: there is no gain to simulate, because {why}. Set gain = "-0.7 N*s" in [controller], the '
+            "option --gain, or gain=-0.7 in Python"
         )
     return designed

@@ -1,4 +1,4 @@
-"""Choice of the virtual drag phi by the ratio of contact speed to approach speed, or by a limit on one of its effects.
+"""Choose the virtual drag phi from a required ratio of contact speed to approach speed, or from a limit.
 
 No optimization is needed: ratio and excursion trade off along one curve, and each limit selects one point of it.
 """

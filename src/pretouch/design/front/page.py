@@ -1,4 +1,4 @@
-"""Report page of a Pareto front: knee, ends, the user's choice and the physical bound."""
+"""Build the report of a Pareto front: knee, ends, the user's choice, and the physical limit of any robot."""
 
 from __future__ import annotations
 
@@ -140,8 +140,8 @@ def _sentences(front: ParetoFront) -> Iterator[str]:
         limit = pretty_unit(format_quantity(float(front.bound.acceleration_limit), "m/s^2"))
         after = format_quantity(float(front.bound.excursion(least)), "m")
         yield (
-            f"The smallest contact speed of any robot with an acceleration limit of {limit} is "
-            f"{format_quantity(least, 'm/s')}, with an excursion of {after}."
+            f"With an acceleration limit of {limit}, the smallest contact speed of any robot is "
+            f"{format_quantity(least, 'm/s')}, at an excursion of {after}."
         )
 
 
@@ -151,15 +151,15 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     if not choice.distance_to_front > _BEHIND:
         return "The choice lies on the Pareto front."
     text = (
-        f"In every quantity, the front is better than the choice by "
-        f"{100 * choice.distance_to_front:.2g} % of its extent"
+        f"In every quantity, the front is better than the choice by {100 * choice.distance_to_front:.2g} % of "
+        "the front's range."
     )
     if len(front.quantities) == 2:
         first, second = front.quantities
         best = front.of(first)[front.meets(**{second: choice.values[second]})].min()
         least, chosen = (format_quantity(float(value), unit_of(first)) for value in (best, choice.values[first]))
-        text += f": with the same {in_short(second)}, the {in_short(first)} can be {least} instead of {chosen}"
-    return f"{text}."
+        text += f" With the same {in_short(second)}, the {in_short(first)} can be {least} instead of {chosen}."
+    return text
 
 
 def _evidence(front: ParetoFront) -> PageSection:
@@ -169,8 +169,8 @@ def _evidence(front: ParetoFront) -> PageSection:
         ("Pareto front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
         (
             "largest error",
-            f"{100 * front.approximation_error:.2g} % of the front's extent: no other encounter, searched or "
-            "between the points, is better by more in every quantity",
+            f"{100 * front.approximation_error:.2g} % of the front's range: no searched design, and none between "
+            "the points, beats the front by more in every quantity",
         ),
     )
     return PageSection(title="Evidence", titled=True, blocks=(PageTable(rows=rows, wraps=True, brief=True),))

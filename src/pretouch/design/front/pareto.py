@@ -1,4 +1,4 @@
-"""Pareto front of contact quantities, with its knee, its ends and the user's choice."""
+"""Compute a Pareto front of contact quantities, with its knee, its ends and the user's choice."""
 
 from __future__ import annotations
 

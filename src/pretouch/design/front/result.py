@@ -1,4 +1,4 @@
-"""Result of a Pareto front: points, knee, ends, the user's choice and the comparison with the physical bound."""
+"""Define the result of a Pareto front: points, knee, ends, the user's choice, and the limit of any robot."""
 
 from __future__ import annotations
 
@@ -159,7 +159,10 @@ class ParetoFront(Answer):
         names = [in_short(name) for name in self.quantities]
         traded = f"{', '.join(names[:-1])} and {names[-1]}"
         if self.status is FrontStatus.INFEASIBLE:
-            return f"Infeasible: no point within the bounds meets every constraint, so {traded} have no Pareto front."
+            return (
+                "Infeasible: nothing within the bounds meets every constraint, so there is no Pareto front of "
+                f"{traded}."
+            )
         if self.status is FrontStatus.NO_CONTACT:
             return "No point within the bounds ends in contact."
         if len(self.gain) == 1:

@@ -1,4 +1,4 @@
-"""Robust gain design for uncertain inputs: distributions, measures of the objective, chance constraints."""
+"""Design one gain for uncertain inputs, from their probability distributions or intervals."""
 
 from pretouch.uncertainty import (
     CorrelatedNormal,

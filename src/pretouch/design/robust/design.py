@@ -1,4 +1,4 @@
-"""Robust gain design: minimize a measure of the objective over uncertain encounters."""
+"""Find the gain that minimizes, for example, the mean or a quantile of the objective over uncertain encounters."""
 
 from __future__ import annotations
 
@@ -137,13 +137,14 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
         for limit in limits:
             if limit.probability < 1:
                 raise InvalidInputError(
-                    f"constraint {limit.constraint.name}: found a probability of {limit.probability:g} with a worst "
-                    "case, which has no probabilities; pass the Constraint without a probability"
+                    f"constraint {limit.constraint.name}: found a probability of {limit.probability:g}, but a "
+                    "worst-case design has no probabilities; pass the Constraint without a probability"
                 )
         return
     for name, distribution in task.uncertainty.items():
         if type(distribution) is Interval:
             raise InvalidInputError(
-                f"uncertainty {name}: found an interval, which has no probabilities, for the measure "
-                f"{measure.label!r}; use Uniform if all values are equally likely, or the measure WorstCase"
+                f"uncertainty {name}: found an interval, which has no probabilities, but the measure "
+                f"{measure.label!r} needs probabilities; use Uniform if all values are equally likely, or the "
+                "measure WorstCase"
             )

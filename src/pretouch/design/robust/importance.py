@@ -1,4 +1,4 @@
-"""Importance of the uncertain inputs: their shares in the variance of the objective (Sobol indices)."""
+"""Compute how much each uncertain input contributes to the variance of the objective (Sobol indices)."""
 
 from __future__ import annotations
 

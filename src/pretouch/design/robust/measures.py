@@ -1,4 +1,4 @@
-"""Measures that reduce the objectives of all encounters to one number: mean, quantile, tail mean, worst case."""
+"""Reduce the objectives of many encounters to one number: mean, quantile, tail mean or worst case."""
 
 from __future__ import annotations
 
@@ -55,19 +55,20 @@ def checked_measure(measure: Any) -> Measure:
     """Return a risk measure after checking that its class defines value, label and estimate together."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
-            f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a Measure"
+            f"measure: found {measure!r}, but a measure must be Expected, Quantile, ConditionalValueAtRisk, "
+            "WorstCase or a class derived from Measure"
         )
     home = {name: next(c for c in type(measure).__mro__ if name in vars(c)) for name in ("of", "label", "estimate")}
     for name in ("label", "estimate"):
         if not issubclass(home[name], home["of"]):
             raise InvalidInputError(
-                f"measure: found {type(measure).__name__}, which overrides `of` but inherits `{name}` from "
-                f"{home[name].__name__}; override `{name}`, too"
+                f"measure: the class {type(measure).__name__} overrides `of` but inherits `{name}` from "
+                f"{home[name].__name__}; override `{name}` as well"
             )
     if isinstance(measure, WorstCase) and home["of"] is not WorstCase:
         raise InvalidInputError(
-            f"measure: found {type(measure).__name__}, a worst case that overrides `of`, expected WorstCase itself: "
-            "the worst encounter is found by a search, not by `of`"
+            f"measure: the class {type(measure).__name__} overrides `of` of WorstCase, but the worst encounter "
+            "is found by a search that ignores `of`; use WorstCase itself"
         )
     return measure
 

@@ -1,4 +1,4 @@
-"""Outcomes of a gain in uncertain encounters, and the measure over the gain."""
+"""Evaluate gains in uncertain encounters, and the mean, quantile or worst case of their objective."""
 
 from __future__ import annotations
 

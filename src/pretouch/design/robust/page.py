@@ -1,4 +1,4 @@
-"""Report page of a robust design: gain, validation on fresh samples, and importance of the uncertain inputs."""
+"""Build the report of a robust design: its gain, validation and the importance of the uncertain inputs."""
 
 from __future__ import annotations
 
@@ -107,7 +107,9 @@ def _findings(v: Validation) -> Iterator[str]:
         c, p = outcome.required.constraint, outcome.required.probability
         required = "always" if p == 1 else f"{100 * p:g} %"
         label, limit = words_for(c.quantity), format_quantity(c.limit, c.unit)
-        yield f"{label} within {limit} in {share_in_words(outcome.held)} of fresh samples ({required} required)"
+        yield (
+            f"{label} stays within {limit} in {share_in_words(outcome.held)} of the fresh samples ({required} required)"
+        )
 
 
 def robust_page(design: RobustDesign) -> Page:
@@ -177,8 +179,9 @@ def _loss(v: Validation) -> str:
 def _outcome(design: RobustDesign, v: Validation) -> PageSection:
     ideal = ", in continuous time and without noise" if design.on_evaluator else ""
     note = (
-        f"{v.samples} fresh encounters, independent of the design. The {design.nominal_name} is optimal if every input "
-        f"has its given value{ideal}. Its loss is a paired comparison over these encounters. Predicted, not measured."
+        f"The results come from {v.samples} fresh encounters that the design did not use. The "
+        f"{design.nominal_name} is optimal if every input has its given value{ideal}. Its loss compares both "
+        "gains in the same encounters. All numbers are predicted, not measured."
     )
     head = (f"on {v.samples} fresh samples ({100 * v.confidence:g} % confidence)", *design.compared)
     return _section("Results on fresh samples", head, _outcome_rows(design, v), note)
@@ -203,11 +206,11 @@ def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
 
 def _constraints(v: Validation) -> PageSection:
     note = (
-        '"At least" is the exact lower confidence bound (Clopper and Pearson) of the probability that the limit is '
-        f'met, with a confidence of {100 * v.confidence:g} %. "Demonstrated": this bound is at least the required '
-        'probability. "Within chance": the result is compatible with the required probability. An optimal design '
-        "often lies on a constraint, so that fresh samples meet it about as often as required and cannot demonstrate "
-        "it: require a slightly larger probability."
+        '"At least" is a lower bound of the probability that the limit is met, with a confidence of '
+        f'{100 * v.confidence:g} % (Clopper and Pearson). "Demonstrated" means that this bound reaches the '
+        'required probability. "Within chance" means that the result is compatible with the required '
+        "probability. If an optimal design lies on a constraint, fresh samples often cannot demonstrate it: "
+        "require a slightly larger probability."
     )
     head = ("constraint", "limit", "required in", "met in", "at least", "quantile at the required share", "state")
     return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note)
@@ -260,9 +263,9 @@ def _uncertain(design: RobustDesign) -> PageSection:
 
 def _measure(design: RobustDesign) -> PageSection:
     caption = (
-        f"Left: the {design.measure.label} of the objective over the samples of the design, and the objective of the "
-        f"{'ideal' if design.on_evaluator else 'nominal'} encounter. Thin and grey: gains that violate a constraint. "
-        "Right: cumulative distribution of the objective over the fresh encounters."
+        f"The left plot shows the {design.measure.label} of the objective, and the objective of the "
+        f"{'ideal' if design.on_evaluator else 'nominal'} encounter. Thin grey lines are gains that violate a "
+        "constraint. The right plot shows the cumulative distribution of the objective over the fresh encounters."
     )
     name = "Measure of the objective over the gain, and distribution of the objective"
     rows = tuple(objective_rows(design.definition))
@@ -299,7 +302,7 @@ def _evidence_rows(design: RobustDesign) -> Iterator[Row]:
     yield "scan", f"{design.scanned} gains, each over the same {design.samples} encounters"
     if design.on_evaluator:
         evaluator = "the sampled loop" if design.method == "loop" else f"{design.method}, by the user-defined evaluator"
-        text = f"{evaluator}, with the same noise for every gain; the ideal design is in continuous time"
+        text = f"{evaluator}, with the same noise for every gain. The ideal design assumes continuous time."
         yield "encounters solved by", text
     yield "local minima found and refined", str(len(design.local_minima))
     yield "seed", str(design.seed)

@@ -1,4 +1,4 @@
-"""Robust gain problem: a task that is evaluated over many encounters."""
+"""Define the robust gain problem: a design task that is evaluated over many sampled encounters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Chance constraints: constraints that must hold with a probability."""
+"""Define chance constraints, which must be met with a given probability."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Validation of a robust gain on fresh samples."""
+"""Validate a robust gain on new random samples that the design has not used."""
 
 from __future__ import annotations
 

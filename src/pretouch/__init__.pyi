@@ -5,6 +5,7 @@ from . import motion as motion
 from . import report as report
 from . import simulation as simulation
 from ._core import errors as errors
+from ._core import fields as fields
 from ._core.errors import PretouchError as PretouchError
 from .calibration import Calibration as Calibration
 from .calibration import CalibrationReport as CalibrationReport

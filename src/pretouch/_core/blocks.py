@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Final, TypeAlias
 
 from .units import format_quantity
 from .values import Value
-from .vocabulary import QUANTITIES
+from .vocabulary import QUANTITIES, Entry
 
 LINK: Final = re.compile(r"\[([^\[\]]+)\]\(#([a-z0-9-]+)\)")
 """A link inside a page: `[words](#anchor)`."""
@@ -218,7 +218,11 @@ class Page(Value):
 
 def named(name: str, *, magnitude: bool = False) -> Named:
     """Return the name of a quantity as a cell; with `magnitude`, its symbol is written as |symbol|."""
-    q = QUANTITIES[name]
+    return named_entry(QUANTITIES[name], magnitude=magnitude)
+
+
+def named_entry(q: Entry, *, magnitude: bool = False) -> Named:
+    """Return words and symbol of a quantity as a cell; with `magnitude`, its symbol is written as |symbol|."""
     return Named(q.words, f"|{q.symbol}|" if magnitude and "|" not in q.symbol else q.symbol)
 
 

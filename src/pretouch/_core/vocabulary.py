@@ -22,6 +22,11 @@ class Entry:
     unit: str
     whole: bool = False
 
+    @property
+    def short(self) -> str:
+        """The words without "at contact", such as `relative velocity`."""
+        return self.words.removesuffix(" at contact")
+
 
 QUANTITIES: Final[dict[str, Entry]] = {
     "time": Entry("time of contact", "t", "s"),
@@ -65,11 +70,6 @@ def words_for(name: str) -> str:
         ('largest excursion', 'natural frequency')
     """
     return QUANTITIES[name].words if name in QUANTITIES else name.replace("_", " ").replace("-", " ")
-
-
-def in_short(name: str) -> str:
-    """Return the name of a quantity without "at contact", such as `relative velocity`."""
-    return words_for(name).removesuffix(" at contact")
 
 
 def unit_of(name: str) -> str:

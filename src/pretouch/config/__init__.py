@@ -16,6 +16,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError, PretouchError, ScenarioFileError
 from pretouch._core.units import format_quantity
 from pretouch.design.constraints import CONSTRAINT_NAMES, Constraint
+from pretouch.design.custom_objectives import AnyObjective
 from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
 from pretouch.design.task import Task
 from pretouch.motion.scenario import Scenario
@@ -26,7 +27,7 @@ from .document import read_document
 from .quantities import KeyPath
 from .reading import Reading, ScenarioSource, split_message
 from .robust import robust_fields
-from .schema import FREE, LOOP_SECTIONS
+from .schema import FREE, LOOP_SECTIONS, OBJECTIVE_VARIANTS
 from .sensor import CALIBRATION, FROM_SURFACE, FitRequest, fit_sensor_of, read_no_object, read_output
 
 if TYPE_CHECKING:
@@ -213,18 +214,21 @@ class _Builder(Reading):
             self._needs_impact(name, ("pareto", "quantities", i))
         return {"quantities": names, "choice": values.get("choice")}
 
-    def objective(self) -> Objective | None:
+    def objective(self) -> AnyObjective | None:
         """Build the objective."""
         values = self.values("objective")
         if values is None:
             return None
+        kind = self.data["objective"]["kind"]
+        if kind not in OBJECTIVE_VARIANTS:
+            extension: AnyObjective | None = self.make("objective")
+            return extension
         at_rest = (self.values("obstacle") or {}).get("velocity") == 0
         terms = list(_terms(values))
         for quantity_path, scale_path, term in terms:
             self._needs_impact(term["quantity"], quantity_path)
             if term["scale"] == OBSTACLE_SPEED and at_rest:
                 self.refuse(scale_path, 'found "obstacle speed" for an obstacle at rest, expected a quantity in m/s')
-        kind = self.data["objective"]["kind"]
         return self.attempt("objective", lambda: Objective(terms=tuple(Term(**t) for _, _, t in terms), name=kind))
 
     def constraints(self) -> tuple[Constraint, ...]:

@@ -10,18 +10,35 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
+from pretouch._core.extensions import Extensions
 from pretouch._core.units import written_unit
 from pretouch.design.constraints import CONSTRAINT_NAMES
+from pretouch.design.custom_objectives import OBJECTIVE_KINDS
 from pretouch.design.impact import HertzImpact, SpringImpact
 from pretouch.design.quantities import QUANTITY_UNITS
 from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
-from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
+from pretouch.motion.laws import DAMPER, LAW_KINDS, ContinuousLaw
 from pretouch.motion.scenario import Admittance
+from pretouch.sensors.registry import CURVE_KINDS
 
 from .quantities import Quantity, UnfitValueError
 from .robust_sections import ROBUST, uncertainty_section
-from .section import EFFECTS, REQUIRED, TAG, WEIGHT, Key, Section, by_law, declared_keys, gain_of, list_of, name_of
-from .sensor import sensor_variants
+from .section import (
+    EFFECTS,
+    REQUIRED,
+    TAG,
+    WEIGHT,
+    ByLaw,
+    Key,
+    Section,
+    declared_keys,
+    described_section,
+    example_bounds,
+    gain_of,
+    list_of,
+    name_of,
+)
+from .sensor import section_of_curve, sensor_variants
 
 _OBSTACLE: Final = ("obstacle speed",)
 
@@ -133,16 +150,11 @@ _BY_FREQUENCY: Final = {
 }
 
 
-def _example_bounds(law: ContinuousLaw) -> str:
-    unit = written_unit(law.number.unit)
-    return '["-10 N*s", "-0.01 N*s"]' if law == DAMPER else f'["0.0001 {unit}", "1 {unit}"]'
-
-
 def _gain(law: ContinuousLaw) -> Section:
     unit = law.number.unit
     bounds = list_of(gain_of(law), 2, 2, _PAIR.format(f"quantities in {written_unit(unit)}"))
     return Section(
-        {"bounds": Key(bounds, REQUIRED, _example_bounds(law))},
+        {"bounds": Key(bounds, REQUIRED, example_bounds(law))},
         _check_order("bounds", unit=f" {written_unit(unit)}", what="the lower bound first"),
     )
 
@@ -185,13 +197,13 @@ _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     "plant": {"": Section(declared_keys(Plant), make=Plant)},
     "reference": {"": Section(declared_keys(Reference), make=Reference)},
     "objective": OBJECTIVE_VARIANTS,
-    "gain": by_law(_gain),
-    "constraints": by_law(
+    "gain": ByLaw(_gain),
+    "constraints": ByLaw(
         lambda law: Section({name: key for name, key in _LIMITS.items() if law == DAMPER or name != "gain"})
     ),
     "impact": {"stiffness": Section(_SPRING, make=SpringImpact), "radius": Section(_HERTZ, make=HertzImpact)},
     "motion": {"": Section(_MOTION)},
-    "pareto": by_law(lambda law: Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, _check_unique)),
+    "pareto": ByLaw(lambda law: Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, _check_unique)),
     "robust": {"": ROBUST},
 }
 LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop")
@@ -214,16 +226,16 @@ _NEEDED: Final[Mapping[str, str]] = {
 }
 
 
-def needed(kind: str, chosen: Iterable[str]) -> dict[str, str]:
+def needed(law: ContinuousLaw, chosen: Iterable[str]) -> dict[str, str]:
     """Return the required sections of a file, each with an example of its keys.
 
     Args:
-        kind: kind of the law.
+        law: the law, or its class.
         chosen: the keys of [law] in the file.
     """
     if set(EFFECTS) & set(chosen):
         return {name: text for name, text in _NEEDED.items() if name != "objective"}
-    return {**_NEEDED, "gain": f"bounds = {_example_bounds(LAWS[kind])}"}
+    return {**_NEEDED, "gain": f"bounds = {example_bounds(law)}"}
 
 
 def variants(section: str) -> Mapping[str, Section]:
@@ -237,6 +249,23 @@ def variants(section: str) -> Mapping[str, Section]:
 
         return LOOP_VARIANTS[section]
     return _ALWAYS[section]
+
+
+def extensions_of(section: str) -> tuple[Extensions, Callable[[Any], Section]] | None:
+    """Return the kinds that installed packages may add to a section, and the function that makes their section."""
+    if section == "sensor":
+        return CURVE_KINDS, section_of_curve
+    if section == "objective":
+        return OBJECTIVE_KINDS, described_section
+    if section == "law":
+        from .loop_sections import law_section  # noqa: PLC0415 - the simulation, only for a file with a loop or law
+
+        return LAW_KINDS, law_section
+    if section == "robot":
+        from pretouch.simulation.robot import PLANT_KINDS  # noqa: PLC0415 - the same
+
+        return PLANT_KINDS, described_section
+    return None
 
 
 def keys_of(section: str) -> tuple[str, ...]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from typing import Any, Final, TypeAlias
 
 from pretouch._core.units import written_unit
-from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
+from pretouch.motion.laws import DAMPER, LAW_KINDS, LAWS, ContinuousLaw
 
 from .quantities import KeyPath, Quantity, UnfitValueError, shown
 
@@ -189,34 +189,77 @@ def nearest(name: str, valid: tuple[str, ...]) -> str | None:
     return plain[match[0]] if match else None
 
 
-def by_law(make: Callable[[ContinuousLaw], Section]) -> dict[str, Section]:
-    """Make the variants of a section that depends on the law, by the kind of the law."""
-    return {kind: make(law) for kind, law in LAWS.items()}
+class ByLaw(dict[str, Section]):
+    """The variants of a section that depends on the law, by the kind of the law.
+
+    Iteration gives the variants of the built-in laws; that of an installed law is made when it is read.
+
+    Args:
+        make: makes the section for a law, which is a value or a class.
+    """
+
+    def __init__(self, make: Callable[[ContinuousLaw], Section]) -> None:
+        super().__init__({kind: make(law) for kind, law in LAWS.items()})
+        self._make = make
+
+    def __missing__(self, kind: str) -> Section:
+        return self._make(LAW_KINDS.find(kind))
 
 
 def gain_of(law: ContinuousLaw) -> Quantity:
     """Return the reader of the gain of a law."""
-    unit = law.number.unit
-    return Quantity(unit, '"-0.7 N*s"' if law == DAMPER else f'"0.0144 {unit}"', of=law.kind)
+    n = law.number
+    return Quantity(n.unit, '"-0.7 N*s"' if law == DAMPER else f'"{n.sign * 0.0144} {n.unit}"', of=law.kind)
+
+
+def example_bounds(law: ContinuousLaw) -> str:
+    """Return an example of the bounds of a law's number, as TOML."""
+    if law == DAMPER:
+        return '["-10 N*s", "-0.01 N*s"]'
+    unit = written_unit(law.number.unit)
+    return f'["0.0001 {unit}", "1 {unit}"]' if law.number.sign > 0 else f'["-1 {unit}", "-0.0001 {unit}"]'
 
 
 def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] = ()) -> dict[str, Key]:
     """Make keys from the declared fields of dataclasses.
 
     Args:
-        classes: the classes; only fields that are quantities, flags or counts become keys.
+        classes: the classes; only fields of dataclasses that are quantities, flags or counts become keys.
         optional: whether all keys are optional, because the defaults are determined elsewhere.
         without: names of fields that do not become keys.
 
     Returns:
         The keys by the names of their fields.
     """
-    readers = {f.name: (f, _reader_of(f.metadata)) for cls in classes for f in fields(cls) if f.name not in without}
+    dataclasses = [cls for cls in classes if is_dataclass(cls)]
+    readers = {f.name: (f, _reader_of(f.metadata)) for cls in dataclasses for f in fields(cls) if f.name not in without}
     return {
         name: Key(read, None if optional else REQUIRED if f.default is MISSING else f.default)
         for name, (f, read) in readers.items()
         if read is not None
     }
+
+
+def described_section(described: Any, keys: Mapping[str, Key] | None = None) -> Section:
+    """Make the section of a class or value that describes itself.
+
+    Args:
+        described: a class whose declared fields are keys, or a value; the fields of a value have default values.
+        keys: further keys, which are not passed to the class.
+
+    Returns:
+        The section; its `make` returns an instance of the class, or the value with other values of its fields.
+    """
+    others = keys or {}
+
+    def make(**values: Any) -> Any:
+        own = {name: value for name, value in values.items() if name not in others}
+        if isinstance(described, type):
+            return described(**own)
+        return replace(described, **own) if own else described
+
+    own_keys = declared_keys(described, optional=not isinstance(described, type))
+    return Section({"kind": TAG, **others, **own_keys}, make=make)
 
 
 def _reader_of(metadata: Mapping[str, Any]) -> Reader | None:

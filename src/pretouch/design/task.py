@@ -247,7 +247,8 @@ class Task(InNotebooks, Value):
 
     def replace(self, **changes: Any) -> Task:
         """Return a copy with other values of some fields; another loop also brings the law of its controller."""
-        fields = {name: value for name, value in self.__dict__.items() if name != "law" or "loop" not in changes}
+        brings_law = changes.get("loop") is not None
+        fields = {name: value for name, value in self.__dict__.items() if name != "law" or not brings_law}
         return Task(**{**fields, **changes})
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions, kind_problem
 from pretouch._core.fields import check_declared, flag, quantity
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_quantity
@@ -179,6 +180,14 @@ class PositionPlant(PlantModel):
         yield "physical mass m", Measured(self.mass, "kg")
         yield "bandwidth", Measured(self.bandwidth, "Hz")
         yield "damping ratio", Measured(self.damping_ratio)
+
+
+PLANT_KINDS: Final = Extensions(
+    group="pretouch.plants",
+    built_in=lambda: {plant.kind: plant for plant in (IdealPlant, ImpedancePlant, PositionPlant)},
+    problem=kind_problem(PlantModel, "pretouch.simulation.PlantModel"),
+)
+"""The robots that files may name: those of pretouch, and those of installed packages."""
 
 
 def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, ...]) -> tuple[float, ...]:

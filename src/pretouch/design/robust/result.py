@@ -286,11 +286,12 @@ def _conflict(design: RobustDesign) -> str:
     reasons = []
     for required, magnitude, gain in design.reachable:
         c, p = required.constraint, required.probability
+        unit = design.number.entry(c.quantity).unit
         if magnitude > c.limit:
             reasons.append(
-                f"{c.name} cannot be limited to {format_quantity(c.limit, c.unit)} "
+                f"{c.name} cannot be limited to {format_quantity(c.limit, unit)} "
                 f"{'in every sample' if p == 1 else f'in {100 * p:g} %'}: the nearest achievable value is "
-                f"{format_quantity(magnitude, c.unit)}, at {design.number.equals(gain)}"
+                f"{format_quantity(magnitude, unit)}, at {design.number.equals(gain)}"
             )
     return "; ".join(reasons) or "each constraint can be met with its probability, but no gain meets all of them"
 

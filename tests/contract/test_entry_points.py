@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_text import command, strict
 
@@ -149,3 +152,184 @@ def test_a_law_without_a_sampled_form_is_refused_on_a_loop(folder, monkeypatch):
     Path("cube.toml").write_text(FILE.replace('"cube"', '"still"'), encoding="utf-8")
     with pytest.raises(pt.errors.ScenarioFileError, match=r'law\.kind: found "still", which cannot run on the loop'):
         pt.load_scenario("cube.toml")
+
+
+OTHERS = """
+from dataclasses import dataclass
+import numpy as np
+from pretouch import SensorModel
+from pretouch.fields import INPUT, check_declared, quantity
+from pretouch.sensors import parameter
+from pretouch.simulation import PlantModel
+from pretouch.uncertainty import Distribution
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwoSources(SensorModel):
+    scale: float = parameter("a", "", sign="positive", example="1.0", of_output="m^2")
+    spread: float = parameter("b", "m", sign="positive", example='"20 mm"')
+    name = "installed-sources"
+
+    def _log_output(self, distance):
+        return np.log(self.scale) - np.log(self.spread**2 + distance**2) - 10 * distance
+
+    def _log_slope(self, distance):
+        return -2 * distance / (self.spread**2 + distance**2) - 10
+
+    @classmethod
+    def fit_start(cls, slope, curvature, middle):
+        return {"spread": middle}
+
+@dataclass(frozen=True, kw_only=True)
+class Comfort:
+    weight: float = quantity("1/m^2", sign="positive", example='"40 1/m^2"')
+    scale: float = quantity("m/s", 0.3, sign="positive")
+
+    def value(self, state, obstacle_speed, impact):
+        return self.weight * state.displacement**2 + (state.relative_velocity / self.scale) ** 2
+
+def plain(state):
+    return 40 * state.displacement**2 + state.relative_velocity**2
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Triangular(Distribution):
+    low: float = quantity(INPUT)
+    high: float = quantity(INPUT)
+    lean: float = quantity("", 0.5, sign="positive")
+
+    def __post_init__(self):
+        check_declared(self)
+
+    @property
+    def support(self):
+        return self.low, self.high
+
+    def _quantile(self, probability):
+        half = np.sqrt(np.minimum(probability, 1 - probability) / 2)
+        return self.low + (self.high - self.low) * np.where(probability < 0.5, half, 1 - half)
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Geared(PlantModel):
+    kind = "geared"
+    inertia: float = quantity("kg*m^2", sign="positive", example='"0.02 kg*m^2"')
+    pitch: float = quantity("m", sign="positive")
+
+    def coefficients(self):
+        mass = self.inertia / self.pitch**2
+        return mass, 4000.0, 180.0, 180.0, mass, 0.0, 0.0, 1e-3
+"""
+ENTRIES = {
+    "pretouch.sensors": {"installed-sources": "others:TwoSources"},
+    "pretouch.objectives": {"comfort": "others:Comfort", "plain": "others:plain", "wrong": "others:np"},
+    "pretouch.distributions": {"triangular": "others:Triangular", "abstract": "others:Distribution"},
+    "pretouch.plants": {"geared": "others:Geared"},
+}
+EVERYTHING = (
+    """\
+[sensor]
+model = "installed-sources"
+scale = 2.0
+spread = "20 mm"
+[objective]
+kind = "comfort"
+weight = "40 1/m^2"
+[uncertainty]
+obstacle.velocity = { triangular = { low = "-0.35 m/s", high = "-25 cm/s" } }
+sensor.spread = { triangular = { low = "19 mm", high = "21 mm", lean = 0.4 } }
+[robust]
+samples = 16
+validation = 16
+[chain]
+rate = "250 Hz"
+noise = 1e-3
+[controller]
+rate = "1 kHz"
+[robot]
+kind = "geared"
+inertia = "0.02 kg*m^2"
+pitch = "100 mm"
+[loop]
+runs = 12
+"""
+    + scenario_text.ADMITTANCE
+    + scenario_text.STILL
+    + scenario_text.GAIN
+)
+
+
+@pytest.fixture
+def others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    install(tmp_path / "site", monkeypatch, "others", OTHERS, ENTRIES)
+    (tmp_path / "everything.toml").write_text(EVERYTHING, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    sys.modules.pop("others", None)
+    gc.collect()
+
+
+@pytest.mark.parametrize("verb", ["design", "pareto", "robust", "simulate", "verify", "sweep"])
+def test_every_verb_takes_a_file_of_installed_kinds(verb, others, monkeypatch, capsys):
+    run = command(monkeypatch, capsys)
+    if verb == "sweep":
+        pytest.importorskip("h5netcdf")
+    options = ["--axis", "sensor.spread=19 mm,21 mm"] if verb == "sweep" else []
+    code, out, err = run(verb, "everything.toml", "--json", *options)
+    assert code in {0, 1}, err
+    assert strict(out)["status"] not in {"error", "infeasible"}
+    if verb == "sweep":
+        return
+    assert run(verb, "everything.toml")[0] == code
+    page = (others / f"everything-{verb}.html").read_text(encoding="utf-8")
+    assert "installed-sources" in page
+    words = {
+        "design": "Comfort",
+        "robust": "Triangular, -0.35 m/s to -0.25 m/s",
+        "simulate": "Geared",
+        "verify": "Geared",
+    }
+    assert words.get(verb, "") in page
+
+
+def test_a_fit_takes_an_installed_curve(others, monkeypatch, capsys):
+    distance = np.repeat(np.arange(2, 40) * 0.002, 3)
+    noise = 1 + 2e-3 * np.random.default_rng(5).standard_normal(len(distance))
+    outputs = 0.1 + 2e-3 / (0.031**2 + distance**2) * np.exp(-10 * distance) * noise
+    rows = [f"{1e3 * d:.9g},{v:.9g}" for d, v in zip(distance, outputs, strict=True)] + ["inf,0.0999", "inf,0.1001"]
+    Path("sensor.csv").write_text("\n".join(["distance [mm],output [V]", *rows]), encoding="utf-8")
+    code, out, err = command(monkeypatch, capsys)("fit", "sensor.csv", "--model", "installed-sources", "--json")
+    assert code in {0, 1}, err
+    assert "installed-sources" in out
+    with pytest.raises(pt.errors.InvalidInputError, match=r"model: found 'other', expected one of .*installed-sources"):
+        pt.fit_sensor(pt.read_calibration("sensor.csv"), "other")
+
+
+def test_a_function_is_an_objective_without_keys(others):
+    text = EVERYTHING.replace('"comfort"\nweight = "40 1/m^2"', '"plain"')
+    Path("everything.toml").write_text(text, encoding="utf-8")
+    assert pt.load_scenario("everything.toml").objective.name == "plain"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"installed-sources"', '"sources"', 'sensor.model: found "sources", expected one of .*"installed-sources"'),
+        ('"comfort"', '"wrong"', r'objective.kind: found "wrong", but the entry point "wrong" of pretouch.objectives'),
+        (
+            '"comfort"',
+            '"ease"',
+            'objective.kind: found "ease", expected one of "excursion", "time", "custom", "comfort"',
+        ),
+        ('"40 1/m^2"', '"40 1/m"', "objective.weight: found .40 1/m., expected a quantity in 1/m²"),
+        ('weight = "40 1/m^2"\n', "", "objective.weight: missing, expected a quantity in 1/m²"),
+        ('"-25 cm/s"', '"-25 cm"', "velocity.triangular.high: found .-25 cm., expected a quantity in m/s"),
+        ("lean = 0.4", 'lean = "0.4 m"', "spread.triangular.lean: found .0.4 m., expected a number"),
+        ("lean = 0.4", "lean = -0.4", "spread.triangular.lean: found -0.4, which must be positive|lean: .*positive"),
+        ('{ triangular = { low = "19 mm"', '{ triangle = { low = "19 mm"', "unknown key, expected one of .*triangular"),
+        ('{ triangular = { low = "19 mm"', '{ abstract = { low = "19 mm"', 'found "abstract", but the entry point'),
+        ('"geared"', '"gear"', 'robot.kind: found "gear", expected one of "ideal", "impedance", "position", "geared"'),
+        ('pitch = "100 mm"', "", "robot.pitch: missing, expected a quantity in m"),
+    ],
+)
+def test_a_mistake_in_a_file_of_installed_kinds_is_found(others, old, new, message):
+    Path("everything.toml").write_text(scenario_text.replaced(old, new, EVERYTHING), encoding="utf-8")
+    with pytest.raises(pt.errors.ScenarioFileError, match=rf"line \d+: .*({message})"):
+        pt.load_scenario("everything.toml")

@@ -223,7 +223,8 @@ def named(name: str, *, magnitude: bool = False) -> Named:
 
 def named_entry(q: Entry, *, magnitude: bool = False) -> Named:
     """Return words and symbol of a quantity as a cell; with `magnitude`, its symbol is written as |symbol|."""
-    return Named(q.words, f"|{q.symbol}|" if magnitude and "|" not in q.symbol else q.symbol)
+    with_bars = magnitude and q.is_magnitude and q.symbol and "|" not in q.symbol
+    return Named(q.words, f"|{q.symbol}|" if with_bars else q.symbol)
 
 
 def tables_of(blocks: Iterable[Block]) -> Iterator[PageTable]:

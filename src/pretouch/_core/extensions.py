@@ -52,8 +52,11 @@ class Extensions:
 
     def names(self) -> tuple[str, ...]:
         """Return all names that may be used, the built-in ones first."""
-        built_in = tuple(self.built_in())
-        return (*built_in, *sorted({entry.name for entry in self._entries()} - set(built_in)))
+        return (*self.built_in(), *self.installed())
+
+    def installed(self) -> tuple[str, ...]:
+        """Return the names that installed packages add."""
+        return tuple(sorted({entry.name for entry in self._entries()} - set(self.built_in())))
 
     def _entries(self) -> list[EntryPoint]:
         from importlib.metadata import entry_points  # noqa: PLC0415 - slow to import

@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Any, Final
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError, PretouchError, ScenarioFileError
 from pretouch._core.units import format_quantity
-from pretouch.design.constraints import CONSTRAINT_NAMES, Constraint
+from pretouch._core.vocabulary import QUANTITIES
+from pretouch.design.constraints import Constraint
 from pretouch.design.custom_objectives import AnyObjective
 from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
+from pretouch.design.quantities import CONSTRAINT_NAMES
 from pretouch.design.task import Task
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import Recessed, SensorModel
@@ -44,7 +46,6 @@ _SHORT: Final[Mapping[str, str]] = {
 _FASTEST: Final = 10_000.0  # rad/s, largest natural frequency of an admittance
 _STEEPEST: Final = 1e-6  # m, smallest plausible distance over which the output falls by a factor of e
 _ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtracting the recess
-_PHYSICAL: Final = ("impact_force", "drive_force")
 
 
 @check_arguments
@@ -301,7 +302,7 @@ class _Builder(Reading):
             )
 
     def _needs_impact(self, quantity: str, path: KeyPath) -> None:
-        if quantity in _PHYSICAL and "impact" not in self.data:
+        if QUANTITIES[quantity].needs_impact and "impact" not in self.data:
             self.refuse(path, f'found {quantity} without [impact], expected [impact] with robot_mass = "4 kg"')
 
 

@@ -294,10 +294,10 @@ def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[st
 
 def _unknown_key(source: ScenarioSource, name: str, variant: Section, content: Mapping[str, Any], key: str) -> str:
     """Return a message for a key that its section does not have: the key that was meant, or where it belongs."""
-    takes = ", ".join(variant.keys)
+    takes = ", ".join(variant.names)
     if key in keys_of(name):
         return _key_of_another_variant(source, name, takes, content, key)
-    near = nearest(key, tuple(variant.keys)) or nearest(key, keys_of(name))
+    near = nearest(key, variant.names) or nearest(key, keys_of(name))
     if near:
         return f'found an unknown key, expected "{near}"'
     homes = [f"[{section}]" for section in SECTIONS if key in keys_of(section)]

@@ -10,18 +10,18 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.extensions import Extensions
 from pretouch._core.units import written_unit
-from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.design.custom_objectives import OBJECTIVE_KINDS
 from pretouch.design.impact import HertzImpact, SpringImpact
-from pretouch.design.quantities import QUANTITY_UNITS
+from pretouch.design.quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, find_quantity
 from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
 from pretouch.motion.laws import DAMPER, LAW_KINDS, ContinuousLaw
 from pretouch.motion.scenario import Admittance
 from pretouch.sensors.registry import CURVE_KINDS
 
-from .quantities import Quantity, UnfitValueError
+from .quantities import Quantity, UnfitValueError, shown
 from .robust_sections import ROBUST, uncertainty_section
 from .section import (
     EFFECTS,
@@ -37,6 +37,7 @@ from .section import (
     gain_of,
     list_of,
     name_of,
+    one_of,
 )
 from .sensor import section_of_curve, sensor_variants
 
@@ -79,9 +80,20 @@ def _scale(quantity: str | None) -> Any:
     return Quantity(QUANTITY_UNITS[quantity], "", "nonzero", words=words)
 
 
+def _quantity_name(value: Any) -> str:
+    """Read the name of a quantity: a built-in one, or one of an installed package."""
+    try:
+        found = None if not isinstance(value, str) else find_quantity(value)
+    except InvalidInputError as error:
+        raise UnfitValueError(f"found {shown(value)}, but {error}") from None
+    if found is None:
+        raise UnfitValueError(one_of(value, tuple(dict.fromkeys((*QUANTITY_UNITS, *QUANTITY_KINDS.names())))))
+    return str(value)
+
+
 _TERM: Final = Section(
     {
-        "quantity": Key(name_of(*QUANTITY_UNITS), REQUIRED, '"time"'),
+        "quantity": Key(_quantity_name, REQUIRED, '"time"'),
         "scale": Key(_scale(None), REQUIRED, '"1 s"', after=("quantity", _scale)),
         "weight": WEIGHT,
     },
@@ -159,13 +171,30 @@ def _gain(law: ContinuousLaw) -> Section:
     )
 
 
-_LIMITS: Final = {name: Key(Quantity(QUANTITY_UNITS[q], sign="positive")) for name, q in CONSTRAINT_NAMES.items()}
+def _limit(unit: str) -> Key:
+    return Key(Quantity(unit, sign="positive"))
+
+
+def _added_limit(name: str) -> Key | None:
+    """Return the key of a constraint on a user-defined quantity; None if there is none of this name."""
+    if name in QUANTITY_KINDS.built_in() or find_quantity(name) is None:
+        return None
+    return _limit(QUANTITY_UNITS[name])
+
+
+def _limits(law: ContinuousLaw) -> Section:
+    keys = {name: _limit(QUANTITY_UNITS[quantity]) for name, quantity in CONSTRAINT_NAMES.items()}
+    if law != DAMPER:
+        del keys["gain"]
+    return Section(keys, more=(QUANTITY_KINDS, _added_limit))
+
+
 _MOTION: Final = {
     "method": Key(name_of("auto", "closed-form", "integration", "uniform-motion"), "auto"),
     "horizon": Key(Quantity("s", '"1 h"', "positive"), 600.0),
 }
 _TRADED: Final = 'a list of two or three quantities such as "displacement", "relative_velocity"'
-_QUANTITIES: Final = Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED))
+_QUANTITIES: Final = Key(list_of(_quantity_name, 2, 3, _TRADED))
 
 _BARE: Final = 5.0  # m, more than the range of proximity sensors: a larger bare number is probably in mm
 _STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s²"'
@@ -198,9 +227,7 @@ _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     "reference": {"": Section(declared_keys(Reference), make=Reference)},
     "objective": OBJECTIVE_VARIANTS,
     "gain": ByLaw(_gain),
-    "constraints": ByLaw(
-        lambda law: Section({name: key for name, key in _LIMITS.items() if law == DAMPER or name != "gain"})
-    ),
+    "constraints": ByLaw(_limits),
     "impact": {"stiffness": Section(_SPRING, make=SpringImpact), "radius": Section(_HERTZ, make=HertzImpact)},
     "motion": {"": Section(_MOTION)},
     "pareto": ByLaw(lambda law: Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, _check_unique)),

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from typing import Any, Final, TypeAlias
 
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions
 from pretouch._core.units import written_unit
 from pretouch.motion.laws import DAMPER, LAW_KINDS, LAWS, ContinuousLaw
 
@@ -51,6 +53,8 @@ class Section:
         check: raises UnfitValueError if the values do not fit together.
         make: makes the object that the section describes, from its values by name.
         example: an example of such a table, for messages.
+        more: kinds that installed packages may add as further keys, and the function that returns the key of a name, or
+            None if there is no such kind.
 
     Calling a section reads a table. The optional argument `unknown` makes the messages for unknown keys. A missing key
     is not reported if an unknown key is probably its misspelling.
@@ -60,17 +64,22 @@ class Section:
     check: Callable[[Mapping[str, Any]], None] | None = None
     make: Callable[..., Any] | None = None
     example: str = "{ ... }"
+    more: tuple[Extensions, Callable[[str], Key | None]] | None = None
 
     def __call__(self, table: Any, unknown: Callable[[str], str] | None = None) -> dict[str, Any]:
         """Return the values of a table by key; raise UnfitValueError with all mistakes in it."""
         if not isinstance(table, Mapping):
             raise UnfitValueError(f"expected a table such as {self.example}")
-        unknown_keys = [name for name in table if name not in self.keys]
-        missing = tuple(name for name in self.keys if name not in table)
+        keys = dict(self.keys)
+        if self.more is not None:
+            others = {name: _found(self.more[1], name) for name in table if name not in keys}
+            keys |= {name: key for name, key in others.items() if key is not None}
+        unknown_keys = [name for name in table if name not in keys]
+        missing = tuple(name for name in keys if name not in table)
         meant = {nearest(name, missing) for name in unknown_keys} if unknown else set()
         mistakes: list[tuple[KeyPath, str]] = []
         values: dict[str, Any] = {}
-        for name, key in self.keys.items():
+        for name, key in keys.items():
             if name in table:
                 read = key.read if key.after is None else key.after[1](values.get(key.after[0]))
                 values[name] = _attempt(read, table[name], name, mistakes)
@@ -81,13 +90,18 @@ class Section:
             raise UnfitValueError.of(mistakes)
         if self.check is not None:
             self.check(values)
-        filled = {name: values.get(name, key.default) for name, key in self.keys.items()}
+        filled = {name: values.get(name, key.default) for name, key in keys.items()}
         return {name: value for name, value in filled.items() if value is not None}
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all keys, including those that installed packages add."""
+        return (*self.keys, *(() if self.more is None else self.more[0].installed()))
+
     def _unknown(self, name: str) -> str:
-        near = nearest(name, tuple(self.keys))
+        near = nearest(name, self.names)
         hint = f'; did you mean "{near}"?' if near else ""
-        return f"found an unknown key, expected one of {', '.join(self.keys)}{hint}"
+        return f"found an unknown key, expected one of {', '.join(self.names)}{hint}"
 
 
 def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPath, str]]) -> Any:
@@ -106,6 +120,14 @@ EFFECTS: Final = ("ratio", "excursion", "acceleration", "contact_speed", "impact
 WEIGHT: Final = Key(Quantity("", "1.0", "nonnegative"), 1.0)
 TAG: Final = Key(lambda _: None, REQUIRED)
 """The key that selects the variant of its section; it has no further value."""
+
+
+def _found(find: Callable[[str], Key | None], name: str) -> Key | None:
+    """Return the key of an extension, or None; a broken extension is a mistake at its name."""
+    try:
+        return find(name)
+    except InvalidInputError as error:
+        raise UnfitValueError(f"found {shown(name)}, but {error}", name) from None
 
 
 def checked(holds: Callable[[Any], bool], what: str) -> Reader:

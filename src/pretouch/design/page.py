@@ -150,18 +150,20 @@ def _contact(design: GainDesign) -> PageSection:
         'l\u2032, and mitigation moves the plant toward negative x. "Largest" means over the whole motion until '
         "contact. Changes compare magnitudes."
     )
-    table = PageTable(head=head, rows=tuple(_contact_rows(runs, design.impact)), note=note, brief=True)
+    names = [*ContactState.names(), *(("drive_force", "impact_force") if design.impact is not None else ())]
+    names += [term.quantity for term in design.definition.terms] + [c.quantity for c in design.constraints]
+    table = PageTable(head=head, rows=tuple(_contact_rows(runs, names, design.impact)), note=note, brief=True)
     return PageSection(title="The contact", blocks=(table,))
 
 
-def _contact_rows(runs: list[ContactResult], impact: ImpactModel | None) -> Iterator[Row]:
+def _contact_rows(runs: list[ContactResult], names: list[str], impact: ImpactModel | None) -> Iterator[Row]:
     blank = ("",) * (len(runs) - 1)
     ended = all(run.reached.all() for run in runs)
     if not ended:
         yield ("ends with", *(words_for(ContactStatus(int(run.status)).label) for run in runs), *blank)
         nearest = (Measured(float(run.closest_distance), "m") for run in runs)
         yield (words_for("closest_distance"), *nearest, *blank)
-    for name in (*ContactState.names(), *(("drive_force", "impact_force") if impact is not None else ())):
+    for name in dict.fromkeys(names):
         if name in _NOT_AT_CONTACT:
             continue
         values = [float(quantity_of(name, run.end, impact)) for run in runs]

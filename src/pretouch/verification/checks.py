@@ -14,6 +14,7 @@ from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.calibration import CalibrationReport
 from pretouch.control import Controller, Status
 from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
+from pretouch.design.quantities import size_of
 from pretouch.design.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
@@ -119,7 +120,7 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
     if not result.reached.all():
         return None
     value: Any = quantity_of(name, result.end, impact)
-    return abs(float(value)) if math.isfinite(float(value)) else None
+    return float(size_of(name, float(value))) if math.isfinite(float(value)) else None
 
 
 def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from pretouch.motion import ContactResult, Scenario
 
 from ..gain import GainDesign
 from ..problem import GainProblem, magnitude
-from ..quantities import QUANTITY_UNITS
+from ..quantities import check_quantity
 from ..search import refine
 from ..search.freedom import make_freedom
 from ..search.local import descend
@@ -114,8 +114,7 @@ def pareto_front(task: Task) -> ParetoFront:
 def _quantities(quantities: Sequence[str]) -> tuple[str, ...]:
     names = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in names:
-        if name not in QUANTITY_UNITS:
-            raise InvalidInputError(f"quantities: found {name!r}, expected some of {', '.join(QUANTITY_UNITS)}")
+        check_quantity(name, "quantities")
     if len(names) not in {2, 3} or len(set(names)) < len(names):
         raise InvalidInputError(f"quantities: found {', '.join(names) or 'none'}, expected two or three different ones")
     return names

@@ -152,6 +152,8 @@ def witness_encounter(
     coefficients = plant.coefficients()
     if scenario.shape:
         raise InvalidInputError(f"scenario: found encounters of the shape {scenario.shape}, expected one")
+    if plant.system() is not None:
+        raise InvalidInputError("plant: found a linear state space, expected an ImpedancePlant or a PositionPlant")
     if coefficients[0] == 0:
         raise InvalidInputError("plant: an ideal plant has no mass; choose an ImpedancePlant or a PositionPlant")
     if not isinstance(contact, SpringDamper):

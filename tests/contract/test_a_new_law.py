@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+import scenario_text
 from made_law import Cube
 from pretouch.control import VirtualDrag
 from pretouch.motion import DRAG, find_contact
+from pretouch.motion.laws import LAWS
 from verification_samples import OBJECTIVE, SCENARIO, SENSOR, loop_of
 
 BOUNDS = (1e-4, 0.1)
@@ -105,6 +107,17 @@ def test_the_damping_at_contact_is_that_of_the_law():
     design = pt.design_gain(TASK)
     felt = 2 * design.gain * SENSOR.log_slope(0.0) ** 2 * abs(design.result.end.relative_velocity)
     assert design.damping_at_contact == pytest.approx(felt, rel=1e-12)
+
+
+def test_one_more_entry_in_the_list_of_laws_is_all_that_files_need(monkeypatch, tmp_path):
+    monkeypatch.setitem(LAWS, "cube", Cube(rate=1.0))
+    path = tmp_path / "cube.toml"
+    bounds = scenario_text.replaced('["-10 N*s", "-0.01 N*s"]', '["0.001 N*s^3", "1 N*s^3"]')
+    path.write_text(bounds + '[law]\nkind = "cube"\nrate = "3 1/s"\n', encoding="utf-8")
+    task = pt.load_scenario(path)
+    assert task.law == CUBE
+    assert pt.design_gain(task).headline.startswith("Optimal cube c = 0.08293 N s\u00b3")
+    assert pt.Task(SCENARIO, SENSOR, law="cube").law == Cube(rate=1.0)
 
 
 @pytest.mark.parametrize("verb", [pt.design_admittance, pt.pareto_front])

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A quantity of an encounter.
+    """Name, symbol and SI unit of a quantity that results report.
 
     Args:
         words: its name in words.
@@ -95,7 +95,7 @@ QUANTITIES: Final[dict[str, Entry]] = {
 
 
 def words_for(name: str) -> str:
-    """Return a name from code in words, from QUANTITIES if it is listed there.
+    """Return the name of a quantity in words, such as `relative velocity at contact`.
 
     Args:
         name: such as `relative_velocity`.
@@ -111,5 +111,5 @@ def words_for(name: str) -> str:
 
 
 def unit_of(name: str) -> str:
-    """Return the SI unit of a quantity of QUANTITIES."""
+    """Return the SI unit of a quantity, given its name in code."""
     return QUANTITIES[name].unit

@@ -66,7 +66,7 @@ def sampled_law(file: Reading) -> Law | None:
 
 
 def sampled_drag(file: Reading, chain: SensorChain) -> VirtualDrag | None:
-    """Build the sampled drag; its noise is that of the chain unless [law] has a value."""
+    """Build the sampled drag, with the noise of the sensor chain unless the section [law] has a noise."""
     values = file.values("law")
     if values is None:
         return None

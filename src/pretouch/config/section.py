@@ -22,7 +22,7 @@ REQUIRED: Final[Any] = object()
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """One key of a section.
+    """One key of a section of the scenario file.
 
     Args:
         read: the reader of its value; a `Quantity` for a quantity.
@@ -37,7 +37,7 @@ class Key:
     after: tuple[str, Callable[[Any], Reader]] | None = None
 
     def missing(self, name: str) -> str:
-        """Return a message for a missing key, with what is expected and an example."""
+        """Return a message about a missing key, with what is expected and an example."""
         if isinstance(self.read, Quantity):
             example = written_unit(self.read.example)
             return f"missing, expected {self.read.expected}; add, for example: {name} = {example}"
@@ -46,7 +46,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A section, or a table inside a section; it refuses unknown keys.
+    """A section of the scenario file, or a table inside a section; unknown keys raise an error.
 
     Args:
         keys: its keys, in the order of messages.
@@ -67,7 +67,7 @@ class Section:
     more: tuple[Extensions, Callable[[str], Key | None]] | None = None
 
     def __call__(self, table: Any, unknown: Callable[[str], str] | None = None) -> dict[str, Any]:
-        """Return the values of a table by key; raise UnfitValueError with all mistakes in it."""
+        """Return the values of a TOML table by key; raise an error that lists all mistakes in the table."""
         if not isinstance(table, Mapping):
             raise UnfitValueError(f"expected a table such as {self.example}")
         keys = dict(self.keys)
@@ -105,7 +105,7 @@ class Section:
 
 
 def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPath, str]]) -> Any:
-    """Read a value; note its mistakes, each with its path and the value."""
+    """Read a value and record its mistakes, each with its path."""
     try:
         return read(value)
     except UnfitValueError as unfit:
@@ -131,7 +131,7 @@ def _found(find: Callable[[str], Key | None], name: str) -> Key | None:
 
 
 def checked(holds: Callable[[Any], bool], what: str) -> Reader:
-    """Make a reader that returns a value unchanged if a condition holds."""
+    """Make a parser that accepts a value only if a condition holds."""
 
     def read(value: Any) -> Any:
         if not holds(value):
@@ -142,18 +142,18 @@ def checked(holds: Callable[[Any], bool], what: str) -> Reader:
 
 
 def text(example: str) -> Reader:
-    """Make a reader of text that is not empty."""
+    """Make a parser that accepts only text that is not empty."""
     return checked(lambda v: isinstance(v, str) and bool(v.strip()) and "\0" not in v, f"text, for example {example}")
 
 
 def whole(least: int, example: str) -> Reader:
-    """Make a reader of an integer with a smallest value."""
+    """Make a parser that accepts only integers of at least a given size."""
     what = f"a whole number of at least {least}, such as {example}"
     return checked(lambda v: type(v) is int and least <= v < 2**31, what)
 
 
 def name_of(*names: str) -> Reader:
-    """Make a reader of one of several names."""
+    """Make a parser that accepts only one of several names."""
 
     def read(value: Any) -> str:
         if not isinstance(value, str) or value not in names:
@@ -164,7 +164,7 @@ def name_of(*names: str) -> Reader:
 
 
 def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
-    """Make a reader of a list whose number of elements is between `least` and `most`."""
+    """Make a parser for a list whose number of elements lies between `least` and `most`."""
 
     def read_all(value: Any) -> list[Any]:
         if not isinstance(value, list) or len(value) < least or (most is not None and len(value) > most):
@@ -179,7 +179,7 @@ def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
 
 
 def one_of(value: Any, names: tuple[str, ...]) -> str:
-    """Return a message that lists the expected names, and the one most similar to the value.
+    """Return a message that lists the expected names, and suggests the name most similar to the value.
 
     Returns:
         The part of a message after the value.
@@ -194,7 +194,7 @@ def one_of(value: Any, names: tuple[str, ...]) -> str:
 
 
 def nearest(name: str, valid: tuple[str, ...]) -> str | None:
-    """Return the valid name that is most similar to a misspelled one; None if none is similar.
+    """Return the valid name that is most similar to a misspelled name; None if no name is similar.
 
     Returns:
         The valid name, or None.
@@ -243,7 +243,7 @@ def example_bounds(law: ContinuousLaw) -> str:
 
 
 def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] = ()) -> dict[str, Key]:
-    """Make keys from the declared fields of dataclasses.
+    """Make the keys of a scenario-file section from the fields of dataclasses.
 
     Args:
         classes: the classes; only fields of dataclasses that are quantities, flags or counts become keys.
@@ -285,7 +285,7 @@ def described_section(described: Any, keys: Mapping[str, Key] | None = None) -> 
 
 
 def _reader_of(metadata: Mapping[str, Any]) -> Reader | None:
-    """Return the reader of a field from its metadata; None for a field that is not declared."""
+    """Return a parser for a dataclass field from its metadata; None if the field is not declared."""
     if "unit" in metadata:
         unit = metadata["unit"] if metadata.get("of_output") is None else "output"
         return Quantity(unit, metadata["example"], metadata["sign"], metadata["infinite"])

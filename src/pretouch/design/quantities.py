@@ -118,7 +118,7 @@ def check_quantity(name: str, argument: str) -> None:
 
 @check_arguments
 def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = None) -> Any:
-    """Read a quantity from the state at contact.
+    """Return a quantity at contact by its name, such as `impact_force`.
 
     Args:
         name: a key of QUANTITY_UNITS. `drive_force` is the physical mass times the largest acceleration;

@@ -77,7 +77,7 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
 
 
 def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, float]] | None:
-    """Return one row per term for pretouch_find_gains; None if the compiled search does not support the problem."""
+    """Return the terms of the objective for the compiled search; None if the problem is not supported."""
     if problem.task.evaluate is not None or problem.task.constraints or problem.task.sensor.valid_range[0] > 0:
         return None
     other_motion = problem.task.law != DAMPER or problem.task.method == "uniform-motion"
@@ -98,7 +98,7 @@ def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, flo
 
 
 def _inputs(scenario: Scenario, size: int) -> FloatArray:
-    """Return the ten input quantities of every encounter, relative to the reference, shape (10, n)."""
+    """Return the ten input quantities of every encounter, relative to the reference."""
     columns = scenario.relative_columns()
     if scenario.shape == ():
         return np.array(columns).reshape(10, 1)
@@ -110,7 +110,8 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 
 @cache_by_curve(256)
 def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, bool, Curves | None]:
-    """Return g at contact [1/m], a pointer to the curve, whether g < 0 up to `reach` [m], and the curve itself."""
+    """Return the sensor curve for the compiled search, and its slope g at contact [1/m]."""
+    # The other results are a pointer to the curve and whether g < 0 up to `reach` [m].
     curve = None if linear else shared_curve(curve_windows(sensor, 0.0, reach))
     read = None if curve is None else byref(of_core(curve, 1))
     return float(sensor.log_slope(0.0)), read, falls(sensor, reach), curve

@@ -145,8 +145,8 @@ def witness_encounter(
         ValueError: an array of encounters, a plant without mass, another contact, or a step that is too long.
     """
     coefficients = plant.coefficients()
-    if scenario.shape or coefficients[0] == 0 or not isinstance(contact, SpringDamper):
-        raise ValueError("expected one encounter, a plant with mass, and a SpringDamper")
+    if scenario.shape or coefficients[0] == 0 or plant.system() is not None or not isinstance(contact, SpringDamper):
+        raise ValueError("expected one encounter, a plant with mass that is no state space, and a SpringDamper")
     parts = round(law.period / time_step)
     if abs(law.period / time_step - parts) > 1e-9 * parts:
         raise ValueError(f"time_step: found {time_step:g} s, expected an integer fraction of {law.period:g} s")

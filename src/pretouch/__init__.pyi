@@ -7,6 +7,7 @@ from . import plots as plots
 from . import report as report
 from . import robust as robust
 from . import simulation as simulation
+from ._core import fields as fields
 from ._core.errors import PretouchError as PretouchError
 from .calibration import Calibration as Calibration
 from .calibration import CalibrationReport as CalibrationReport

@@ -65,7 +65,7 @@ def test_the_examples_of_a_page_run(page: str) -> None:
     assert runner.summarize().failed == 0
 
 
-@pytest.mark.parametrize("page", ["simulation.md", "control.md", "drag.md", "own-law.md"])
+@pytest.mark.parametrize("page", ["simulation.md", "control.md", "drag.md", "own-law.md", "extending.md"])
 def test_the_programs_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All blocks of a page, one after the other, as a reader would try them: later ones use names of earlier ones."""
     monkeypatch.chdir(tmp_path)  # some of them write figures and pages

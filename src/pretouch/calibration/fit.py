@@ -14,6 +14,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch.sensors import Family, SensorModel, Table, sensor_curves
 from pretouch.sensors.conformance import refuse_invalid_curve
 from pretouch.sensors.model import is_built_in
+from pretouch.sensors.registry import CURVE_KINDS, find_curve
 
 from .averaging import AveragedCurve
 from .data import Calibration
@@ -247,8 +248,9 @@ def fit_sensor(
 def check_models(models: tuple[str, ...]) -> None:
     """Raise an error for an empty list of sensor models and for unknown model names."""
     for model in models:
-        if model not in model_names() and model not in sensor_curves(fitted=True, foreign=True):
-            raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join(model_names())}")
+        if find_curve(model) is None or model not in (*sensor_curves(fitted=True, foreign=True), _TABLE):
+            others = [name for name in CURVE_KINDS.names() if name not in model_names()]
+            raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join((*model_names(), *others))}")
     if not models:
         raise InvalidInputError(f"models: the list is empty, expected one or more of {', '.join(model_names())}")
 

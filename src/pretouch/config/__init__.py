@@ -15,8 +15,11 @@ from typing import TYPE_CHECKING, Any, Final
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError, PretouchError, ScenarioFileError
 from pretouch._core.units import format_quantity
-from pretouch.design.constraints import CONSTRAINT_NAMES, Constraint
+from pretouch._core.vocabulary import QUANTITIES
+from pretouch.design.constraints import Constraint
+from pretouch.design.custom_objectives import AnyObjective
 from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
+from pretouch.design.quantities import CONSTRAINT_NAMES
 from pretouch.design.task import Task
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import Recessed, SensorModel
@@ -26,7 +29,7 @@ from .document import read_document
 from .quantities import KeyPath
 from .reading import Reading, ScenarioSource, split_message
 from .robust import robust_fields
-from .schema import FREE, LOOP_SECTIONS, OPTIONS
+from .schema import FREE, LOOP_SECTIONS, OBJECTIVE_VARIANTS, OPTIONS
 from .sensor import CALIBRATION, FROM_SURFACE, FitRequest, fit_sensor_of, read_no_object, read_output
 
 if TYPE_CHECKING:
@@ -43,7 +46,6 @@ _SHORT: Final[Mapping[str, str]] = {
 _FASTEST: Final = 10_000.0  # rad/s, largest natural frequency of an admittance
 _STEEPEST: Final = 1e-6  # m, smallest plausible distance over which the output falls by a factor of e
 _ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtracting the recess
-_PHYSICAL: Final = ("impact_force", "drive_force")
 
 
 @check_arguments
@@ -212,18 +214,21 @@ class _Builder(Reading):
         values = self.values("admittance") or {}
         return {key.removesuffix("_bounds"): (values[key][0], values[key][1]) for key in FREE if key in values}
 
-    def objective(self) -> Objective | None:
+    def objective(self) -> AnyObjective | None:
         """Build the objective from the section [objective] of the scenario file."""
         values = self.values("objective")
         if values is None:
             return None
+        kind = self.data["objective"]["kind"]
+        if kind not in OBJECTIVE_VARIANTS:
+            extension: AnyObjective | None = self.make("objective")
+            return extension
         at_rest = (self.values("obstacle") or {}).get("velocity") == 0
         terms = list(_terms(values))
         for quantity_path, scale_path, term in terms:
             self._needs_impact(term["quantity"], quantity_path)
             if term["scale"] == OBSTACLE_SPEED and at_rest:
                 self.refuse(scale_path, 'found "obstacle speed" for an obstacle at rest, expected a quantity in m/s')
-        kind = self.data["objective"]["kind"]
         return self.attempt("objective", lambda: Objective(terms=tuple(Term(**t) for _, _, t in terms), name=kind))
 
     def constraints(self) -> tuple[Constraint, ...]:
@@ -301,7 +306,7 @@ class _Builder(Reading):
             )
 
     def _needs_impact(self, quantity: str, path: KeyPath) -> None:
-        if quantity in _PHYSICAL and "impact" not in self.data:
+        if QUANTITIES[quantity].needs_impact and "impact" not in self.data:
             self.refuse(
                 path,
                 f'the quantity {quantity} needs the section [impact]; add this section with robot_mass = "4 kg", for '

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper, VirtualDrag
-from pretouch.motion.laws import DRAG
+from pretouch.control import Conditioning, Controller, Law, Limits, VirtualAdmittance, VirtualDamper
+from pretouch.motion.laws import DAMPER, DRAG
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import SensorChain, SensorPart
 
-from .law import sampled_drag
+from .law import sampled_drag, sampled_law
 
 if TYPE_CHECKING:
     from .reading import Reading
@@ -57,10 +57,12 @@ def make_controller(
     return file.attempt("controller", make)
 
 
-def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> VirtualDamper | VirtualDrag | None:
+def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> Law | None:
     """Build the sampled control law, with gain 0 if the scenario file has no gain."""
-    if file.kind == DRAG.kind:
+    if file.law == DRAG:
         return sampled_drag(file, chain)
+    if file.law != DAMPER:
+        return sampled_law(file)
     options = {key: values[key] for key in _LAW}
     return file.attempt("controller", lambda: VirtualDamper(gain=values.get("gain", 0.0), **options))
 

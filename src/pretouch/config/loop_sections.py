@@ -9,12 +9,24 @@ from typing import Any, Final
 from pretouch._core.errors import UnitError
 from pretouch._core.units import has_workable_magnitude, parse_unit
 from pretouch.control import Conditioning, Limits, VirtualDamper, VirtualDrag
-from pretouch.motion.laws import DAMPER, DRAG, ContinuousLaw
+from pretouch.motion.laws import DAMPER, DRAG, LAWS, ContinuousLaw
 from pretouch.simulation.chain import SensorChain
-from pretouch.simulation.robot import HuntCrossley, IdealPlant, ImpedancePlant, PositionPlant, SpringDamper
+from pretouch.simulation.robot import PLANT_KINDS, HuntCrossley, SpringDamper
 
 from .quantities import Quantity, UnfitValueError
-from .section import EFFECTS, REQUIRED, TAG, Key, Section, by_law, declared_keys, gain_of, text, whole
+from .section import (
+    EFFECTS,
+    REQUIRED,
+    TAG,
+    ByLaw,
+    Key,
+    Section,
+    declared_keys,
+    described_section,
+    gain_of,
+    text,
+    whole,
+)
 
 _POWER_LAW: Final = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\w*N)/(\w*m)(?:\^(\d+\.?\d*))?\s*", re.I
@@ -94,7 +106,7 @@ def _controller(law: ContinuousLaw) -> Section:
         **declared_keys(Conditioning, without=("floor", "offset", "sensor_period")),
         **_limits(),
     }
-    if law == DAMPER:  # the keys of the sampled drag are in [law]
+    if law == DAMPER:  # the keys of other sampled laws are in [law]
         keys |= {"gain": Key(gain_of(law)), **declared_keys(VirtualDamper, without=("gain",))}
     return Section(keys, _check_period)
 
@@ -122,7 +134,13 @@ FROM_CHAIN: Final = ("noise", "relative_noise", "resolution")
 AT_A_SPEED: Final = ("acceleration", "contact_speed", "impact_force")
 """The effects that hold up to a largest approach speed."""
 
-_LAW: Final[Mapping[str, Section]] = {
+
+def law_section(law: Any) -> Section:
+    """Return [law] of a law that describes itself: its number, and the declared fields of its class."""
+    return described_section(law, {law.number.key: Key(gain_of(law))})
+
+
+_LAW: Final[Mapping[str, Section]] = {kind: law_section(law) for kind, law in LAWS.items()} | {
     DAMPER.kind: Section({"kind": TAG}),
     DRAG.kind: Section(
         {
@@ -146,12 +164,9 @@ _STIFFNESS: Final = declared_keys(HuntCrossley)["stiffness"].read
 
 LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
     "chain": {"": _CHAIN},
-    "controller": by_law(_controller),
+    "controller": ByLaw(_controller),
     "law": _LAW,
-    "robot": {
-        plant.kind: Section({"kind": TAG, **declared_keys(plant)}, make=plant)
-        for plant in (IdealPlant, ImpedancePlant, PositionPlant)
-    },
+    "robot": {kind: described_section(plant) for kind, plant in PLANT_KINDS.built_in().items()},
     "contact": {
         HuntCrossley.kind: Section(
             {

@@ -136,6 +136,9 @@ def _distribution(values: Mapping[str, Any]) -> Distribution:
         return Normal(mean=mean, deviation=deviation)
     if "samples" in values:
         return Empirical(samples=tuple(values["samples"]))
+    (chosen,) = values.values()
+    if isinstance(chosen, Distribution):  # of an installed package
+        return chosen
     kind = Uniform if "uniform" in values else Interval
     low, high = values["uniform" if "uniform" in values else "interval"]
     return kind(low=low, high=high)

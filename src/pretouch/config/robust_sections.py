@@ -6,24 +6,27 @@ The keys of [uncertainty] are the inputs of `pretouch.motion.scenario`, each wit
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
+from functools import partial
 from typing import Any, Final
 
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import INPUT
 from pretouch._core.units import written_unit
-from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.design.options import RobustOptions
+from pretouch.design.quantities import CONSTRAINT_NAMES
 from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
 from pretouch.motion.scenario import SCENARIO_INPUTS
 from pretouch.sensors import sensor_curves
+from pretouch.uncertainty.correlated import DISTRIBUTION_KINDS
 from pretouch.uncertainty.ensemble import SAMPLINGS
 
 from .quantities import Quantity, UnfitValueError, shown
-from .section import Key, Section, list_of, name_of, whole
+from .section import Key, Section, declared_keys, list_of, name_of, whole
 
 FROM_CALIBRATION: Final = "parameters"
 """The key of [uncertainty] `sensor` that selects the covariance of the calibration."""
 
-_KINDS: Final = ("normal", "uniform", "interval", "samples")
 _EXAMPLES: Final[Mapping[str, str]] = {
     "kg": '"1 kg", "0.1 kg"',
     "N*s/m": '"10 N*s/m", "1 N*s/m"',
@@ -48,10 +51,10 @@ _FIRST: Final = {
 
 def _check_distribution(values: Mapping[str, Any]) -> None:
     """Check that the distribution of an input has exactly one kind, with valid numbers."""
-    kinds = [kind for kind in _KINDS if kind in values]
+    kinds = [kind for kind in values if kind != "between"]
     if len(kinds) != 1:
         what = " and ".join(kinds) or ("between alone" if "between" in values else "nothing")
-        raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(_KINDS)}")
+        raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(DISTRIBUTION_KINDS.names())}")
     if "between" in values and "normal" not in values:
         raise UnfitValueError(
             f"found between together with {kinds[0]}, expected between only with normal, whose distribution it "
@@ -89,7 +92,29 @@ def _distribution_section(unit: str) -> Section:
         },
         _check_distribution,
         example="{ uniform = [smallest, largest] } or { normal = [mean, standard deviation] }",
+        more=(DISTRIBUTION_KINDS, partial(_described_distribution, unit)),
     )
+
+
+def _described_distribution(unit: str, name: str) -> Key | None:
+    """Return the key of a distribution of an installed package: a table with the declared fields of its class."""
+    described = None if name in DISTRIBUTION_KINDS.built_in() else DISTRIBUTION_KINDS.find(name)
+    if described is None:
+        return None
+    keys = declared_keys(described)
+    for name_of_field, key in keys.items():
+        if isinstance(key.read, Quantity) and key.read.unit == INPUT:
+            keys[name_of_field] = replace(key, read=replace(key.read, unit=unit))
+    section = Section(keys, example="{ " + ", ".join(f"{name_of_field} = ..." for name_of_field in keys) + " }")
+
+    def read(table: Any) -> Any:
+        values = section(table)
+        try:
+            return described(**values)
+        except InvalidInputError as error:
+            raise UnfitValueError(str(error)) from None
+
+    return Key(read)
 
 
 def _from_calibration(value: Any) -> Any:

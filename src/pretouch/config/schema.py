@@ -10,19 +10,37 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions
 from pretouch._core.units import written_unit
-from pretouch.design.constraints import CONSTRAINT_NAMES
+from pretouch.design.custom_objectives import OBJECTIVE_KINDS
 from pretouch.design.impact import HertzImpact, SpringImpact
 from pretouch.design.options import ParetoOptions, VerifyOptions
-from pretouch.design.quantities import QUANTITY_UNITS
+from pretouch.design.quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, find_quantity
 from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
-from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
+from pretouch.motion.laws import DAMPER, LAW_KINDS, ContinuousLaw
 from pretouch.motion.scenario import Admittance
+from pretouch.sensors.registry import CURVE_KINDS
 
-from .quantities import Quantity, UnfitValueError
+from .quantities import Quantity, UnfitValueError, shown
 from .robust_sections import ROBUST, read_probability, uncertainty_section
-from .section import EFFECTS, REQUIRED, TAG, WEIGHT, Key, Section, by_law, declared_keys, gain_of, list_of, name_of
-from .sensor import sensor_variants
+from .section import (
+    EFFECTS,
+    REQUIRED,
+    TAG,
+    WEIGHT,
+    ByLaw,
+    Key,
+    Section,
+    declared_keys,
+    described_section,
+    example_bounds,
+    gain_of,
+    list_of,
+    name_of,
+    one_of,
+)
+from .sensor import section_of_curve, sensor_variants
 
 _OBSTACLE: Final = ("obstacle speed",)
 
@@ -66,9 +84,20 @@ def _scale(quantity: str | None) -> Any:
     return Quantity(QUANTITY_UNITS[quantity], "", "nonzero", words=words)
 
 
+def _quantity_name(value: Any) -> str:
+    """Read the name of a quantity: a built-in one, or one of an installed package."""
+    try:
+        found = None if not isinstance(value, str) else find_quantity(value)
+    except InvalidInputError as error:
+        raise UnfitValueError(f"found {shown(value)}, but {error}") from None
+    if found is None:
+        raise UnfitValueError(one_of(value, tuple(dict.fromkeys((*QUANTITY_UNITS, *QUANTITY_KINDS.names())))))
+    return str(value)
+
+
 _TERM: Final = Section(
     {
-        "quantity": Key(name_of(*QUANTITY_UNITS), REQUIRED, '"time"'),
+        "quantity": Key(_quantity_name, REQUIRED, '"time"'),
         "scale": Key(_scale(None), REQUIRED, '"1 s"', after=("quantity", _scale)),
         "weight": WEIGHT,
     },
@@ -131,27 +160,39 @@ _BY_FREQUENCY: Final = {
 }
 
 
-def _example_bounds(law: ContinuousLaw) -> str:
-    unit = written_unit(law.number.unit)
-    return '["-10 N*s", "-0.01 N*s"]' if law == DAMPER else f'["0.0001 {unit}", "1 {unit}"]'
-
-
 def _gain(law: ContinuousLaw) -> Section:
     unit = law.number.unit
     bounds = list_of(gain_of(law), 2, 2, _PAIR.format(f"quantities in {written_unit(unit)}"))
     return Section(
-        {"bounds": Key(bounds, REQUIRED, _example_bounds(law))},
+        {"bounds": Key(bounds, REQUIRED, example_bounds(law))},
         _check_order("bounds", unit=f" {written_unit(unit)}", what="the lower bound first"),
     )
 
 
-_LIMITS: Final = {name: Key(Quantity(QUANTITY_UNITS[q], sign="positive")) for name, q in CONSTRAINT_NAMES.items()}
+def _limit(unit: str) -> Key:
+    return Key(Quantity(unit, sign="positive"))
+
+
+def _added_limit(name: str) -> Key | None:
+    """Return the key of a constraint on a user-defined quantity; None if there is none of this name."""
+    if name in QUANTITY_KINDS.built_in() or find_quantity(name) is None:
+        return None
+    return _limit(QUANTITY_UNITS[name])
+
+
+def _limits(law: ContinuousLaw) -> Section:
+    keys = {name: _limit(QUANTITY_UNITS[quantity]) for name, quantity in CONSTRAINT_NAMES.items()}
+    if law != DAMPER:
+        del keys["gain"]
+    return Section(keys, more=(QUANTITY_KINDS, _added_limit))
+
+
 _MOTION: Final = {
     "method": Key(name_of("auto", "closed-form", "integration", "uniform-motion"), "auto"),
     "horizon": Key(Quantity("s", '"1 h"', "positive"), 600.0),
 }
 _TRADED: Final = 'a list of two or three quantities such as "displacement", "relative_velocity"'
-_QUANTITIES: Final = Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED))
+_QUANTITIES: Final = Key(list_of(_quantity_name, 2, 3, _TRADED))
 
 
 def _pareto(law: ContinuousLaw) -> Section:
@@ -191,13 +232,11 @@ _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     "plant": {"": Section(declared_keys(Plant), make=Plant)},
     "reference": {"": Section(declared_keys(Reference), make=Reference)},
     "objective": OBJECTIVE_VARIANTS,
-    "gain": by_law(_gain),
-    "constraints": by_law(
-        lambda law: Section({name: key for name, key in _LIMITS.items() if law == DAMPER or name != "gain"})
-    ),
+    "gain": ByLaw(_gain),
+    "constraints": ByLaw(_limits),
     "impact": {"stiffness": Section(_SPRING, make=SpringImpact), "radius": Section(_HERTZ, make=HertzImpact)},
     "motion": {"": Section(_MOTION)},
-    "pareto": by_law(_pareto),
+    "pareto": ByLaw(_pareto),
     "robust": {"": ROBUST},
     "verify": {
         "": Section({**declared_keys(VerifyOptions), "confidence": Key(read_probability, 0.95)}, make=VerifyOptions)
@@ -226,16 +265,16 @@ _NEEDED: Final[Mapping[str, str]] = {
 }
 
 
-def needed(kind: str, chosen: Iterable[str]) -> dict[str, str]:
+def needed(law: ContinuousLaw, chosen: Iterable[str]) -> dict[str, str]:
     """Return the required sections of a scenario file, each with an example of its keys.
 
     Args:
-        kind: kind of the law.
+        law: the law, or its class.
         chosen: the keys of [law] in the file.
     """
     if set(EFFECTS) & set(chosen):
         return {name: text for name, text in _NEEDED.items() if name != "objective"}
-    return {**_NEEDED, "gain": f"bounds = {_example_bounds(LAWS[kind])}"}
+    return {**_NEEDED, "gain": f"bounds = {example_bounds(law)}"}
 
 
 def variants(section: str) -> Mapping[str, Section]:
@@ -249,6 +288,23 @@ def variants(section: str) -> Mapping[str, Section]:
     from .loop_sections import LOOP_VARIANTS  # noqa: PLC0415 - the simulation, only for a file with a loop or law
 
     return LOOP_VARIANTS[section]
+
+
+def extensions_of(section: str) -> tuple[Extensions, Callable[[Any], Section]] | None:
+    """Return the kinds that installed packages may add to a section, and the function that makes their section."""
+    if section == "sensor":
+        return CURVE_KINDS, section_of_curve
+    if section == "objective":
+        return OBJECTIVE_KINDS, described_section
+    if section == "law":
+        from .loop_sections import law_section  # noqa: PLC0415 - the simulation, only for a file with a loop or law
+
+        return LAW_KINDS, law_section
+    if section == "robot":
+        from pretouch.simulation.robot import PLANT_KINDS  # noqa: PLC0415 - the same
+
+        return PLANT_KINDS, described_section
+    return None
 
 
 def keys_of(section: str) -> tuple[str, ...]:

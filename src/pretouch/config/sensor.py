@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 from pretouch._core.errors import CalibrationDataError, InvalidInputError, PretouchError, UnitError
 from pretouch._core.units import read_quantity
 from pretouch.sensors import SensorModel, sensor_curves
+from pretouch.sensors.registry import CURVE_KINDS, find_curve
 
-from .quantities import Quantity, UnfitValueError, output_unit
+from .quantities import Quantity, UnfitValueError, output_unit, shown
 from .section import LENGTH, REQUIRED, TAG, Key, Section, checked, declared_keys, list_of, one_of, text
 
 if TYPE_CHECKING:
@@ -66,9 +67,13 @@ def _all_of_type(values: Iterable[Any], *types: type) -> bool:
 
 
 def _model(value: Any) -> str:
-    if not isinstance(value, str) or value not in sensor_curves(foreign=True):
-        raise UnfitValueError(one_of(value, tuple(sensor_curves())))
-    return value
+    try:
+        curve = find_curve(value) if isinstance(value, str) else None
+    except InvalidInputError as error:
+        raise UnfitValueError(f"found {shown(value)}, but {error}") from None
+    if curve is None:
+        raise UnfitValueError(one_of(value, CURVE_KINDS.names()))
+    return str(value)
 
 
 def _level_or_file(value: Any) -> float | str:

@@ -5,7 +5,7 @@ from pretouch.motion.evaluator import Evaluator
 from .admittance import design_admittance
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
-from .constraints import CONSTRAINT_NAMES, Constraint
+from .constraints import Constraint
 from .drag import DragDesign, DragEffect, design_drag
 from .front.bound_comparison import BoundComparison
 from .front.pareto import pareto_front
@@ -15,7 +15,7 @@ from .gain import GainDesign, design_gain
 from .impact import ElasticImpact, HertzImpact, ImpactModel, SpringImpact
 from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, time_objective
 from .options import ParetoOptions
-from .quantities import QUANTITY_UNITS, quantity_of
+from .quantities import CONSTRAINT_NAMES, QUANTITY_UNITS, ContactQuantity, quantity_of
 from .task import Task
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "Certificate",
     "Constraint",
     "ConstraintOutcome",
+    "ContactQuantity",
     "DesignStatus",
     "DragDesign",
     "DragEffect",

@@ -10,11 +10,13 @@ from typing import Any, Final, Protocol, TypeAlias
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions
+from pretouch._core.messages import short_repr
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion.contact import ContactState
 
 from .impact import ImpactModel
-from .objectives import Objective, Term
+from .objectives import Objective, Term, excursion_objective, time_objective
 
 _SUM: Final = 1e-9  # largest relative error of the sum of the parts: far above rounding, invisible in reports
 
@@ -79,6 +81,24 @@ class CustomObjective(Objective):
             error = np.abs(np.asarray(sum(parts.values()), dtype=np.float64) - whole)
         finite = np.isfinite(whole)
         return parts if parts and np.all(error[finite] <= _SUM * np.abs(whole[finite])) else {}
+
+
+def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an objective has no kind of its own
+    """Return what is wrong with the objective of an entry point; empty if nothing."""
+    if callable(getattr(objective, "value", None)) or (callable(objective) and not isinstance(objective, type)):
+        return ""
+    return (
+        f"is {short_repr(objective)}, expected a function of the state at contact, or a class or object with "
+        "value(state, obstacle_speed, impact)"
+    )
+
+
+OBJECTIVE_KINDS: Final = Extensions(
+    group="pretouch.objectives",
+    built_in=lambda: {"excursion": excursion_objective, "time": time_objective, "custom": Objective},
+    problem=_objective_problem,
+)
+"""The objectives that files may name: those of pretouch, and those of installed packages."""
 
 
 def as_objective(given: AnyObjective) -> Objective:

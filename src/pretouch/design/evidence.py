@@ -173,7 +173,7 @@ class GainEvidence(Answer):
         return ConstraintOutcome(
             name=constraint.name,
             quantity=constraint.quantity,
-            unit=constraint.unit,
+            unit=problem.task.law.number.entry(constraint.quantity).unit,
             limit=constraint.limit,
             value=value,
             margin=None if value is None else constraint.limit - value,

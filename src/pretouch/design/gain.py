@@ -14,7 +14,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.files import plain
 from pretouch._core.numbers import float_or_array
 from pretouch._core.units import format_quantity
-from pretouch.motion import ContactResult, ContactStatus
+from pretouch.motion import DAMPER, ContactResult, ContactStatus
 from pretouch.motion.evaluator import NoisyEvaluator
 
 from .certificate import DesignStatus
@@ -88,7 +88,7 @@ class GainDesign(GainEvidence):
         if self.gain is None:
             return None
         law, slope = self.problem.task.law, self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0))
-        if law.degree == 1:
+        if law == DAMPER:
             return self.gain * slope
         return float_or_array(law.damping(self.gain, slope, self.problem.run(self.gain).end.relative_velocity))
 

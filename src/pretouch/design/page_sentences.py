@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pretouch._core.units import format_quantity
-from pretouch._core.vocabulary import words_for
 
-from .constraints import Constraint
 from .task import Task
 
 
-def limit_in_words(constraint: Constraint, value: float | None, *, met: bool) -> str:
+def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, *, met: bool) -> str:
     """Return a limit with the value of the limited quantity, and whether it is met."""
-    reached = "none" if value is None else format_quantity(value, constraint.unit, 3)
-    limit, state = format_quantity(constraint.limit, constraint.unit, 3), "met" if met else "exceeded"
-    return f"{words_for(constraint.quantity)} {reached}, limit {limit}: {state}"
+    reached = "none" if value is None else format_quantity(value, unit, 3)
+    return f"{quantity} {reached}, limit {format_quantity(limit, unit, 3)}: {'met' if met else 'exceeded'}"
 
 
 def verify_step(task: Task) -> str:

@@ -197,7 +197,7 @@ class Task(ExplainsNames, InNotebooks, Value):
 
         Options are replaced as a whole: `task.replace(robust=dataclasses.replace(task.robust, samples=512))`.
         """
-        law_of_loop = {"law": _OF_LOOP} if "loop" in changes else {}
+        law_of_loop = {"law": _OF_LOOP} if changes.get("loop") is not None else {}
         return dataclasses.replace(self, **{**law_of_loop, **changes})
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pretouch._core.blocks import InNotebooks
 from pretouch._core.errors import ResultUnavailableError
@@ -44,6 +45,22 @@ class KnownColumns(Value):
         """Return a quantity such as the contact time for all encounters; a single encounter gives a float."""
         values = self.columns[name]
         return values if values.ndim else values.item()
+
+
+@dataclass(frozen=True, slots=True)
+class _OtherGain(Value):
+    """Quantities of encounters that a law solved for another law, whose number is `gain`."""
+
+    columns: Columns
+    gain: FloatArray
+
+    def column(self, name: str) -> Any:
+        """Return a quantity of every run; a float for a single run."""
+        values = self.columns.column(name)
+        if name != "gain":
+            return values
+        gain = np.broadcast_to(self.gain, np.shape(values))
+        return gain if gain.ndim else gain.item()
 
 
 class _Quantity:
@@ -206,6 +223,10 @@ class ContactResult(InNotebooks, Value):
                 "find_contact with another method or law"
             )
         return gradients
+
+    def with_gain(self, gain: ArrayLike) -> ContactResult:
+        """Return the result with another number, for a law that lets another law solve its encounters."""
+        return ContactResult(_OtherGain(self.columns, np.asarray(gain, dtype=np.float64)), self.method)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result of an encounter as a dictionary for JSON."""

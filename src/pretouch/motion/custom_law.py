@@ -60,6 +60,8 @@ class CustomLaw(Value):
         suspends_admittance: whether the admittance's pull toward the object is switched off while the object
             approaches, as for a virtual drag (docs/drag.md). Then M x~'' = F - max(K x~ + D x~', 0) for l' < 0. If the
             pull would cause a new approach as soon as it acts again, the plant keeps the distance, l' = 0.
+        sampled: function of a value that returns the sampled law, a `pretouch.control.Law`, or None. A scenario file
+            that names the law runs it on the loop.
 
     Valid for:
         A plant that follows the virtual object exactly and a sensor without delay. If an integration step needs the
@@ -88,6 +90,7 @@ class CustomLaw(Value):
     force: Callable[[float, float, float], float]
     damping: Any = field(default=None, metadata={"takes": "Callable | None"})
     suspends_admittance: bool = False
+    sampled: Any = field(default=None, metadata={"takes": "Callable | None"})
 
     def __post_init__(self) -> None:
         check_types(self)

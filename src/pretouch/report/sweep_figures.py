@@ -74,7 +74,8 @@ def _axis(flat: xr.Dataset | xr.DataArray, dim: str) -> tuple[FloatArray, Scale,
     scale = _scale(flat[dim], values)
     name = words_for(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"
     if dim == "gain":  # of the letter's law, or of another law, whose name is in long_name
-        name = str(flat[dim].attrs.get("long_name", name)).replace("gain", "gain D_p")
+        name = str(flat[dim].attrs.get("long_name", name))
+        name = "gain D_p" if name == "gain" else name
     return values / scale.factor, scale, f"{name} [{scale.unit or '1'}]"
 
 
@@ -87,7 +88,7 @@ def _scale(variable: Any, values: FloatArray) -> Scale:
 def _label(variable: Any, scale: Scale, *, short: bool = False) -> str:
     name, long_name = str(variable.name), str(variable.attrs.get("long_name", "gain"))
     q = QUANTITIES[name]
-    if name == "gain" and q.words not in long_name:  # the number of another law
+    if name == "gain" and long_name not in {"gain", "optimal gain"}:  # the number of another law
         return f"{long_name} [{scale.unit or '1'}]"
     words = f"optimal {q.words}" if name == "gain" else q.words
     return f"{words} {'' if short else q.symbol} [{scale.unit or '1'}]".replace("  ", " ")

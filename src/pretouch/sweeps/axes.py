@@ -16,7 +16,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import read_quantity
 from pretouch._core.values import Value
-from pretouch.design import QUANTITY_UNITS, Constraint, Task
+from pretouch.design import Constraint, Task
 from pretouch.motion.scenario import SCENARIO_INPUTS, sensor_inputs, sensor_with
 
 ENCOUNTER_INPUTS: Final = {"gain", *SCENARIO_INPUTS}
@@ -31,10 +31,11 @@ def inputs_of(task: Task) -> dict[str, str]:
         units |= {f"impact.{f.name}": _IMPACT_UNITS.get(f.name, "") for f in fields(task.impact)}
     if task.objective is not None:
         del units["gain"]
-        units |= {f"constraint.{c.name}": c.unit for c in task.limits}
+        number = task.law.number
+        units |= {f"constraint.{c.name}": number.entry(c.quantity).unit for c in task.limits}
         for term in task.goal.terms:
             units[f"objective.{term.quantity}.weight"] = ""
-            units[f"objective.{term.quantity}.scale"] = QUANTITY_UNITS[term.quantity]
+            units[f"objective.{term.quantity}.scale"] = number.entry(term.quantity).unit
     return units
 
 

@@ -21,6 +21,7 @@ from pretouch._core.files import as_json, temporary_path
 from pretouch._core.numbers import FloatArray
 from pretouch.design import ImpactModel, Objective
 from pretouch.design.custom_objectives import CustomObjective
+from pretouch.design.quantities import QUANTITY_KINDS
 from pretouch.motion import DAMPER, ContactState
 from pretouch.sensors import SensorModel
 
@@ -101,11 +102,13 @@ def _sensor(sensor: SensorModel) -> dict[str, Any]:
 
 def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, Any]:
     """Return the terms of an objective, or the name of a custom objective and a hash of its values."""
-    if not isinstance(objective, CustomObjective):
+    custom = isinstance(objective, CustomObjective)
+    if not custom and all(term.quantity in QUANTITY_KINDS.built_in() for term in objective.terms):
         return asdict(objective)
     with np.errstate(all="ignore"):
         values = objective.value(ContactState(_Probes()), np.full(_PROBES, 0.3), impact)
-    return {"name": objective.name, "values": hashlib.sha256(values.tobytes()).hexdigest()}
+    terms = {} if custom else asdict(objective)
+    return {**terms, "name": objective.name, "values": hashlib.sha256(values.tobytes()).hexdigest()}
 
 
 class _Probes:

@@ -17,7 +17,7 @@ from pretouch.design.custom_objectives import CustomObjective
 from pretouch.motion.scenario import scenario_with
 
 from .axes import ENCOUNTER_INPUTS, Axes, Axis, make_axes, with_input
-from .results import STATUS, WHOLE_MOTION, check_results
+from .results import STATUS, check_results, is_of_whole_motion
 
 Region: TypeAlias = tuple[slice, ...]
 """A part of the grid: one slice per axis."""
@@ -142,7 +142,7 @@ def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
     if task.objective is not None:
         quantities |= {term.quantity for term in task.goal.terms} | {c.quantity for c in task.limits}
     curved = task.sensor.constant_log_slope is None or task.method == "integration"
-    whole = bool(quantities & WHOLE_MOTION) or isinstance(
+    whole = any(map(is_of_whole_motion, quantities)) or isinstance(
         task.objective, CustomObjective
     )  # which may read any quantity
     return _CHUNK[task.objective is not None, curved, whole]

@@ -11,12 +11,13 @@ import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions, kind_problem
 from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_range
 from pretouch.motion.scenario import sensor_with
 
-from .distributions import Distribution, JointDistribution, Normal, normal_in_words
+from .distributions import Distribution, Interval, JointDistribution, Normal, Uniform, normal_in_words
 
 if TYPE_CHECKING:
     from pretouch.calibration import SensorFit
@@ -231,3 +232,11 @@ class Empirical(Distribution):
     def described(self, unit: str) -> str:
         """Return the number of measured values and their range in words."""
         return f"{len(self.samples)} measured values, {format_range(self.support, unit)}"
+
+
+DISTRIBUTION_KINDS: Final = Extensions(
+    group="pretouch.distributions",
+    built_in=lambda: {"normal": Normal, "uniform": Uniform, "interval": Interval, "samples": Empirical},
+    problem=kind_problem(Distribution, "pretouch.uncertainty.Distribution"),
+)
+"""The distributions of one input that files may name: those of pretouch, and those of installed packages."""

@@ -14,6 +14,7 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.design import ElasticImpact, ImpactModel, Task
 from pretouch.design.custom_objectives import CustomObjective, appraise
+from pretouch.design.quantities import quantity_of, size_of
 from pretouch.design.robust import Required
 from pretouch.design.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, ContactState, Scenario
@@ -242,8 +243,11 @@ class LoopProblem:
         )
 
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
-        magnitude = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.task.impact)
-        return np.where(result.touched & np.isfinite(magnitude), np.abs(magnitude) / limit.constraint.limit, np.inf)
+        quantity = limit.constraint.quantity
+        magnitude = simulated_quantity(quantity, result, gain, loop, self.draws.task.impact)
+        return np.where(
+            result.touched & np.isfinite(magnitude), size_of(quantity, magnitude) / limit.constraint.limit, np.inf
+        )
 
     def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
         objective, impact = self.draws.task.goal, self.draws.task.impact
@@ -277,6 +281,8 @@ def simulated_quantity(
     if name == "drive_force":
         mass = loop.plant.coefficients()[0] or model.robot_mass  # an ideal robot has no mass
         return mass * np.asarray(result.largest_acceleration)
+    if name not in result.columns:  # a user-defined quantity, computed from others
+        return np.asarray(quantity_of(name, ContactState(_Runs(result, gain, loop, impact)), impact), dtype=np.float64)
     return np.asarray(getattr(result, name), dtype=np.float64)
 
 

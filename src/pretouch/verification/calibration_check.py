@@ -14,6 +14,7 @@ from pretouch._core.values import Value
 from pretouch.calibration import CalibrationReport
 from pretouch.calibration.result import DrawnCurve
 from pretouch.design import Task
+from pretouch.design.quantities import size_of
 from pretouch.simulation import SensorChain
 from pretouch.uncertainty.reservations import recess_advice
 from pretouch.uncertainty.witness_check import WitnessCheck, check_on_readings, is_within, mount
@@ -215,7 +216,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
         speed[i] = abs(float(result.relative_velocity))
         for k, limit in enumerate(limits):
             quantity = simulated_quantity(limit.quantity, result, gain, loop, task.impact)
-            ratios[i, k] = abs(float(quantity)) / limit.limit
+            ratios[i, k] = float(size_of(limit.quantity, quantity)) / limit.limit
     return _Outcome(speed=speed, ratios=ratios)
 
 

@@ -14,6 +14,7 @@ from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.calibration import CalibrationReport
 from pretouch.control import Controller, Status
 from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
+from pretouch.design.quantities import size_of
 from pretouch.design.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, Scenario
 from pretouch.motion.page_sections import mounting_in_words
@@ -86,6 +87,7 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
         checks.append(
             LimitCheck(
                 required=required,
+                limited=task.law.number.entry(constraint.quantity),
                 predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, impact),
                 held=count / len(ratio),
                 low=least_probability(count, len(ratio), task.verify.confidence),
@@ -119,7 +121,7 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
     if not result.reached.all():
         return None
     value: Any = quantity_of(name, result.end, impact)
-    return abs(float(value)) if math.isfinite(float(value)) else None
+    return float(size_of(name, float(value))) if math.isfinite(float(value)) else None
 
 
 def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:

@@ -180,9 +180,8 @@ def gain_section(v: Verdict) -> PageSection:
     name = "Objective over the gain, in continuous time and on the loop"
     known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
     picture = Picture(figure="verdict_gain", of=v, name=name, caption=caption)
-    terms = PageTable(
-        head=("term of the objective", "typical value", "weight"), rows=tuple(objective_rows(v.definition))
-    )
+    rows = tuple(objective_rows(v.definition, v.law.number))
+    terms = PageTable(head=("term of the objective", "typical value", "weight"), rows=rows)
     shown = picture if any(np.isfinite(objective).any() for objective in known) else None
     title = "The objective over the gain" if v.gain is None else "The gain on this loop"
     return PageSection(title=title, blocks=(*_gain_blocks(v), shown, terms))

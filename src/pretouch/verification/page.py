@@ -187,10 +187,14 @@ def _reasons(v: Verdict) -> PageSection | None:
         return _list_chapter(_WHY.get(v.status, ""), v.reasons)
     step = _next_step(v)
     tried = f"Nothing was simulated. {step[:1].upper()}{step[1:]}."
-    unit = v.law.number.unit
-    head = ("limit", "at most", "best value of any gain", f"at {v.law.number.symbol}")
+    n = v.law.number
+    head = ("limit", "at most", "best value of any gain", f"at {n.symbol}")
     rows: tuple[Row, ...] = tuple(
-        (words_for(c.quantity), *(Measured(x, c.unit) for x in (c.limit, c.best_value)), Measured(c.best_gain, unit))
+        (
+            n.entry(c.quantity).words,
+            *(Measured(x, c.unit) for x in (c.limit, c.best_value)),
+            Measured(c.best_gain, n.unit),
+        )
         for c in v.design.constraints
     )
     limits = PageTable(head=head, rows=rows) if rows else None

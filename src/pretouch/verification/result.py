@@ -10,7 +10,7 @@ from pretouch._core.blocks import Described
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch._core.vocabulary import words_for
+from pretouch._core.vocabulary import Entry
 from pretouch.design import GainDesign, Objective
 from pretouch.design.robust import Required
 from pretouch.motion import ContactResult, ContinuousLaw, Scenario
@@ -78,6 +78,7 @@ class LimitCheck(Value):
 
     Args:
         required: the constraint and the probability with which it must be met; 1 for every run.
+        limited: words, symbol and unit of the limited quantity.
         predicted: |quantity| of the nominal encounter in continuous time, SI; None without contact.
         held: share of the runs that meet the limit.
         low: one-sided lower confidence bound (Clopper-Pearson) of the probability that the limit is met.
@@ -87,6 +88,7 @@ class LimitCheck(Value):
     """
 
     required: Required
+    limited: Entry
     predicted: float | None
     held: float
     low: float
@@ -107,7 +109,7 @@ class LimitCheck(Value):
     @property
     def unit(self) -> str:
         """The SI unit of the limit."""
-        return self.required.constraint.unit
+        return self.limited.unit
 
     @property
     def is_met(self) -> bool:
@@ -117,7 +119,7 @@ class LimitCheck(Value):
     @property
     def label(self) -> str:
         """The limited quantity in words."""
-        return words_for(self.required.constraint.quantity)
+        return self.limited.words
 
     @property
     def statement(self) -> str:

@@ -97,7 +97,8 @@ def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
     """Yield a sentence about each limit of the task, with its value."""
     for c in design.designed_task.limits:
         value = abs(float(c.magnitude(run.end, design.designed_task.impact)))
-        yield limit_in_words(c, value, met=value <= c.limit * (1 + ROUNDING))
+        entry = design.law.number.entry(c.quantity)
+        yield limit_in_words(entry.words, value, c.limit, entry.unit, met=value <= c.limit * (1 + ROUNDING))
 
 
 def letters_optimum(design: DragDesign) -> GainDesign | None:

@@ -9,7 +9,17 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, LazyBlock, Measured, Page, PageSection, PageTable, Paragraph, Picture, named
+from pretouch._core.blocks import (
+    Cell,
+    LazyBlock,
+    Measured,
+    Page,
+    PageSection,
+    PageTable,
+    Paragraph,
+    Picture,
+    named_entry,
+)
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion.page_sections import inputs_section, method_section, solved_on
@@ -106,7 +116,7 @@ def _findings(v: Validation) -> Iterator[str]:
     for outcome in v.limits:
         c, p = outcome.required.constraint, outcome.required.probability
         required = "always" if p == 1 else f"{100 * p:g} %"
-        label, limit = words_for(c.quantity), format_quantity(c.limit, c.unit)
+        label, limit = outcome.limited.words, format_quantity(c.limit, outcome.limited.unit)
         yield (
             f"{label} stays within {limit} in {share_in_words(outcome.held)} of the fresh samples ({required} required)"
         )
@@ -217,14 +227,14 @@ def _constraints(v: Validation) -> PageSection:
 
 
 def _limit_row(outcome: LimitOutcome, v: Validation) -> Row:
-    required, constraint = outcome.required, outcome.required.constraint
+    required, unit = outcome.required, outcome.limited.unit
     return (
-        named(constraint.quantity, magnitude=True),
-        Measured(constraint.limit, constraint.unit),
+        named_entry(outcome.limited, magnitude=True),
+        Measured(required.constraint.limit, unit),
         "every sample" if required.probability == 1 else f"{100 * required.probability:g} %",
         share_in_words(outcome.held),
         share_in_words(outcome.low),
-        Measured(outcome.magnitude, constraint.unit),
+        Measured(outcome.magnitude, unit),
         v.state_of(outcome),
     )
 
@@ -268,7 +278,7 @@ def _measure(design: RobustDesign) -> PageSection:
         "constraint. The right plot shows the cumulative distribution of the objective over the fresh encounters."
     )
     name = "Measure of the objective over the gain, and distribution of the objective"
-    rows = tuple(objective_rows(design.definition))
+    rows = tuple(objective_rows(design.definition, design.number))
     terms = PageTable(head=("term of the objective", "typical value", "weight"), rows=rows)
     picture = Picture(figure="robust", of=design, name=name, caption=caption)
     return PageSection(title="The measure over the gain", blocks=(picture, terms))

@@ -287,11 +287,12 @@ def _conflict(design: RobustDesign) -> str:
     reasons = []
     for required, magnitude, gain in design.reachable:
         c, p = required.constraint, required.probability
+        unit = design.number.entry(c.quantity).unit
         if magnitude > c.limit:
             reasons.append(
-                f"the {c.name} cannot be limited to {format_quantity(c.limit, c.unit)} "
+                f"the {c.name} cannot be limited to {format_quantity(c.limit, unit)} "
                 f"{'in every sample' if p == 1 else f'in {100 * p:g} % of the samples'}; the nearest achievable "
-                f"value is {format_quantity(magnitude, c.unit)}, reached at {design.number.equals(gain)}"
+                f"value is {format_quantity(magnitude, unit)}, reached at {design.number.equals(gain)}"
             )
     if reasons:
         return "; ".join(reasons)

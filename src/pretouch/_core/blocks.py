@@ -1,4 +1,4 @@
-"""Describe a report as headline, warnings, tables, text and figures, for terminal, notebook and HTML alike.
+"""Describe reports independently of the output medium: terminal, notebook or HTML.
 
 A result is described once, as a `Page`. The terminal shows the headline, the warnings and the blocks that are marked as
 brief. A notebook shows the headline, the warnings and the first brief table. A report shows everything, with figures.

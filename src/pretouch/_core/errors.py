@@ -1,4 +1,4 @@
-"""Errors that pretouch raises, and the import of optional libraries; `pretouch/errors.py` draws the errors."""
+"""Define the errors that pretouch raises, and import optional libraries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find classes and values that installed packages offer by entry points, such as a sensor curve or a law."""
+"""Find classes that installed packages offer through Python entry points, such as a sensor curve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Declare dataclass fields with unit, sign and example, and check the values of these fields."""
+"""Declare dataclass fields with unit, sign and example value, and check the values of these fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read input files, write output files atomically, recognize unchanged reports, and serialize results to JSON."""
+"""Read input files, write output files atomically, and serialize results to JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Format wrong values for error messages, together with an example of the expected value."""
+"""Format invalid values for error messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Load the compiled core, a shared library, and call its functions through ctypes.
+"""Load the compiled shared library of pretouch, and call its functions through ctypes.
 
 The library is loaded when a kernel is first called. A kernel takes numbers and addresses. `address` returns the address
 of an array. It refuses arrays that a kernel would misread, so that a mistake raises a Python exception instead of a

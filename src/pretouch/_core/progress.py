@@ -1,4 +1,4 @@
-"""Report the progress of long computations to one callback function, about once a second."""
+"""Report the progress of a long computation to a callback function, about once per second."""
 
 from __future__ import annotations
 

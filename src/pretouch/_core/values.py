@@ -1,4 +1,4 @@
-"""Provide base classes that let results be compared by content, copied and pickled."""
+"""Provide base classes whose instances can be compared by content, copied and pickled."""
 
 from __future__ import annotations
 

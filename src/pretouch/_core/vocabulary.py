@@ -1,4 +1,4 @@
-"""List the name, symbol, SI unit and function of every quantity that results report."""
+"""List all quantities that results report, such as the contact speed, with names, symbols and SI units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Average the readings at each distance, condense many distances into few, and estimate the reading noise."""
+"""Average the sensor readings at each distance, and estimate the noise of the readings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fit curves with soft saturation, find where the output flattens near the sensor, and sample possible curves.
+"""Fit sensor curves that flatten near the sensor because its output saturates.
 
 An amplifier or converter that saturates softly turns the ideal output xi into xi / (1 + (xi / C)^p)^(1/p) with a
 ceiling C and a sharpness p. Each family of ideal curves is fitted under every ceiling of a grid (the infinite one

@@ -1,4 +1,4 @@
-"""Define the user's options that select table columns by header or number and give their units."""
+"""Parse the user's options that select the columns of a calibration table and give their units."""
 
 from __future__ import annotations
 

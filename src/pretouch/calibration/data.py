@@ -1,4 +1,4 @@
-"""Store calibration data: readings at known distances, readings without an object, and the source file."""
+"""Store a calibration: sensor readings at known distances, and the file from which they were read."""
 
 from __future__ import annotations
 

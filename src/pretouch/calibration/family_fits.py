@@ -1,4 +1,4 @@
-"""Fit curve families to averaged readings; estimate noise, misfit and outliers from the residuals."""
+"""Fit sensor curves to averaged readings, and estimate noise and outliers from the residuals."""
 
 from __future__ import annotations
 

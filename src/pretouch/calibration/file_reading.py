@@ -1,4 +1,4 @@
-"""Read one calibration curve, or all calibration curves, from a text table such as CSV."""
+"""Read one or several calibration curves from a text table, such as a CSV file."""
 
 from __future__ import annotations
 

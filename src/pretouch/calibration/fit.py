@@ -1,4 +1,4 @@
-"""Fit one curve model to one calibration, with confidence intervals of its parameters and goodness of fit."""
+"""Fit one sensor model to a calibration, and compute confidence intervals and goodness of fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interpret the cells and headers of a text table: numbers, missing values, column names and units."""
+"""Interpret the headers and cells of a calibration table, such as units and missing values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Solve many small nonlinear least-squares problems at once, by the Levenberg-Marquardt method.
+"""Solve many small nonlinear least-squares problems at once by the Levenberg-Marquardt method.
 
 A calibration needs hundreds of fits of three or four parameters: for each possible offset, each excluded distance, each
 possible start of the window, and each end of an interval. A general solver spends a thousand times more time on

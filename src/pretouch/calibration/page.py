@@ -1,4 +1,4 @@
-"""Build the calibration report: verdict on the sensor, usable distances, ranking of models, and parameters."""
+"""Build the report of a calibration, which shows the verdict on the sensor and the fitted models."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Prepare a calibration for fitting: find offset, noise, outliers and usable distances, and test for a signal."""
+"""Prepare a calibration for fitting: estimate offset and noise, and exclude unusable readings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fit all curve models to one calibration, rank the models by AICc, and judge whether the sensor is usable."""
+"""Fit all sensor models to a calibration, rank the models by AICc, and judge the sensor."""
 
 from __future__ import annotations
 

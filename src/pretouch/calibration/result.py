@@ -1,4 +1,4 @@
-"""Define the results of a calibration: estimates with uncertainty, the fit of each model, and their report."""
+"""Define the results of a calibration, such as fitted parameters with their uncertainties."""
 
 from __future__ import annotations
 

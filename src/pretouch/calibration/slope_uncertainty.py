@@ -1,4 +1,4 @@
-"""Estimate the uncertainty of the sensor slope g, and warn if it is too large for a design.
+"""Estimate the uncertainty of the sensor slope, and warn if this uncertainty is too large for a design.
 
 The slope is judged from the nearest usable distance to the distance at which the signal has fallen to a tenth. The
 virtual force gives the impulse D_p ln(xi / xi_0) until xi has grown from xi_0 to xi. From a tenth of its value at

@@ -1,4 +1,4 @@
-"""Parse a text table such as CSV: detect encoding, delimiter, decimal mark and header, and split its rows."""
+"""Split a text table, such as a CSV file, into a header and rows of cells."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""List why a sensor is not fully usable, how to correct each problem, and which readings were excluded."""
+"""Explain the verdict on a sensor: list its problems, how to solve them, and the excluded readings."""
 
 from __future__ import annotations
 

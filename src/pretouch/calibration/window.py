@@ -1,4 +1,4 @@
-"""Find the usable distances of a sensor, between saturation or a near-field peak and the noise floor."""
+"""Find the range of distances in which a sensor is usable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the command `pretouch` with its subcommands and version option, and set up the process."""
+"""Define the command `pretouch` with its subcommands and its version option."""
 
 from __future__ import annotations
 

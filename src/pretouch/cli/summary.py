@@ -1,4 +1,4 @@
-"""Summarize a result for the terminal: answer, important numbers, limits, warnings and next step."""
+"""Summarize a result for the terminal: main answer, important numbers, warnings and next step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Provide options, terminal output, exit codes and report writing for all subcommands."""
+"""Provide the options, terminal output and exit codes that all subcommands share."""
 
 from __future__ import annotations
 

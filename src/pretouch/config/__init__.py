@@ -1,4 +1,4 @@
-"""Load a scenario file (TOML with units), check it against a schema, and build a Task from it."""
+"""Load a scenario file (TOML with units), check it against a schema, and create a design task from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Build the sampled controller from the section [controller] of a scenario file."""
+"""Create the sampled controller from the section `[controller]` of a scenario file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read a scenario file and parse its TOML; explain a syntax error by its line and a probable correction."""
+"""Read a scenario file, parse its TOML, and explain syntax errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Build the control law from the section [law] of a scenario file: kind, number and sampled form."""
+"""Create the control law from the section `[law]` of a scenario file."""
 
 from __future__ import annotations
 

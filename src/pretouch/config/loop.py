@@ -1,4 +1,4 @@
-"""Build the sampled control loop from a scenario file: sensor chain, controller, robot and contact."""
+"""Create the simulated control loop from a scenario file: sensor chain, controller, robot and contact."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check that all sensor outputs of a scenario file have the same unit: V or counts."""
+"""Check that all sensor outputs in a scenario file have the same unit, volts or counts."""
 
 from __future__ import annotations
 

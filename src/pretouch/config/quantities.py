@@ -1,4 +1,4 @@
-"""Read quantities with units from a scenario file, and explain wrong values."""
+"""Parse quantities with units in a scenario file, and explain invalid values."""
 
 from __future__ import annotations
 

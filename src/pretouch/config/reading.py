@@ -1,4 +1,4 @@
-"""Read the sections of a scenario file, and report all mistakes together, each with its key and line."""
+"""Parse the sections of a scenario file, and report all mistakes together with their line numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Build distributions and required probabilities for `design_robust_gain` from [uncertainty] and [robust]."""
+"""Create distributions and chance constraints from `[uncertainty]` and `[robust]` of a scenario file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the keys of the sections [uncertainty] and [robust] of a scenario file.
+"""Define the keys of the sections `[uncertainty]` and `[robust]` of a scenario file.
 
 The keys of [uncertainty] are the inputs of `pretouch.motion.scenario`, each with its unit.
 """

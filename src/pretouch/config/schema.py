@@ -1,4 +1,4 @@
-"""Define the schema of a scenario file: its sections, their keys, and the unit of each key.
+"""Define which sections and keys a scenario file may have, and the unit of each key.
 
 Messages and the test of docs/scenario-file.md use this schema.
 """

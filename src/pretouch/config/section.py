@@ -1,4 +1,4 @@
-"""Describe which keys a section of a scenario file can have, and check the section as a whole."""
+"""Describe the keys of one section of a scenario file, and check a section against this description."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Build the sensor curve from the section [sensor] of a scenario file, or fit it to a calibration file."""
+"""Create the sensor curve from the section `[sensor]` of a scenario file, or fit it to a calibration."""
 
 from __future__ import annotations
 

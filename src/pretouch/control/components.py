@@ -1,4 +1,4 @@
-"""Define components of a controller: conditioning of readings, virtual admittance and limits of the motion."""
+"""Define parts of the controller: filters for sensor readings, the virtual admittance, and motion limits."""
 
 from __future__ import annotations
 

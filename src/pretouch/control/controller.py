@@ -1,4 +1,4 @@
-"""Define the sampled controller: its settings, and the parameters and state of its compiled step."""
+"""Define the sampled controller, which runs one control step in each period of the control loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the sampled virtual drag, which reduces every approach speed by the same factor before contact."""
+"""Define the sampled virtual drag, a control law that reduces every approach speed by the same factor."""
 
 from __future__ import annotations
 

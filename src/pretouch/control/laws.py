@@ -1,4 +1,4 @@
-"""Define the interface of sampled control laws, the virtual damper, and functions to build custom laws."""
+"""Define the sampled virtual damper, and the interface for custom sampled control laws."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the C structures of a controller step: its sample, output, status, parameters and state.
+"""Define the C structures that hold inputs, outputs, parameters and state of a control step.
 
 native/law/pretouch_law.h explains the fields of the structures.
 """

@@ -1,4 +1,4 @@
-"""Optimize the gain together with the natural frequency and damping ratio of the admittance."""
+"""Optimize the gain together with natural frequency and damping ratio of the admittance controller."""
 
 from __future__ import annotations
 

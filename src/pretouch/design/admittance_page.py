@@ -1,4 +1,4 @@
-"""Build the report of a joint design of gain and admittance."""
+"""Build the report on a gain and an admittance that were optimized together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the result of a joint design of gain and admittance, with the evidence that it is optimal."""
+"""Define the result of optimizing the gain and the admittance together."""
 
 from __future__ import annotations
 

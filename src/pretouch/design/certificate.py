@@ -1,4 +1,4 @@
-"""Define the parts of a design result: status, constraints, trade-off, evidence of optimality and sensitivities."""
+"""Define the evidence that a design result contains, such as local minima and active constraints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define constraints, which limit quantities such as the excursion or the contact speed."""
+"""Define design constraints, which limit quantities such as the excursion or the contact speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Accept user-defined objectives: objects with a method `value`, or functions of the state at contact."""
+"""Accept objectives that the user defines as an object or as a function of the state at contact."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compute the evidence of a gain design when it is read: scanned gains, minima, constraints, sensitivities."""
+"""Compute the evidence that a designed gain is optimal, and its sensitivity to the inputs."""
 
 from __future__ import annotations
 

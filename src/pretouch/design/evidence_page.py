@@ -1,4 +1,4 @@
-"""Build the report sections on the evidence of a gain design and on its sensitivities."""
+"""Build the report sections on the optimality of a designed gain and on its sensitivities."""
 
 from __future__ import annotations
 

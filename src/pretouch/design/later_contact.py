@@ -1,4 +1,4 @@
-"""Test whether a stronger gain provably delays contact, and bound the objective of all stronger gains."""
+"""Test for which encounters a stronger gain provably delays contact."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define objectives: weighted sums of squared contact quantities, such as excursion and contact speed."""
+"""Define objectives as weighted sums of squares, for example of excursion and contact speed."""
 
 from __future__ import annotations
 

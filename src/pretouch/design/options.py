@@ -1,4 +1,4 @@
-"""Options of a task that only one verb reads: the Pareto front, the robust design and the verdict."""
+"""Define the task options for Pareto fronts, robust designs and verification."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Build the report of a gain design: the gain, the resulting contact, and the evidence of optimality."""
+"""Build the report of a gain design: optimal gain, state at contact, and evidence of optimality."""
 
 from __future__ import annotations
 

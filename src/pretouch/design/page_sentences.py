@@ -1,4 +1,4 @@
-"""Sentences that the pages of several designs share."""
+"""Format sentences that the reports of several designs share."""
 
 from __future__ import annotations
 

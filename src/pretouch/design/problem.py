@@ -1,4 +1,4 @@
-"""Define the search problem of a gain design: the task, the search coordinate, and criteria that judge a gain."""
+"""Define the search problem of a gain design, and evaluate the objective and constraints for a gain."""
 
 from __future__ import annotations
 

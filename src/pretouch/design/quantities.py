@@ -1,4 +1,4 @@
-"""Define the contact quantities that objectives, constraints, Pareto fronts and sweeps can use."""
+"""Define the quantities, such as the contact speed, that objectives and constraints can use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compute how optimal gains change with each input, by the implicit function theorem."""
+"""Compute the derivatives of optimal gains with respect to the inputs, by the implicit function theorem."""
 
 from __future__ import annotations
 

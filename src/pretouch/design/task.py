@@ -1,4 +1,4 @@
-"""Define the Task: encounter, sensor, objective, constraints and options of one design problem."""
+"""Define the design task: encounter, sensor, objective, constraints and options."""
 
 from __future__ import annotations
 

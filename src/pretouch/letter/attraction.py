@@ -1,4 +1,4 @@
-"""Check Section VI-A of the published letter: motions near the uniform motion converge toward the uniform motion."""
+"""Check the claim of the published letter that motions converge toward the uniform motion."""
 
 from __future__ import annotations
 

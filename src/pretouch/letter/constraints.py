@@ -1,4 +1,4 @@
-"""Reproduce Section VI-B of the published letter: limit the range of motion and the relative velocity in a design."""
+"""Recompute Section VI-B of the published letter, which limits excursion and contact speed in a design."""
 
 from __future__ import annotations
 

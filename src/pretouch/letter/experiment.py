@@ -1,4 +1,4 @@
-"""Define the results of a reproduction: the compared numbers, the errors found in the letter, and the report."""
+"""Define the results of reproducing the published letter: compared numbers and findings."""
 
 from __future__ import annotations
 

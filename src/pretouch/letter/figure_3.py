@@ -1,4 +1,4 @@
-"""Reproduce Figure 3 of the published letter: the three sensor curves of Table I and their slopes."""
+"""Recompute Figure 3 of the published letter: the three sensor curves of Table I."""
 
 from __future__ import annotations
 

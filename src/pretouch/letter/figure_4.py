@@ -1,4 +1,4 @@
-"""Reproduce Figure 4 of the published letter: plant position until contact, integrated and in closed form."""
+"""Recompute Figure 4 of the published letter: robot position until contact."""
 
 from __future__ import annotations
 

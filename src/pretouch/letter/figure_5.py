@@ -1,4 +1,4 @@
-"""Reproduce Figure 5 of the published letter: relative velocity until contact, integrated and in closed form."""
+"""Recompute Figure 5 of the published letter: relative velocity until contact."""
 
 from __future__ import annotations
 

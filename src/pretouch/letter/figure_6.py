@@ -1,4 +1,4 @@
-"""Reproduce Figure 6 of the published letter: the optimal gain as a function of the obstacle's speed."""
+"""Recompute Figure 6 of the published letter: optimal gain for each speed of the obstacle."""
 
 from __future__ import annotations
 

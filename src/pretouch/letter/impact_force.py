@@ -1,4 +1,4 @@
-"""Reproduce Section VI-B of the published letter: use the peak impact force in the objective or as a limit."""
+"""Recompute Section VI-B of the published letter: use the peak impact force in the objective or as a limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""List the inputs of the published letter's experiments with their units, exactly as printed."""
+"""List the inputs of the experiments in the published letter, with their printed values and units."""
 
 from __future__ import annotations
 

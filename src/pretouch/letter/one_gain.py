@@ -1,4 +1,4 @@
-"""Compute the loss of using one gain for all obstacle speeds, a practice that the published letter recommends."""
+"""Compute how much is lost if one gain is used for all obstacle speeds, as the published letter recommends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Build the report on the published letter's reproduction: all compared numbers and the errors found."""
+"""Build the report that compares the published letter with recomputed values."""
 
 from __future__ import annotations
 

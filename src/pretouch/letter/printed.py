@@ -1,4 +1,4 @@
-"""Compare a printed number with a computed number, allowing for rounding in print."""
+"""Compare a published number with a computed number, and allow for the rounding of the published number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Provide complete scripts that draw the published letter's figures."""
+"""Provide complete Python scripts that draw the figures of the published letter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reproduce Table I of the published letter: fit both exponential curves to the inverse power curve."""
+"""Recompute Table I of the published letter: two exponential curves fitted to the inverse power curve."""
 
 from __future__ import annotations
 

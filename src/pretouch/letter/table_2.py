@@ -1,4 +1,4 @@
-"""Reproduce Table II of the published letter, with two misprints: contact and objective for several gains."""
+"""Recompute Table II of the published letter: state at contact and objective for several gains."""
 
 from __future__ import annotations
 

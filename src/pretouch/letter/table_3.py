@@ -1,4 +1,4 @@
-"""Compare Table III of the published letter, measured on hardware, with the motion in closed form."""
+"""Compare Table III of the published letter, which was measured on hardware, with computed motions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Describe obstacle, robot and task reference, and how each of them moves without interaction."""
+"""Describe the obstacle, the robot and the reference position of an encounter."""
 
 from __future__ import annotations
 

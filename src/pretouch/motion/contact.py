@@ -1,4 +1,4 @@
-"""Define the results of solved encounters: the state at contact, or at another end, and the sampled motion."""
+"""Define the results of solved encounters: the state at contact and the motion before contact."""
 
 from __future__ import annotations
 

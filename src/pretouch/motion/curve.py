@@ -1,4 +1,4 @@
-"""Approximate sensor curves by piecewise polynomials, which the compiled solvers use.
+"""Approximate a sensor curve by piecewise polynomials for the compiled solvers.
 
 The fast vectorized solver uses windows: polynomials of ln xi on overlapping intervals. In an approach the distance
 decreases, and a step that starts in a window should have most of that window below it. Each window therefore overlaps

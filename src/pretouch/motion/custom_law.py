@@ -1,4 +1,4 @@
-"""Define custom laws in continuous time: any force that depends on ln xi (log output) and its rate."""
+"""Define custom control laws, whose force depends on the log output ln xi and its rate of change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Integrate the motion of one encounter under a custom law, piece by piece.
+"""Compute the motion of one encounter under a custom control law by numerical integration.
 
 On a piece l' has one sign and there is no knot of the curve. If the admittance's pull is switched off in approaches,
 l'' jumps between an approach and a recession. If l'' points toward l' = 0 from both sides, the plant moves along

@@ -1,4 +1,4 @@
-"""Solve motion and contact under the virtual drag, a force that acts only while the sensor output rises."""
+"""Compute motion and contact under the virtual drag, a force that acts only while the sensor output rises."""
 
 from __future__ import annotations
 

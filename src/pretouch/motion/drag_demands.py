@@ -1,4 +1,4 @@
-"""Compute peak force, acceleration, speed and excursion under the virtual drag, and derivatives at contact.
+"""Compute the largest force, acceleration, speed and excursion of the robot under the virtual drag.
 
 The square w of l' obeys dw/dl = 2 (a_o + k g^2 w). Its derivative u by an input therefore obeys du/dl = 2 (k g^2 u +
 h), where h is the derivative of a_o + k g^2 w at fixed w. Hence u e^q = u_0 - 2 int_l^{l_0} e^q h dl. The time changes

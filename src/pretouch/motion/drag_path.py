@@ -1,4 +1,4 @@
-"""Solve many approaches under the virtual drag by numerical integration over the distance.
+"""Integrate many approaches under the virtual drag over the distance.
 
 With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is linear in w,
 

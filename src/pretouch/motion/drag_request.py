@@ -1,4 +1,4 @@
-"""Check the inputs of a solution with the virtual drag, including the assumptions of this solution."""
+"""Check the inputs of a solver call for the virtual drag."""
 
 from __future__ import annotations
 

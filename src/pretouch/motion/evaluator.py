@@ -1,4 +1,4 @@
-"""Solve encounters by `find_contact` and `solve_motion`, and define the interface of other solvers."""
+"""Define `find_contact` and `solve_motion`, which solve encounters, and the interface of other solvers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compute exact derivatives of contact time and relative velocity at contact for many encounters.
+"""Compute exact derivatives of contact time and contact velocity for many encounters.
 
 Each run uses the fastest applicable method. Over-damped motions with a constant slope have a closed form. Approaches on
 other curves get their derivatives from Taylor steps, with several encounters computed side by side. The module

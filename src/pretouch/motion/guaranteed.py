@@ -1,4 +1,4 @@
-"""Solve the encounters that the fast vectorized solvers leave open, one at a time, and sample motions.
+"""Solve one encounter at a time by the most robust method, as a fallback for the fast solvers.
 
 The uniform motion L(16)-(19) is one particular motion of the second-order exponential curve. It is used only if it is
 selected as the method.

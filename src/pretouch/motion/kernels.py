@@ -1,4 +1,4 @@
-"""Call the compiled solvers of encounters from Python, with checked arguments.
+"""Call the compiled solvers of encounters with checked arguments.
 
 Curves of constant slope use the closed form L(10)-(13): vectorized, or one encounter at a time in a form that is
 accurate for every damping and for K -> 0. Other curves use vectorized Taylor steps, or guaranteed steps on pieces of

@@ -1,4 +1,4 @@
-"""Define control laws in continuous time: their interface, the virtual damper and the virtual drag."""
+"""Define control laws in continuous time: the virtual damper, the virtual drag and their interface."""
 
 from __future__ import annotations
 

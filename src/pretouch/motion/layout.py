@@ -1,4 +1,4 @@
-"""Name the columns of the arrays that compiled solvers read and write, and the codes of how a run ended."""
+"""Name the array columns that the compiled solvers read and write, and the possible ends of an encounter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Combine many sensor curves, one for each encounter, so that one solver call uses all of them."""
+"""Combine many sensor curves so that one solver call can use a different curve for each encounter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Build the tables that notebooks show for encounters, contacts and motions."""
+"""Describe encounters, contacts and motions as tables for notebooks."""
 
 from __future__ import annotations
 

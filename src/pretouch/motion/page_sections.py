@@ -1,4 +1,4 @@
-"""Build report sections that several reports share: inputs of the encounter, sensor and solution method."""
+"""Build report sections on the inputs of an encounter, the sensor and the solution method."""
 
 from __future__ import annotations
 

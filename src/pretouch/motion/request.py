@@ -1,4 +1,4 @@
-"""Check the arguments of a solver call, choose the solution method, and arrange the inputs in columns."""
+"""Check the arguments of a solver call, and choose the solution method."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Solve encounters when a result is read, and compute only the quantities that are read."""
+"""Solve encounters lazily: compute only those quantities that the user accesses."""
 
 from __future__ import annotations
 

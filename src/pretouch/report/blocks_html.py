@@ -1,4 +1,4 @@
-"""Convert the parts of a report, such as tables and text, to HTML."""
+"""Convert the blocks of a report, such as tables and paragraphs, to HTML."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw the figures of a calibration: readings, fitted curves, slopes and residuals."""
+"""Plot a calibration: readings, fitted curves, slopes and residuals."""
 
 from __future__ import annotations
 

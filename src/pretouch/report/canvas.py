@@ -1,4 +1,4 @@
-"""Define a Matplotlib figure that notebooks display without pyplot."""
+"""Define a Matplotlib figure that notebooks can display without the module pyplot."""
 
 from __future__ import annotations
 

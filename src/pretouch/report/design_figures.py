@@ -1,4 +1,4 @@
-"""Draw the figures of a design: objective and trade-off over the gain, and sensitivities of the optimum."""
+"""Plot a gain design: objective and trade-off over the gain, and sensitivities of the optimal gain."""
 
 from __future__ import annotations
 

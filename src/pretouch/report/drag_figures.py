@@ -1,4 +1,4 @@
-"""Draw the figure of a drag design: its trade-off, and its effect at every speed compared with a fixed gain."""
+"""Plot a virtual drag design, and compare the virtual drag with a fixed gain at every speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Write the report of a result as one self-contained HTML file without scripts."""
+"""Write a report as one self-contained HTML file without scripts."""
 
 from __future__ import annotations
 

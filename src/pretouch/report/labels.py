@@ -1,4 +1,4 @@
-"""Place labels next to points and curves, where they cover neither text nor curves."""
+"""Place labels next to points and curves, so that the labels cover neither text nor curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw the motion until contact: distance, position, velocity and virtual force over time."""
+"""Plot the motion until contact: distance, position, velocity and virtual force over time."""
 
 from __future__ import annotations
 

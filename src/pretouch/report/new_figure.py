@@ -1,4 +1,4 @@
-"""Create an empty figure, and import Matplotlib at the first call."""
+"""Create an empty figure; Matplotlib is imported only when the first figure is created."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check the arguments of figure panels, and explain wrong values."""
+"""Check the arguments that describe the panels (subplots) of a figure, and explain invalid values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw the curves, bands, points and lines of a figure panel, and collect the names that label them."""
+"""Draw curves, bands, points and lines in a panel (subplot) of a figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw several panels in a grid as one figure."""
+"""Draw several panels (subplots) in a grid as one figure."""
 
 from __future__ import annotations
 

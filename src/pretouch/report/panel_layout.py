@@ -1,4 +1,4 @@
-"""Arrange panels in a figure, and place the names of their curves."""
+"""Arrange the panels (subplots) of a figure, and place the labels of their curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw maps in figure panels: shades, contour lines with numbers, and hatching for missing values."""
+"""Draw two-dimensional maps with color shades and contour lines in a panel (subplot) of a figure."""
 
 from __future__ import annotations
 

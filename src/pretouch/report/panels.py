@@ -1,4 +1,4 @@
-"""Describe the panels of a figure: curves, marks, ranges and maps on axes with units."""
+"""Describe the content of a figure panel (subplot): curves, points, ranges and maps on axes with units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw the figures of a Pareto front, of its parameters, and of an admittance design."""
+"""Plot Pareto fronts, the free parameters along a front, and joint designs of gain and admittance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw the figures of a robust design: the objective over the gain, and distributions of results."""
+"""Plot a robust design: the objective over the gain, and the distributions of results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw cumulative distributions: the share of runs in which a quantity stays below a value."""
+"""Plot cumulative distributions, which show the share of runs below each value of a quantity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw a simulated encounter, compared with the prediction and with the run without mitigation."""
+"""Plot a simulated encounter next to the prediction and to the same encounter without mitigation."""
 
 from __future__ import annotations
 

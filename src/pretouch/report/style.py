@@ -1,4 +1,4 @@
-"""Define the style of all figures: colors, fonts, units, ticks and reproducible output.
+"""Define the colors, fonts, ticks and units of all figures.
 
 Matplotlib is imported only when a figure is drawn.
 """

@@ -1,4 +1,4 @@
-"""Draw the figures of a sweep: curves, families of curves and maps."""
+"""Plot the results of a sweep over a grid of inputs as curves or maps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw the distributions of simulated runs, and compare two single runs with the prediction."""
+"""Plot the distributions of simulated runs, and compare two of the runs with the prediction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw the stability limit at each distance, and the simulated objective over the gain."""
+"""Plot the stability limit over the distance, and the simulated objective over the gain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check that a sensor curve meets the assumptions of pretouch, such as an output that falls with distance."""
+"""Check that a sensor curve meets the assumptions of pretouch: for example, its output must fall with distance."""
 
 from __future__ import annotations
 

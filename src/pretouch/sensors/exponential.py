@@ -1,4 +1,4 @@
-"""Define the exponential sensor curves of first and second order."""
+"""Define sensor curves that are exponential functions of first or second order in the distance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Describe curve families for fitting: sensor curves in parameters that suit a numerical fit.
+"""Describe families of sensor curves by parameters that suit a numerical fit.
 
 The first fit parameter is ln xi in the middle of the calibration window, l_m, where the readings determine it best.
 """

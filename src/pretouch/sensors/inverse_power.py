@@ -1,4 +1,4 @@
-"""Define the inverse power curve, the usual curve of optical proximity sensors, and how to fit it."""
+"""Define the inverse power curve, which describes most optical proximity sensors."""
 
 from __future__ import annotations
 

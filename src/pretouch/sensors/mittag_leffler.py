@@ -1,4 +1,4 @@
-"""Define the one-parameter Mittag-Leffler sensor curve, a generalization of the exponential curve."""
+"""Define the Mittag-Leffler sensor curve, a generalization of the exponential curve."""
 
 from __future__ import annotations
 

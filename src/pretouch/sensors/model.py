@@ -1,4 +1,4 @@
-"""Define the base class of sensor curves: ln xi (log output), its slope g, and the valid distances."""
+"""Define the base class of sensor curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Describe a sensor that is mounted behind the contact surface."""
+"""Describe a sensor that is mounted behind the contact surface of the robot."""
 
 from __future__ import annotations
 

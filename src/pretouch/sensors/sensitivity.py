@@ -1,4 +1,4 @@
-"""Describe how sensor curves change with their parameters, and which curves are scaled copies of another."""
+"""Describe how a sensor curve changes with its parameters, and which changes only scale the curve."""
 
 from __future__ import annotations
 

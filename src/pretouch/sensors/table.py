@@ -1,4 +1,4 @@
-"""Define sensor curves through given points: a monotone table, and piecewise cubic polynomials."""
+"""Define sensor curves that interpolate measured points."""
 
 from __future__ import annotations
 

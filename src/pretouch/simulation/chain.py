@@ -1,4 +1,4 @@
-"""Model the sensor chain, which turns distances into delayed, noisy readings, and the timing of the loop.
+"""Model the sensor chain, which turns distances into delayed and noisy readings.
 
 The stability of a loop depends on the motion and on its timing: when it samples, when its force acts, and for how long.
 """

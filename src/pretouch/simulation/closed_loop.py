@@ -1,4 +1,4 @@
-"""Combine sensor chain, controller, robot and contact into a loop that runs encounters with any gain."""
+"""Combine sensor chain, controller, robot and contact model into a loop that simulates encounters."""
 
 from __future__ import annotations
 

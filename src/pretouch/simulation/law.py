@@ -1,4 +1,4 @@
-"""Define the interface of sampled control laws that a simulation can run, with fixed or adjustable gain."""
+"""Define the interface of sampled control laws for simulations."""
 
 from __future__ import annotations
 

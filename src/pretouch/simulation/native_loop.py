@@ -1,4 +1,4 @@
-"""Run encounters in the compiled simulator: pass the inputs to C++, and collect the results.
+"""Run the compiled C++ simulator of encounters, and collect its results.
 
 A compiled law is called by its address. A law in Python is called back, which costs some microseconds per step. An
 exception in such a law ends its runs and is raised again here.

@@ -1,4 +1,4 @@
-"""Describe the sensor chains of commercial sensors, with values and sources from data sheets."""
+"""Describe the sensor chains of commercial sensor components with values from data sheets."""
 
 from __future__ import annotations
 

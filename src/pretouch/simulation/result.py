@@ -1,4 +1,4 @@
-"""Define the results of a simulation, and check the size and length of its runs."""
+"""Define the results of a simulation, and limit the number and duration of its runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Model how the robot follows the virtual object, and the contact force when the robot touches the obstacle."""
+"""Model how the robot follows its commanded motion, and the contact force between robot and obstacle."""
 
 from __future__ import annotations
 

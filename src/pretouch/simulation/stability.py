@@ -1,4 +1,4 @@
-"""Compute the largest stable gain of the sampled loop, and the lowest sensor rate that a gain needs."""
+"""Compute the largest stable gain of the sampled loop, and the lowest sensor rate at which a gain is stable."""
 
 from __future__ import annotations
 

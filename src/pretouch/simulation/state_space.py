@@ -1,4 +1,4 @@
-"""Robots as linear state spaces of any order: flexible joints, motors, and delays by Pade approximations."""
+"""Model robots as linear state-space systems of any order, for example with flexible joints."""
 
 from __future__ import annotations
 

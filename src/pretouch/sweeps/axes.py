@@ -1,4 +1,4 @@
-"""Define the axes of a sweep, and which inputs of a task they can vary."""
+"""Define the axes of a sweep, which are inputs of a task that vary over a grid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Distribute the blocks of a sweep to Dask workers, which write their results to a Zarr folder."""
+"""Distribute a sweep over Dask workers, which write their results to a Zarr folder."""
 
 from __future__ import annotations
 

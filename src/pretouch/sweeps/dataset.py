@@ -1,4 +1,4 @@
-"""Build the dataset of a sweep with units and provenance, and write or open NetCDF files."""
+"""Create the dataset with the results of a sweep, and write or open it as a NetCDF file."""
 
 from __future__ import annotations
 

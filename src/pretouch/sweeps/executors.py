@@ -1,4 +1,4 @@
-"""Compute parts of a sweep by calling the solvers with arrays of encounters, and record the progress."""
+"""Compute one block of a sweep by calling the solvers with arrays of encounters."""
 
 from __future__ import annotations
 

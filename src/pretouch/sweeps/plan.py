@@ -1,4 +1,4 @@
-"""Plan a sweep: check the request, and divide its grid into chunks in the same way on every machine."""
+"""Plan a sweep: check the inputs, and divide the grid of inputs into chunks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the function `sweep`, which computes a grid of encounters in memory or writes it to disk."""
+"""Define the function `sweep`, which solves or designs encounters over a grid of inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define distributions from data: correlated parameters of a fitted curve, and measured samples."""
+"""Define distributions of correlated sensor parameters and of measured samples."""
 
 from __future__ import annotations
 

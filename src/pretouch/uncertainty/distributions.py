@@ -1,4 +1,4 @@
-"""Define probability distributions of uncertain inputs, such as intervals, uniform and normal distributions."""
+"""Define probability distributions of uncertain inputs, such as uniform and normal distributions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sample uncertain inputs, and solve the encounters with these samples."""
+"""Draw random samples of uncertain inputs, and solve the resulting encounters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Warn if the motion leaves the distances that the calibration covers, and say how to correct this."""
+"""Warn if an encounter uses distances that the calibration does not cover."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check a gain on other sensor curves that fit the readings, by comparing their contact speeds."""
+"""Compare the contact speeds that a gain reaches on different sensor curves that fit the same readings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulate random encounters on a loop, and evaluate objective, limits and mitigation of every run."""
+"""Simulate random encounters on a sampled loop, and evaluate the objective and limits of every run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compute how far sensor noise moves a robot at rest, and which signal floor keeps the robot still."""
+"""Compute how far sensor noise moves a robot at rest, and the noise floor that keeps the robot still."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check whether a calibration is accurate enough for a gain, and say what to measure otherwise."""
+"""Check whether a calibration is accurate enough for a gain, and say what to measure if it is not."""
 
 from __future__ import annotations
 

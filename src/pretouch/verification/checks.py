@@ -1,4 +1,4 @@
-"""Compare simulated runs with the prediction and the limits, and list assumptions and warnings."""
+"""Compare simulated runs with the prediction and with the limits of the task."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compare contact speeds with and without mitigation, and with an infinitely fast sensor."""
+"""Compare contact speeds of simulated runs: with mitigation, without mitigation, and with an ideally fast sensor."""
 
 from __future__ import annotations
 

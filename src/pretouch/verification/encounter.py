@@ -1,4 +1,4 @@
-"""Simulate one encounter on the sampled loop, and compare it with the prediction and without mitigation."""
+"""Simulate one encounter on the sampled loop, and compare the result with the prediction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Summarize a simulated encounter: its contact, detection, controller flags and warnings."""
+"""Summarize one simulated encounter: contact, detection time and warnings."""
 
 from __future__ import annotations
 

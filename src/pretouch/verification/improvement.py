@@ -1,4 +1,4 @@
-"""Search for improvements of a loop: the best gain, and the single change that helps most.
+"""Search for the best gain of a loop, and for the single change of the loop that helps most.
 
 Every candidate is simulated with the same noise as the verdict.
 """

@@ -1,4 +1,4 @@
-"""Build the report sections on improvements: the best gain, and all changes that were tried."""
+"""Build the report sections on the best gain and on possible changes of the loop."""
 
 from __future__ import annotations
 

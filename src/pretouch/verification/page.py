@@ -1,4 +1,4 @@
-"""Build the report of a verification: status, reasons, improvements, comparisons and assumptions."""
+"""Build the report of a verification: its verdict, the reasons, and suggested improvements."""
 
 from __future__ import annotations
 

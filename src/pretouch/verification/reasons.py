@@ -1,4 +1,4 @@
-"""Decide whether a gain passes verification on a loop, and list the reasons."""
+"""Decide whether a gain passes the verification, and list the reasons."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the result of `verify_gain`: the status, comparisons, limits and scatter over the runs."""
+"""Define the result of `verify_gain`: the verdict, and the distributions over all simulated runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check the stability of a loop, find the sensor rate that a gain needs, and propose changes of the loop."""
+"""Check the stability of a sampled loop, and find the sensor rate that a gain needs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verify a gain on the sampled loop over many runs, or simulate one encounter."""
+"""Verify a gain in many simulated runs of the sampled loop, or simulate one encounter."""
 
 from __future__ import annotations
 

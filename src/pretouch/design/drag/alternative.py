@@ -1,4 +1,4 @@
-"""Compare an optimal gain with the virtual drag that needs the same excursion."""
+"""Compare an optimal virtual damper with the virtual drag that needs the same excursion of the robot."""
 
 from __future__ import annotations
 

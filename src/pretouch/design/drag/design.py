@@ -1,4 +1,4 @@
-"""Choose the virtual drag phi from a required ratio of contact speed to approach speed, or from a limit.
+"""Choose the virtual drag phi that meets a required ratio of contact speed to approach speed, or a limit.
 
 No optimization is needed: ratio and excursion trade off along one curve, and each limit selects one point of it.
 """

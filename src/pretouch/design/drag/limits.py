@@ -1,4 +1,4 @@
-"""Find the virtual drag that exactly meets a limit, for example on the excursion of the robot."""
+"""Find the virtual drag that exactly meets a limit, such as the largest excursion of the robot."""
 
 from __future__ import annotations
 

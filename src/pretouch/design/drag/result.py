@@ -1,4 +1,4 @@
-"""Define the result of a drag design, with the predicted effects at every approach speed."""
+"""Define the result of a virtual drag design, with the predicted effect at every approach speed."""
 
 from __future__ import annotations
 

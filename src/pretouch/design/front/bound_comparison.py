@@ -1,4 +1,4 @@
-"""Compare excursion and contact speed of encounters with the best values that any controller can reach."""
+"""Compare excursion and contact speed with the best values that any controller can reach."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find the Pareto front if the gain is the only free parameter."""
+"""Compute the Pareto front of a design whose only free parameter is the gain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Build the report of a Pareto front: knee, ends, the user's choice, and the physical limit of any robot."""
+"""Build the report of a Pareto front, with its knee, its end points and the physical limit."""
 
 from __future__ import annotations
 

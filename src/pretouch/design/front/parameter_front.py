@@ -1,4 +1,4 @@
-"""Find the Pareto front over several free parameters by local searches that start on a grid."""
+"""Compute the Pareto front of a design with several free parameters, by local searches from a grid."""
 
 from __future__ import annotations
 

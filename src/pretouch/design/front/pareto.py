@@ -1,4 +1,4 @@
-"""Compute a Pareto front of contact quantities, with its knee, its ends and the user's choice."""
+"""Compute a Pareto front, for example of excursion and contact speed, and find its knee."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compute the smallest excursion and contact speed that any controller can reach with limited acceleration."""
+"""Compute the smallest excursion and contact speed that a robot with limited acceleration can reach."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the result of a Pareto front: points, knee, ends, the user's choice, and the limit of any robot."""
+"""Define the result of a Pareto front computation: its points, its knee and its end points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find the gain that minimizes, for example, the mean or a quantile of the objective over uncertain encounters."""
+"""Find the gain that minimizes the mean, a quantile or the worst case of the objective for uncertain inputs."""
 
 from __future__ import annotations
 

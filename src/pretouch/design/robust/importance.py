@@ -1,4 +1,4 @@
-"""Compute how much each uncertain input contributes to the variance of the objective (Sobol indices)."""
+"""Compute which share of the objective's variance each uncertain input causes (Sobol indices)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reduce the objectives of many encounters to one number: mean, quantile, tail mean or worst case."""
+"""Combine the objective values of many encounters into one number, such as their mean or a quantile."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Evaluate gains in uncertain encounters, and the mean, quantile or worst case of their objective."""
+"""Evaluate gains for many uncertain encounters, and compute the mean or worst case of the objective."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Build the report of a robust design: its gain, validation and the importance of the uncertain inputs."""
+"""Build the report of a robust design: the gain, its validation, and the most important inputs."""
 
 from __future__ import annotations
 

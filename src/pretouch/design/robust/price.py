@@ -1,4 +1,4 @@
-"""Compute what a robust gain loses compared with the optimal gain for an exactly known input."""
+"""Compute how much worse a robust gain is than the optimal gain for exactly known inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the robust gain problem: a design task that is evaluated over many sampled encounters."""
+"""Define the search problem of a robust design, which evaluates a gain over many sampled encounters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define chance constraints, which must be met with a given probability."""
+"""Define chance constraints, which limit a quantity with a required probability."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the result of a robust design: its gain, validation, worst encounter and important inputs."""
+"""Define the result of a robust design: the gain, its validation, and the most important inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Search for the optimal gains of encounters in compiled code."""
+"""Call compiled code that finds the optimal gain of each encounter."""
 
 from __future__ import annotations
 

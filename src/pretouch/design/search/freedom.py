@@ -1,4 +1,4 @@
-"""Define the free parameters of a search: gain, natural frequency and damping ratio."""
+"""Define the free parameters of a design: gain, natural frequency and damping ratio."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scale the gain for a search: logarithmically far from zero, and linearly around zero."""
+"""Map gains to a search coordinate, which is logarithmic far from zero and linear around zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Improve a design locally by sequential quadratic programming (SLSQP of SciPy), and test its optimality."""
+"""Improve a design by a local search (SLSQP of SciPy), and test its optimality."""
 
 from __future__ import annotations
 

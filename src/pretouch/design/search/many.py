@@ -1,4 +1,4 @@
-"""Find the optimal gain of every encounter of an array by one common scan.
+"""Find the optimal gains of many encounters by one common scan over the gain.
 
 Every encounter is scanned at the same gains. A minimum inside the bounds is refined by a polynomial through the nodes
 of its bracket. An encounter without a certain result, by the criteria of the single design, is designed individually.

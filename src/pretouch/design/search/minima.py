@@ -1,4 +1,4 @@
-"""Refine the local minima of a function that was scanned on a grid."""
+"""Refine the local minima of a function that was evaluated on a grid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Minimize smooth functions by approximating them with Chebyshev polynomials."""
+"""Minimize smooth functions that are approximated by Chebyshev polynomials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scan a function along one axis with an adaptive step."""
+"""Evaluate a function along one axis with an adaptive step size."""
 
 from __future__ import annotations
 

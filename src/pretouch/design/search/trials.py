@@ -1,4 +1,4 @@
-"""Evaluate objective, constraints and their derivatives over the free parameters of a design."""
+"""Evaluate the objective, the constraints and their derivatives for trial values of the free parameters."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ _FEW: Final = 8  # items that are shown
 
 
 def short_repr(value: Any) -> str:
-    """Return a short text that shows a value in error messages.
+    """Return a short representation of a value for error messages.
 
     Args:
         value: any value.

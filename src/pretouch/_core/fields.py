@@ -64,10 +64,7 @@ def flag(default: bool) -> Any:
 
 
 def count(least: int, default: int, example: str) -> Any:
-    """Declare an integer dataclass field with a smallest allowed value.
-
-    The dataclass itself checks the value.
-    """
+    """Declare an integer dataclass field with a smallest allowed value, which the dataclass itself checks."""
     return field(default=default, metadata={"least": least, "example": example})
 
 

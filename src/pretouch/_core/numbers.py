@@ -164,10 +164,7 @@ def chebyshev_extremes(degree: int) -> FloatArray:
 
 
 def chebyshev_sum(terms: FloatArray, z: FloatArray | float) -> FloatArray:
-    """Evaluate several Chebyshev series, each at one point of its own.
-
-    A column of `terms` holds one series.
-    """
+    """Evaluate several Chebyshev series, one per column of `terms`, each at one point of its own."""
     return np.asarray(np.polynomial.chebyshev.chebval(z, terms, tensor=False))
 
 

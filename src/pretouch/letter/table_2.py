@@ -87,7 +87,7 @@ def reproduce(ran: Ran) -> Reproduction:
 
 
 def _contacts(curve: SensorModel, gains: Sequence[float]) -> FloatArray:
-    """Return plant position, relative velocity and objective f_1 at contact for every gain, shape (3, n)."""
+    """Return robot position, relative velocity and objective f_1 at contact for every gain, shape (3, n)."""
     contact, speed = find_contact(approach(), curve, gains).contact, abs(approach().obstacle.velocity)
     return np.stack([contact.position, contact.relative_velocity, f_1().value(contact, speed)])
 
@@ -106,7 +106,7 @@ def _columns(values: FloatArray, ranges: FloatArray) -> list[Printed]:
 
 
 def _rounded(printed: str) -> tuple[float, float]:
-    """Return the interval of magnitudes that round to a printed number."""
+    """Return the range of magnitudes that round to the same published number."""
     return abs(float(printed)) - resolution(printed) / 2, abs(float(printed)) + resolution(printed) / 2
 
 

@@ -25,7 +25,7 @@ _LEAST: Final = 1e-100  # smaller values count as zero, since their squares unde
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DragRequest(Value):
-    """Checked inputs of a call for the virtual drag: encounters, sensor curve and drags.
+    """Checked inputs for solving encounters under the virtual drag: encounters, sensor curve and coefficients phi.
 
     The drags are values of phi.
 
@@ -58,7 +58,7 @@ class DragRequest(Value):
 
     @property
     def strength(self) -> FloatArray:
-        """The virtual drag divided by the virtual mass [m]."""
+        """The virtual drag phi divided by the virtual mass [m] of each encounter."""
         return self.bodies["phi"] / self.mass
 
     @property
@@ -78,12 +78,12 @@ class DragRequest(Value):
 
     @property
     def returns(self) -> Any:
-        """Whether the object starts at rest or receding and then accelerates toward the robot."""
+        """Whether the object first rests or recedes, and later accelerates toward the robot."""
         return (self.velocity >= 0) & (self.acceleration < 0)
 
     @property
     def farthest(self) -> FloatArray:
-        """The largest distance of each encounter [m], from which the virtual drag acts."""
+        """The largest distance [m] between robot and object in each encounter."""
         rise = np.zeros_like(self.distance)
         with np.errstate(over="ignore"):  # infinite: farther than any sensor range
             np.divide(-(self.velocity**2), 2 * self.acceleration, out=rise, where=self.returns)
@@ -91,7 +91,7 @@ class DragRequest(Value):
 
 
 def _flush_underflow(values: FloatArray) -> FloatArray:
-    """Set numbers to 0 whose squares would underflow."""
+    """Replace numbers by 0 if their squares would underflow."""
     return np.where(np.abs(values) < _LEAST, 0.0, values)
 
 
@@ -101,7 +101,7 @@ _BEYOND: Final = (
 
 
 def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float) -> DragRequest:
-    """Check the inputs of a call for the virtual drag and flatten its arrays of encounters.
+    """Check the inputs for solving encounters under the virtual drag, and flatten arrays of encounters.
 
     Args:
         scenario: the encounters.
@@ -169,7 +169,7 @@ def _check_plant(request: DragRequest) -> None:
 
 
 def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
-    """Refuse a sensor curve whose output rises with distance, since the drag would act on a receding object."""
+    """Refuse a sensor curve whose output rises with distance, because the drag would then act on receding objects."""
     distance = np.linspace(low, high, _PROBES)
     slope = np.asarray(sensor.log_slope(distance))
     if not (np.isfinite(slope) & (slope <= 0)).all():

@@ -50,7 +50,7 @@ def calibration_page(report: CalibrationReport) -> Page:
 
 
 def _next_step(report: CalibrationReport) -> str:
-    """Return the scenario file keys for this sensor, including the recess that makes contact a usable distance."""
+    """Return the scenario file keys for this sensor, including the recess that puts contact in the usable range."""
     nearest = report.window.l_min
     text = f'add calibration = "{report.calibration.name}" to the section [sensor] of a scenario file'
     if nearest <= 0:

@@ -1,4 +1,4 @@
-"""Implement the command `pretouch sweep`, which solves or designs encounters over a grid of inputs."""
+"""Implement the command `pretouch sweep`, which solves encounters or finds gains over a grid of inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define parts of the controller: filters for sensor readings, the virtual admittance, and motion limits."""
+"""Define components of the controller: filters for sensor readings, virtual admittance, and motion limits."""
 
 from __future__ import annotations
 

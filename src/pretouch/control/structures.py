@@ -272,7 +272,7 @@ class MotionState(Structure):
 
 
 class DriveState(Structure):
-    """State of the virtual object that the robot follows: its motion, its reference, and undelivered impulses."""
+    """State of the virtual object that the robot follows: motion, reference position, and undelivered impulses."""
 
     _fields_ = (("delivery", Delivery), ("motion", MotionState), *numbers("reference"))
 

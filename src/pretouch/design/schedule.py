@@ -1,4 +1,4 @@
-"""Optimize a virtual drag that depends on the sensor reading, for an uncertain sensor output scale.
+"""Optimize a virtual drag that depends on the sensor reading, if the scale of the sensor output is uncertain.
 
 If the reflectance of the object is uncertain, so is the output scale. Let the output scale be theta times that of the
 calibration. Then the loop reads s = ln xi(l) + ln theta. If phi has the constant value p_j on each step j of s, then

@@ -42,7 +42,7 @@ CASES: Final[tuple[dict[str, float], ...]] = (
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Minimize the objective L(20) under limits of excursion and contact speed, as in the published letter."""
+    """Minimize the published letter's objective f_1 under limits of excursion and contact speed."""
     designs = [_design(case) for case in CASES]
     return Reproduction(
         summary="The letter states that such limits can be passed to the solver, without an example. Here the optimum "

@@ -42,7 +42,7 @@ FITS: Final = {"exponential-1": ("first order", "0.9952"), "exponential-2": ("se
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Fit exponential curves L(5) and L(6) to the inverse power curve L(3), and compare them with Table I."""
+    """Fit exponential curves to the inverse power curve, and compare them with Table I of the published letter."""
     fitted: dict[str, SensorModel] = {name: ran["fitted"][order] for name, (order, _) in FITS.items()}
     r_squared = {name: float(ran["r_squared"][order]) for name, (order, _) in FITS.items()}
     gains = {name: (best_gain(sensor(name)), best_gain(curve)) for name, curve in fitted.items()}

@@ -56,7 +56,7 @@ WAYS: Final = {
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Solve the motion equation L(4) for the gains of Table II, and compare the objective L(20) at contact, L(21)."""
+    """Compute contacts and objective f_1 for the gains in Table II of the published letter, and compare numbers."""
     gains = [*map(float, PRINTED), -10.0]
     values = _contacts(sensor("inverse-power"), gains)
     ranges = over_rounding("inverse-power", lambda curve: _contacts(curve, gains))

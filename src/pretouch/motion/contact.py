@@ -49,7 +49,7 @@ class KnownColumns(Value):
 
 @dataclass(frozen=True, slots=True)
 class _OtherGain(Value):
-    """Results that one control law computed for another control law, whose gain or coefficient is `gain`."""
+    """Results of encounters in which the stored gain is replaced by another value."""
 
     columns: Columns
     gain: FloatArray
@@ -64,7 +64,7 @@ class _OtherGain(Value):
 
 
 class _Quantity:
-    """Attribute of a result, such as the contact time, whose value the object's `columns` provide on access."""
+    """Attribute of a result, such as the contact time, that looks up its value in `columns` on access."""
 
     __slots__ = ("name",)
 
@@ -225,7 +225,7 @@ class ContactResult(InNotebooks, Value):
         return gradients
 
     def with_gain(self, gain: ArrayLike) -> ContactResult:
-        """Return a copy of the result with another gain, for a law that uses another law to solve its encounters."""
+        """Return a copy of the result in which the gain has another value."""
         return ContactResult(_OtherGain(self.columns, np.asarray(gain, dtype=np.float64)), self.method)
 
     def to_dict(self) -> dict[str, Any]:

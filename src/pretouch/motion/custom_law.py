@@ -106,7 +106,7 @@ class CustomLaw(Value):
         method: str = "auto",
         horizon: float = 600.0,
     ) -> ContactResult:
-        """Compute the state at contact of encounters under the custom law by numerical integration."""
+        """Solve encounters under the custom law by numerical integration, and return their states at contact."""
         request = self._request(scenario, sensor, value, method, horizon)
         return _result(request, self._runs(request))
 

@@ -190,7 +190,7 @@ _ROUNDING: Final = 1e-9
 
 
 def solve_drag(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, *, horizon: float = _HORIZON) -> ContactResult:
-    """Compute the state at contact of encounters under a virtual drag [N s^2]."""
+    """Solve encounters under a virtual drag [N s^2], and return their states at contact."""
     return ContactResult(DragColumns(make_drag_request(scenario, sensor, drag, horizon)), "quadrature")
 
 

@@ -65,7 +65,7 @@ def find_contact(
     method: str = "auto",
     horizon: float = 600.0,
 ) -> ContactResult:
-    """Find the first contact of encounters, at zero distance as in L(21) and L(23), and the peak demands on the robot.
+    """Solve encounters until their first contact, which is at zero distance as in L(21) and L(23).
 
     The motion is that of L(1) with the virtual force L(2), of another law, or the uniform motion L(16)-(19). A distance
     that reaches zero and turns there, within 1e-12 of its terms, is a contact with l' = 0. A distance that only decays
@@ -117,7 +117,7 @@ def solve_motion(
     horizon: float = 600.0,
     samples: int = 200,
 ) -> Motion:
-    """Solve the motion equation L(1) with the virtual force L(2) or another law at sampled times until contact.
+    """Compute the motion L(1) of encounters at sampled times, under the virtual force L(2) or another control law.
 
     Args:
         scenario: one encounter or an array of encounters.

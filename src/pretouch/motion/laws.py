@@ -102,12 +102,12 @@ class ContinuousLaw(Protocol):
 
     @property
     def degree(self) -> int | None:
-        """The power of the log output's rate of change to which the virtual force is proportional, or None."""
+        """The exponent d if the virtual force is proportional to the d-th power of d(ln xi)/dt, otherwise None."""
 
     def contact(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, *, method: str = ..., horizon: float = ...
     ) -> ContactResult:
-        """Compute the state at contact of encounters, for one or several gains or coefficients of the law."""
+        """Solve encounters for one or several gains or coefficients of the law, and return their states at contact."""
 
     def motion(
         self,
@@ -147,7 +147,7 @@ class Damper:
         method: str = "auto",
         horizon: float = 600.0,
     ) -> ContactResult:
-        """Compute the state at contact of encounters under the virtual damper."""
+        """Solve encounters under the virtual damper, and return their states at contact."""
         request = make_request(scenario, sensor, value, method, horizon)
         return ContactResult(Solution(request), request.method)
 
@@ -231,7 +231,7 @@ class Drag:
         method: str = "auto",
         horizon: float = 600.0,
     ) -> ContactResult:
-        """Compute the state at contact of encounters under the virtual drag."""
+        """Solve encounters under the virtual drag, and return their states at contact."""
         from .drag import solve_drag  # noqa: PLC0415 - only drags need it
 
         _check_quadrature(method)

@@ -309,7 +309,7 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
 
 
 def _settling(request: Request) -> FloatArray:
-    """Return the distance at which each object would come to rest if it did not hit the robot before."""
+    """Return the distance at which each object would come to rest if contact did not end its motion."""
     r = request.relative
     has_spring, is_free = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
     rests = ((r.v == 0) | is_free) & (r.a == 0)

@@ -1,4 +1,4 @@
-"""Compute contacts or optimal gains over a grid of inputs, in parallel and with the option to resume."""
+"""Solve encounters or find optimal gains over a grid of inputs, in parallel and with the option to resume."""
 
 from .axes import Axes, Axis
 from .executors import Progress

@@ -1,4 +1,4 @@
-"""Define the function `sweep`, which solves or designs encounters over a grid of inputs."""
+"""Define the function `sweep`, which solves encounters or finds optimal gains over a grid of inputs."""
 
 from __future__ import annotations
 

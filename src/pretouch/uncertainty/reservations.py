@@ -322,10 +322,7 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
 
 
 def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> float:
-    """Return the log output at a distance.
-
-    For a drag, return the integral of the squared slope from the distance to the start.
-    """
+    """Return the log output at a distance, or for a virtual drag the integral of g^2 from there to the start."""
     # Degree 1: ln xi at the distance. Degree 2: the integral of g^2 from the distance to the start. Both within the
     # valid range.
     low, high = sensor.valid_range

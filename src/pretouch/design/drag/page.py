@@ -1,4 +1,4 @@
-"""Build the report of a design of the virtual drag."""
+"""Build the report on a virtual drag design."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Name, symbol and SI unit of a quantity that results report.
+    """Name, symbol and SI unit of a quantity, such as the contact time, that results report.
 
     Args:
         words: its name in words.

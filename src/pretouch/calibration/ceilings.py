@@ -229,7 +229,7 @@ class _Problem:
         return minimize_many(self.residuals, start, self.bounds(), tolerance=1e-8, most=40)
 
     def lanes(self, known_offset: OffsetEstimate | None) -> _Lanes:
-        """Fit one family of sensor curves for every saturation level and for several likely offsets."""
+        """Fit one family of sensor curves for every saturation level and for several likely sensor offsets."""
         if known_offset is None:
             first_fits = self.fit()
             offsets, priors = self._offsets_around(first_fits)

@@ -1,4 +1,4 @@
-"""Fit all sensor models to a calibration, rank the models by AICc, and judge the sensor."""
+"""Fit all sensor models to a calibration, rank the models by AICc, and judge whether the sensor is usable."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def rank_models(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> CalibrationReport:
-    """Fit all sensor models to the same readings, rank the models by AICc, and judge the sensor.
+    """Fit all sensor models to the same readings, rank the models by AICc, and judge if the sensor is usable.
 
     An invalid option raises `InvalidInputError`; a sensor without signal does not.
 

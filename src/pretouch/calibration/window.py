@@ -139,7 +139,7 @@ def find_window(
 
 
 def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
-    """Convert a sensor offset that the user declares, with or without standard error, to an estimate."""
+    """Convert a sensor offset that the user declares, with or without standard error, to an `OffsetEstimate`."""
     value, error = offset if isinstance(offset, (tuple, list)) else (offset, 0.0)
     value, error = float(finite(value, "offset")), float(nonnegative(error, "standard error of the offset"))
     reach = 1.959964 * error

@@ -118,7 +118,7 @@ def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray)
 
 
 def _bounded(slopes: FloatArray, secants: FloatArray) -> FloatArray:
-    """Limit slopes so that the cubic curve between readings is monotone."""
+    """Limit the slopes at the readings so that the cubic curve between the readings is monotone."""
     near, far = np.concatenate([secants[:1], secants]), np.concatenate([secants, secants[-1:]])
     size = _STEEPEST * np.minimum(np.abs(near), np.abs(far))
     same = np.sign(near) == np.sign(far)

@@ -1,4 +1,4 @@
-"""Find the optimal gain within its bounds and constraints."""
+"""Find the optimal gain that lies within its bounds and meets all constraints."""
 
 from __future__ import annotations
 

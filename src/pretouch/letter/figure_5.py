@@ -64,7 +64,7 @@ def reproduce(ran: Ran) -> Reproduction:
 
 
 def _reduction(curve: SensorModel, method: str) -> float:
-    """Return by how many percent the relative velocity at contact is lower than the obstacle's initial speed."""
+    """Return by how many percent the relative velocity at contact is below the obstacle's initial speed."""
     contact = find_contact(approach(), curve, EXPERIMENT_GAIN.value, method=method).contact
     return float(100 - 100 * contact.relative_velocity / approach().obstacle.velocity)
 

@@ -331,6 +331,6 @@ def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, re
 
 
 def _column(values: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return a quantity of several encounters as a column, or as a single number if all encounters share its value."""
+    """Return one value for each encounter as a column, or a single value if all encounters share it."""
     array = np.asarray(values, dtype=np.float64)
     return (array if array.size == 1 or array.ndim == 1 else np.broadcast_to(array, shape)).reshape(-1, 1)

@@ -233,7 +233,7 @@ class CurveError(InvalidInputError):
 
 @cache_by_curve(256)
 def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate the slope of a sensor curve by polynomials, on intervals that are halved until they fit.
+    """Approximate the slope of a sensor curve by polynomials, on intervals short enough for high accuracy.
 
     The curve is approximated between two valid distances [m].
 
@@ -332,7 +332,7 @@ def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> f
 
 
 def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> Iterator[tuple[float, bool]]:
-    """Yield increasing distances [m] up to which a sensor curve is approximated, and whether it continues.
+    """Yield increasing distances [m] up to which a curve is approximated, and whether the curve continues beyond.
 
     The curve starts at `low`.
 

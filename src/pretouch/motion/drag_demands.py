@@ -32,7 +32,7 @@ _CHANGE: Final[FloatArray] = legendre.legvander(legendre.leggauss(NODES)[0], NOD
 
 
 class DragRun(Protocol):
-    """Interface of encounters that were solved under the virtual drag."""
+    """Interface of an object with the solutions of several encounters under the virtual drag."""
 
     request: DragRequest
     path: DragPath

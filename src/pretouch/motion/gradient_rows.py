@@ -113,7 +113,7 @@ class GradientRows(Picklable):
         return np.asarray(damping / r.mass * self._solution.raw("time"))
 
     def _linear(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Compute derivatives by a closed form where one exists, and return which encounters remain."""
+        """Compute derivatives by a closed form where one exists, and return which encounters remain unsolved."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.slope
         r = request.relative
@@ -132,7 +132,7 @@ class GradientRows(Picklable):
         return np.asarray(pending & (status != 0))
 
     def _in_lanes(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Compute derivatives of many encounters at once by a Taylor-series solver; return which encounters remain."""
+        """Compute derivatives of many encounters by a Taylor-series solver, and return which remain unsolved."""
         request = self._solution.request
         curves = shared_curve(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(pending)

@@ -16,7 +16,7 @@ _HOME: Final = "pretouch."
 
 
 def sensor_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, type[SensorModel]]:
-    """Return the classes of sensor curves that files and fits can select by name.
+    """Return all classes of sensor curves that scenario files and fits can select by name.
 
     Args:
         fitted: return only curves that can be fitted to a calibration.

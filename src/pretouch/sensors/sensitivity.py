@@ -78,7 +78,7 @@ def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
 
 
 def _describes_own_curve(cls: type) -> bool:
-    """Return True if a class itself defines the parameter derivatives of its sensor curve, without inheritance."""
+    """Return True if a class defines the parameter derivatives itself and does not inherit them."""
     # A subclass that overrides `_log_slope` but not `_sensitivity_to` has a curve that the latter does not describe.
     first = {name: next(c for c in cls.__mro__ if name in vars(c)) for name in ("_sensitivity_to", "_log_slope")}
     return issubclass(first["_sensitivity_to"], first["_log_slope"])

@@ -107,7 +107,7 @@ class WitnessCheck(Value):
         return f"on {self.curves} curves that fit the readings, contact is at {low} to {high} ({fitted})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result of testing a gain on the readings as a dictionary for JSON, in SI units."""
+        """Return the result of testing a gain on several sensor curves as a dictionary for JSON, in SI units."""
         return {"is_supported": self.is_supported, **asdict(self)}
 
 

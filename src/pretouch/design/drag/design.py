@@ -1,4 +1,4 @@
-"""Choose the virtual drag phi that meets a required ratio of contact speed to approach speed, or a limit.
+"""Choose the virtual drag phi so that it meets a limit or a required ratio of contact to approach speed.
 
 No optimization is needed: ratio and excursion trade off along one curve, and each limit selects one point of it.
 """

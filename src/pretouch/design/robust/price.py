@@ -1,4 +1,4 @@
-"""Compute how much worse a robust gain is than the optimal gain for exactly known inputs."""
+"""Compute how much a robust gain loses compared with the optimal gain for an exactly known input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define chance constraints, which limit a quantity with a required probability."""
+"""Define chance constraints: limits that must be met with a required probability."""
 
 from __future__ import annotations
 

@@ -162,7 +162,7 @@ class PageSection(Value):
 
     @property
     def brief(self) -> bool:
-        """Whether terminal output contains at least one block of this section."""
+        """Whether terminal output contains at least one block of this report section."""
         return any(block.brief for block in self.blocks)
 
 

@@ -1,4 +1,4 @@
-"""Store the results of a sweep in memory or in a Zarr folder, so that it can be resumed.
+"""Store the results of a sweep in memory or in a Zarr folder, so that an interrupted sweep can be resumed.
 
 The data of a block are written first, each chunk atomically as a file. Then its entry in the ledger is written, a file
 of one byte. If the process is killed, only unfinished blocks are lost. A block with damaged data is computed

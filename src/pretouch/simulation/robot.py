@@ -51,7 +51,7 @@ class PlantModel(ABC):
     """Its name in a scenario file."""
 
     def system(self) -> Any:
-        """Return the `StateSpace` of a linear robot, which replaces all coefficients but the mass; else None."""
+        """Return the `StateSpace` of a linear robot, which replaces all coefficients except the mass, or None."""
         return None
 
     @abstractmethod

@@ -81,7 +81,7 @@ class StateSpace:
 
     @cached_property
     def steady(self) -> FloatArray:
-        """The states at x = 1 m at rest, and at x = 0 with x' = 1 m/s in steady motion, shape (n, 2)."""
+        """The steady states at the position x = 1 m, and at a velocity of 1 m/s at x = 0, with the shape (n, 2)."""
         a, b, c = self.arrays
         rest = _solved(a, c, -b[:, 0], 1.0, "a virtual object at rest")
         moving = _solved(a, c, rest - b[:, 1], None, "a virtual object of constant velocity")

@@ -38,7 +38,7 @@ _EXAMPLES: Final = {  # in the order of the help: two commands for each verb, an
 
 
 def _epilog(first: str, second: str, page: str) -> str:
-    """Return the last part of the help of a command: examples and the page of the documentation."""
+    """Return the last part of the help text of a command: examples and the page of the documentation."""
     return f"\b\nExamples:\n  pretouch {first}\n  pretouch {second}\n\n\b\nDocumentation: docs/{page}"
 
 
@@ -64,7 +64,7 @@ def _root(
 
 
 def _run() -> int:
-    """Run the command line, including help and usage errors, and return the exit status."""
+    """Run the command line, including help texts and usage errors, and return the exit status."""
     try:
         app(prog_name="pretouch")
     except SystemExit as ended:

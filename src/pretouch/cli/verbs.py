@@ -28,7 +28,7 @@ LoopSeed: TypeAlias = Annotated[int | None, option("NUMBER", "Seed of the noise;
 
 
 def _load(file: Path, activity: str) -> Task:
-    """Load a scenario file and print what is computed next."""
+    """Load a scenario file, and print which computation comes next."""
     from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     task = load_scenario(file)
@@ -37,7 +37,7 @@ def _load(file: Path, activity: str) -> Task:
 
 
 def _load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> Task:
-    """Load a scenario file with a sampled loop; the options --gain and --seed override the file."""
+    """Load a scenario file with a sampled loop; the options --gain and --seed override values in the file."""
     task = _load(file, activity)
     number = read_gain(gain, task.law)
     loop = task.loop if seed is None or task.loop is None else replace(task.loop, seed=seed)

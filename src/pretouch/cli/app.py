@@ -73,7 +73,7 @@ def _run() -> int:
 
 
 def main() -> None:
-    """Run the command line with the arguments of this process and exit with the resulting status."""
+    """Run the command line with the arguments of this process, and exit with the resulting status."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its idle threads would compete with ours for the cores
     gc.set_threshold(100_000)  # imported libraries leave no garbage, but collecting takes a tenth of the run
     try:

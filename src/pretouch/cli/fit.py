@@ -98,12 +98,12 @@ def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
 
 
 def _word_or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:
-    """Return a text unchanged if it is one of the allowed words; otherwise parse it."""
+    """Return an allowed word unchanged, and parse any other text."""
     return text if text in words else read(text, name=name)
 
 
 def _columns(text: str | None) -> dict[str, str]:
-    """Parse the option --columns, such as `distance=1,output=3 [V]`."""
+    """Parse the option --columns, such as `distance=1,output=3 [V]`, which selects columns of a table."""
     # A header may contain commas.
     if text is None:
         return {}

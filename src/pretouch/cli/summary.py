@@ -40,7 +40,7 @@ def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: S
 
 
 def _figures(page: Page) -> list[str]:
-    """Return a line of text for each of the first four key figures of a page."""
+    """Return one line of text for each of the first four key figures of a report page."""
     rows = []
     for name, cell in page.key_figures[:_FIGURES]:
         label, _, comparison = name.partition("; ")

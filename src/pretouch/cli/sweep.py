@@ -138,7 +138,7 @@ def _nominal(task: Task) -> Any:
 
 
 def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
-    """Parse the axes of a sweep from the command line."""
+    """Parse the sweep axes that the command line options define."""
     from pretouch.sweeps.axes import inputs_of, read_axis  # noqa: PLC0415
 
     contacts = task.gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)

@@ -76,7 +76,7 @@ def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
 
 
 def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
-    """Run a command and exit with its status; print an error as a message without traceback.
+    """Run a command and exit with its status; print errors as messages without traceback.
 
     With `json_wanted`, an error is also printed as a JSON object on stdout. Unexpected exceptions keep their traceback.
 
@@ -121,7 +121,7 @@ def guard_output(run: Callable[[], int]) -> int:
 
 
 class _OutputError(PretouchError, OSError):
-    """Error if standard output cannot be written.
+    """Error that is raised if standard output cannot be written.
 
     Examples are a full disk or a closed pipe.
     """

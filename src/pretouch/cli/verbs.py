@@ -148,7 +148,7 @@ def verify(
         bool, typer.Option("--changes/--no-changes", help="Search for the single change that would help most.")
     ] = True,
 ) -> None:
-    """Verify by simulation that a gain holds on the sampled loop of a scenario file (TOML).
+    """Verify by simulation that a gain meets its limits on the sampled loop of a scenario file (TOML).
 
     Simulates many encounters with sensor noise and the uncertain inputs of [uncertainty]; if the file names a
     calibration, also with all sensor curves that its readings allow. Prints a verdict, the predicted and the simulated
@@ -175,7 +175,7 @@ def reproduce(
         list[str] | None, typer.Argument(metavar="ID", help="What to reproduce; by default everything.")
     ] = None,
 ) -> None:
-    """Reproduce the tables and figures of the letter.
+    """Reproduce the tables and figures of the published letter.
 
     Compares every printed number with the computed one. Prints how many agree, the differences with their reasons, and
     contradictions between the letter's text and its equations. Writes letter-reproduction.html in this folder, a report

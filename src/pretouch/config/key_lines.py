@@ -60,7 +60,7 @@ class _Scan:
         return self.lines
 
     def header(self) -> KeyPath:
-        """Parse a section header `[a.b]` or `[[a.b]]` and return the path of the section."""
+        """Parse a section header `[a.b]` or `[[a.b]]`, and return the names in this header."""
         start = self.position
         double = self.text.startswith("[[", start)
         self.position += 2 if double else 1
@@ -136,7 +136,7 @@ class _Scan:
         self.position = match.end()
 
     def mark(self, path: KeyPath, position: int) -> None:
-        """Record the line number of a key."""
+        """Record the line number of a key of the TOML text."""
         self.lines.setdefault(path, bisect.bisect_right(self.starts, position))
 
 

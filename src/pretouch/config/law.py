@@ -50,7 +50,7 @@ def law_fields(
 
 
 def sampled_law(file: Reading) -> Law | None:
-    """Build the sampled form of a self-describing control law; its gain is 0 if the scenario file has none."""
+    """Build the sampled form of a control law with declared parameters; its gain is 0 if the file has none."""
     values, law = file.values("law"), file.make("law")
     if values is None or law is None:
         return None

@@ -136,7 +136,7 @@ AT_A_SPEED: Final = ("acceleration", "contact_speed", "impact_force")
 
 
 def law_section(law: Any) -> Section:
-    """Return the file section [law] for a self-describing control law, with its gain and its declared fields."""
+    """Return the description of the file section [law] for a control law that declares its parameters."""
     return described_section(law, {law.number.key: Key(gain_of(law))})
 
 

@@ -57,7 +57,7 @@ class AdmittanceCertificate(Value):
     active: tuple[tuple[str, float], ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the certificate as one JSON object."""
+        """Return the evidence for the optimum as one JSON object."""
         active = [{"name": name, "multiplier": multiplier} for name, multiplier in self.active]
         names = ("grid", "tests", "residual", "local_minima")
         return {**{name: getattr(self, name) for name in names}, "active": active}
@@ -122,7 +122,7 @@ class AdmittanceDesign(Answer):
 
     @property
     def scenario(self) -> Scenario:
-        """The encounter with the optimal admittance, or the task's encounter if there is no optimum."""
+        """The encounter with the optimal admittance; if there is no optimum, the encounter of the task."""
         return self.problem.task.scenario if self.gain_design is None else self.gain_design.scenario
 
     @property

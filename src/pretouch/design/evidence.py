@@ -251,7 +251,7 @@ class GainEvidence(Answer):
 
 
 def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
-    """Design gains by fast searches; return None if the result for a single encounter is uncertain."""
+    """Design gains by faster searches; return None if the result for a single encounter is uncertain."""
     if problem.task.scenario.shape:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()
@@ -268,7 +268,7 @@ def _search_one(problem: GainProblem) -> tuple[Any, Any, Any]:
 
 
 def _stationarity(problem: GainProblem, best: Minimum) -> float | None:
-    """Return the relative slope of the objective at an interior optimum, by a five-point difference."""
+    """Return the relative slope of the objective at an optimum between the bounds, by a five-point difference."""
     narrow = min(1e-2, 0.1 * (best.bracket[1] - best.bracket[0]))  # a sharp minimum has a narrow bracket
     step = narrow if problem.task.evaluate is None else 0.05  # wider than the ripples of a sampled loop
     f = problem.landscape(best.coordinate + step * np.array([-2.0, -1.0, 1.0, 2.0])).objective

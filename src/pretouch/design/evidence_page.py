@@ -29,7 +29,7 @@ _PLACES: Final = {
 
 
 def evidence_section(design: GainDesign) -> PageSection:
-    """Return the report section with the evidence that a gain is optimal."""
+    """Return the report section that shows why the gain is optimal."""
     certificate = design.certificate
     note = "The scan covers the whole range, so the optimum does not depend on a starting point."
     if solved_on(design) != "loop":

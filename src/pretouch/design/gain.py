@@ -81,7 +81,7 @@ class GainDesign(GainEvidence):
 
     @property
     def damping_at_contact(self) -> Any:
-        """The damping [N s/m] of the virtual force at contact, which is D_p g(0) for the virtual damper.
+        """The damping coefficient [N s/m] of the virtual force at contact, which is D_p g(0) for the virtual damper.
 
         For other laws, the damping dF/dl' at contact; NaN if the law does not give it.
         """

@@ -106,7 +106,7 @@ class ElasticImpact(ImpactModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpringImpact(ElasticImpact):
-    """Impact on a linear contact stiffness.
+    """Impact on a contact with constant stiffness.
 
     The peak force is F = |v| sqrt(mu k) at a speed v, from 1/2 mu v^2 = 1/2 F^2 / k with the reduced mass mu.
 

@@ -57,7 +57,7 @@ class Choice(Protocol):
 
     @property
     def scenario(self) -> Scenario:
-        """The encounter with its admittance."""
+        """The encounter for which the gain was designed, with its admittance."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -139,12 +139,12 @@ class GainProblem(Value):
 
     @property
     def is_continuous(self) -> bool:
-        """Whether the complete motion equations are solved in continuous time."""
+        """True if the complete motion equations are solved in continuous time."""
         return self.task.evaluate is None and self.task.method != "uniform-motion"
 
     @property
     def is_noisy(self) -> bool:
-        """Whether each encounter has different random noise, which depends on its position in the array."""
+        """True if each encounter has its own random noise, which depends on the encounter's position in the array."""
         return isinstance(self.task.evaluate, NoisyEvaluator)
 
     @property
@@ -256,7 +256,7 @@ class Answer(Described, Value):
 
     @property
     def impact(self) -> ImpactModel | None:
-        """The impact model with the masses of robot and obstacle, or None."""
+        """The impact model with the masses of robot and obstacle; None if the task has no impact model."""
         return self.problem.task.impact
 
     @property
@@ -266,5 +266,5 @@ class Answer(Described, Value):
 
     @property
     def on_evaluator(self) -> bool:
-        """Whether a function `evaluate`, such as a simulated loop (`ClosedLoop`), computed the encounters."""
+        """True if a function `evaluate` of the task, such as a simulated loop, computed the encounters."""
         return self.problem.task.evaluate is not None

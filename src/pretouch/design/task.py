@@ -167,7 +167,7 @@ class Task(ExplainsNames, InNotebooks, Value):
 
     @property
     def is_admittance_free(self) -> bool:
-        """Whether the design may change the natural frequency or the damping ratio."""
+        """True if the design may change the natural frequency or the damping ratio."""
         return self.natural_frequency is not None or self.damping_ratio is not None
 
     def stable_bounds(self) -> tuple[float, float]:

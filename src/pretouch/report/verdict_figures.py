@@ -109,7 +109,7 @@ def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
 
 
 class _Shown(NamedTuple):
-    """A run to draw, with its name, its style and its time series."""
+    """Time series of a run to draw, with the name and the line style of the run."""
 
     label: str
     style: int

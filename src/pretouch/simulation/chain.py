@@ -135,7 +135,7 @@ class SensorChain:
         return self.exposure / 2 + self.delay
 
     def numbers(self) -> tuple[float, ...]:
-        """Return the parameters of the sensor chain in the order of the compiled core."""
+        """Return the parameters of the sensor chain in the order that the compiled simulation expects."""
         # The structure is pretouch_chain in native/core/pretouch.h; booleans are 0 or 1.
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
@@ -324,7 +324,7 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
 
 
 def _waits(chain: SensorChain, period: float) -> tuple[float, float]:
-    """Return the longest and the shortest time [s] that a reading waits for the next controller step."""
+    """Return the longest and the shortest time [s] that a finished reading waits for the next controller step."""
     step = min(period, chain.period)  # a newer reading replaces one that still waits
     ratio = max(chain.period, period) / step
     deviation = abs(ratio - round(ratio))

@@ -126,7 +126,7 @@ class ClosedLoop:
 
     @property
     def continuous(self) -> ContinuousLaw | None:
-        """The law in continuous time that the controller samples; None if the controller has none."""
+        """The continuous-time law that the controller approximates; None if the controller has no such law."""
         own = getattr(getattr(self.law, "law", self.law), "continuous", None)
         return None if own is None else continuous_law(own)
 

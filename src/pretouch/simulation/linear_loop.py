@@ -65,7 +65,7 @@ class LinearLoop:
     modes: _Complex
 
     def response(self, angle: _Complex | FloatArray) -> _Complex:
-        """Return the open-loop frequency response P(z) from force to difference quotient of readings [m/(N s)].
+        """Return the open-loop frequency response P(z) [m/(N s)] from force to difference quotient of readings.
 
         It is evaluated at z = exp(i omega T).
 
@@ -84,7 +84,7 @@ class LinearLoop:
         return np.asarray(difference * out / self.timing.holding, dtype=np.complex128)
 
     def closed(self, damping: float) -> FloatArray:
-        """Return the state transition matrix of the closed loop over a period at the damping d [N s/m].
+        """Return the state transition matrix of the closed loop over one sensor period, with a damping d [N s/m].
 
         The state consists of the plant's state, the forces that still act, the last filtered reading and filter states.
         """
@@ -148,7 +148,7 @@ def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing
 
 
 def _exponentials(matrices: FloatArray) -> FloatArray:
-    """Return the exponentials of matrices, shape (k, n, n), by scaling and squaring of a Taylor series.
+    """Return the exponentials of k matrices of size n by n, by scaling and squaring of a Taylor series.
 
     exp(A) - 1 is squared, so that small entries stay accurate. SciPy's function takes longer, also to load.
     """
@@ -223,7 +223,7 @@ def _damping(candidate: tuple[LinearLoop, Crossover | None]) -> float:
 
 
 def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float) -> float:
-    """Return the spectral radius of the closed loop at a damping d [N s/m].
+    """Return the spectral radius of the closed loop with a virtual damping d [N s/m].
 
     The eigenvalue 1 of a `free` position is excluded.
 
@@ -239,7 +239,7 @@ def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float
 
 
 def _aliased_angle(mode: complex) -> float:
-    """Return the angle in [0, pi] at which a mode appears in the readings (aliasing)."""
+    """Return the angle in [0, pi] at which an oscillation appears in the sampled readings because of aliasing."""
     return abs(math.remainder(mode.imag, 2 * math.pi))
 
 
@@ -275,7 +275,7 @@ def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
 
 
 def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
-    """Return the angles at which the imaginary part of the open-loop response rises through zero."""
+    """Return the angles at which the imaginary part of the open-loop frequency response rises through zero."""
     # Only the angles of the smallest dampings are complete.
     rising = (
         _sign_changes(response)

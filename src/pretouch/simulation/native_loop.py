@@ -274,7 +274,7 @@ def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, floa
 
 @cache_by_curve(1024)  # the number of sensor samples of a robust design on a loop, or of a verdict
 def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
-    """Tabulate the log output ln xi so finely that cubic interpolation is accurate to 1e-12.
+    """Tabulate the log output ln xi densely enough for cubic interpolation with an error of 1e-12.
 
     Returns:
         Values of ln xi and its slopes times the step, shape (n, 2); the first distance and the step [m].

@@ -41,7 +41,7 @@ class SensorPart:
 
 @check_arguments
 def sensor_part(name: str) -> SensorPart:
-    """Look up a commercial sensor by its name.
+    """Return a commercial sensor, given its name.
 
     Args:
         name: a key of PARTS: "RPR-220", "VCNL4010", "VCNL4040", "VL53L5CX-4x4" or "VL53L5CX-8x8".

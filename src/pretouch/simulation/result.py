@@ -125,7 +125,7 @@ _COURSE: Final = 8192  # steps in contact that a trace records: about fifty rebo
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LoopTrace(Value):
-    """Time series of one simulated run, with one element per controller step.
+    """Time series of one simulated run, with one value per controller step.
 
     Each array has the shape (n,).
 
@@ -226,7 +226,7 @@ class SimulationResult(Value):
 
     @property
     def touched(self) -> BoolArray:
-        """Which of the simulated runs reached contact."""
+        """Return which of the simulated runs ended in contact."""
         return np.asarray(self.columns["status"] == ContactStatus.CONTACT)
 
     def trace(self, index: int | tuple[int, ...] = ()) -> LoopTrace:

@@ -56,7 +56,7 @@ class PlantModel(ABC):
 
     @abstractmethod
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
+        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
         # The order is m, k, d_v, d_x, m_f, rate of the servo (0: no lag), Coulomb friction, friction speed.
 
     def rows(self) -> Iterator[Row]:
@@ -78,7 +78,7 @@ class IdealPlant(PlantModel):
     kind: ClassVar[str] = "ideal"
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
+        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
         return (0.0,) * len(COEFFICIENTS)
 
     def rows(self) -> Iterator[Row]:
@@ -128,7 +128,7 @@ class ImpedancePlant(PlantModel):
             )
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
+        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
         rate = 0.0 if math.isinf(self.bandwidth) else 2 * math.pi * self.bandwidth
         own_damping = self.damping + (self.viscous_friction if rate == 0 else 0.0)
         ahead = self.mass if self.feedforward else 0.0
@@ -151,7 +151,7 @@ class ImpedancePlant(PlantModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionPlant(PlantModel):
-    """A position-controlled robot, which follows the virtual object with a second-order lag.
+    """A position-controlled robot, which follows the virtual object with second-order dynamics.
 
     The equation of motion is x'' = w^2 (x_v - x) - 2 zeta w x'.
 
@@ -181,7 +181,7 @@ class PositionPlant(PlantModel):
             )
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
+        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
         omega = 2 * math.pi * self.bandwidth
         return (self.mass, self.mass * omega**2, 0.0, 2 * self.damping_ratio * omega * self.mass, 0.0, 0.0, 0.0, 1.0)
 
@@ -202,7 +202,7 @@ PLANT_KINDS: Final = Extensions(
 
 
 def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, ...]) -> tuple[float, ...]:
-    """Return the numbers of a robot model or contact model after checking that they are finite."""
+    """Return the parameters of a robot model or contact model after checking that they are finite numbers."""
     if len(values) != len(names) or not all(map(math.isfinite, values)):
         raise InvalidInputError(
             f"{type(model).__name__}: found {values}, expected {len(names)} finite numbers: {', '.join(names)}"
@@ -251,7 +251,7 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
 
 
 def plant_step(plant: PlantModel, period: float) -> float:
-    """Return the integration step of a robot model [s], an integer fraction of the controller's period."""
+    """Return the integration step of a robot model [s], which divides the controller period into equal parts."""
     mass, stiffness, _, own_damping, _, servo, coulomb, friction_speed = plant.coefficients()
     if mass == 0:
         return period

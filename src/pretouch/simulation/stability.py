@@ -85,7 +85,7 @@ class GainLimit(Value):
 
     @property
     def critical_distance(self) -> float:
-        """The distance [m] at which the strongest stable gain is smallest in magnitude."""
+        """The distance [m] at which the magnitude of the strongest stable gain is smallest."""
         return float(self.distance[np.abs(self.gain).argmin()])
 
     def allowed(self, margin: float = 2.0) -> float:
@@ -120,7 +120,7 @@ class GainLimit(Value):
 
 
 def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
-    """Return distances from contact to the farthest start [m], within the valid range of the sensor."""
+    """Return distances [m] from contact to the farthest start, within the usable range of the sensor."""
     low, high = sensor.valid_range
     first = max(low, 0.0)
     return np.linspace(first, max(min(farthest, high), first), _PLACES)

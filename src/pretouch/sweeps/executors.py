@@ -92,7 +92,7 @@ _TRIAL: Final = 32  # a chunk is 32 times as large as the trial that measures th
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlockRecord:
-    """Number of encounters in a block of a sweep, and the time spent on the block.
+    """Number of encounters in a block of a sweep, and the time for computing and writing this block.
 
     Args:
         encounters: number of encounters.

@@ -171,7 +171,7 @@ def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
 
 
 def _check_values(plan: Plan) -> None:
-    """Check all values of the axes before the sweep starts."""
+    """Check all input values of a sweep before the sweep starts."""
     scenario = plan.task.scenario
     first = {n: float(v[0]) for axis in plan.axes for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS}
     positions = {name: first[name] for name in ("obstacle.position", "plant.position") if name in first}

@@ -86,7 +86,7 @@ class Store:
         return self.finished()
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a part of the grid, which must consist of whole chunks."""
+        """Store the results of a part of the grid; this part must consist of whole chunks."""
         for name, column in columns.items():
             self._arrays[name][region] = column
 
@@ -95,7 +95,7 @@ class Store:
         self._arrays[LEDGER][block] = 1
 
     def dataset(self) -> xr.Dataset:
-        """Return all results of the sweep as a dataset."""
+        """Return all results of the sweep as an xarray dataset."""
         return make_dataset(self.plan, {name: a for name, a in self._arrays.items() if name != LEDGER})
 
 
@@ -182,7 +182,7 @@ class ZarrStore(Store):
         return bool(np.isin(codes, meanings).all())
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a part of the grid, which must consist of whole chunks."""
+        """Store the results of a part of the grid; this part must consist of whole chunks."""
         with self._explaining():
             super().write(region, columns)
 
@@ -310,7 +310,7 @@ def remove_unused(path: Path) -> bool:
 
 @contextmanager
 def in_use(path: Path) -> Iterator[bool]:
-    """Lock a folder against removal by other processes; yield False if the folder no longer exists."""
+    """Protect a folder against removal by other processes; yield False if the folder no longer exists."""
     lock = _locked(path, exclusive=False)
     try:
         yield lock is not None
@@ -323,7 +323,7 @@ _NO_LOCKS: Final = -1  # instead of a lock, on systems without locks
 
 
 def _locked(path: Path, *, exclusive: bool) -> int | None:
-    """Lock a folder, exclusively or shared; return None if the lock is not available."""
+    """Lock a folder for one process or for several processes; return None if the lock is not available."""
     if sys.platform == "win32":
         return _NO_LOCKS if path.exists() else None
     try:

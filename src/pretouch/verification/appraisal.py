@@ -95,7 +95,7 @@ class Draws:
 
 
 def draw_encounters(task: Task) -> Draws:
-    """Draw independent random encounters, using the seed of the loop."""
+    """Sample independent random encounters, using the random seed of the loop."""
     # Exact confidence bounds need independent encounters.
     if not task.uncertainty:
         obstacle = task.scenario.obstacle
@@ -127,7 +127,7 @@ class Requirement(NamedTuple):
 
     @property
     def is_met(self) -> bool:
-        """Whether enough runs meet the condition."""
+        """True if enough runs meet the condition."""
         return self.standing >= 1 - _ROUNDING
 
 

@@ -90,7 +90,7 @@ class CalibrationCheck(Value):
 
     @property
     def text(self) -> str:
-        """The result of the check in sentences."""
+        """A few sentences that summarize the calibration check."""
         if self.is_good_enough:
             kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
             wider = "" if self.witness is None else f", in continuous time: {self.witness.text}"

@@ -49,7 +49,7 @@ def compare_quantities(
     runs: tuple[SimulationResult, SimulationResult],
     foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
-    """Compare simulated and predicted quantities of contact, with the gain and without mitigation."""
+    """Compare simulated and predicted contact quantities, with the gain and without mitigation."""
     contact, impact = task.loop.contact, foreseen_impact(task)
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
     if contact is not None and any(np.any(r.peak_force > (1 + _ROUNDING) * r.impact_force) for r in runs):
@@ -107,7 +107,7 @@ def _source_of(name: str, loop: ClosedLoop) -> str:
 
 
 def check_reached(result: SimulationResult, predicted: BoolArray, confidence: float) -> Reached:
-    """Return how many runs end in contact, compared with the prediction in continuous time."""
+    """Return how many simulated runs end in contact, compared with the prediction in continuous time."""
     expected, came = int(predicted.sum()), int(result.touched[predicted].sum())
     return Reached(
         predicted=float(predicted.mean()),

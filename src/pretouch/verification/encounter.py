@@ -93,7 +93,7 @@ Row = tuple[Cell, ...]
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SimulatedEncounter(Described, Value):
-    """Result of `simulate_encounter`: simulated and predicted encounter, with the gain and without mitigation.
+    """Result of `simulate_encounter`: one encounter, simulated and predicted, with the gain and without mitigation.
 
     Comparisons are computed when they are first read.
 
@@ -246,7 +246,7 @@ class SimulatedEncounter(Described, Value):
         return bool(self.has_contact_force and run.touched and run.peak_force > _PUSH * run.impact_force)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the encounter as one JSON object, in SI units and without time series."""
+        """Return the results of the encounter as one JSON object in SI units, without time series."""
         loop = self.loop
         fields: dict[str, Any] = plain(
             {

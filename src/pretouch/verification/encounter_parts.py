@@ -50,12 +50,12 @@ class QuantityComparison(Value):
 
     @property
     def values(self) -> tuple[float | None, ...]:
-        """The four compared values: simulated and predicted, each with the gain and without mitigation."""
+        """The four compared values: simulated and predicted, with the gain and without mitigation."""
         return self.loop, self.predicted, self.loop_unmitigated, self.predicted_unmitigated
 
     @property
     def is_empty(self) -> bool:
-        """Whether none of the four compared values is available."""
+        """True if none of the four compared values is available."""
         return all(value is None for value in self.values)
 
     @property

@@ -117,7 +117,7 @@ class LoopChange(Value):
 
 
 class Verified(NamedTuple):
-    """The verified gain with its prediction, simulated results and stability."""
+    """The verified gain with its predicted contact, its simulated runs and its stability."""
 
     gain: float  # such as D_p [N s]
     predicted: ContactResult  # the nominal encounter with the gain in continuous time
@@ -245,13 +245,13 @@ class _Search:
 
     @property
     def nearest(self) -> float | None:
-        """The tried gain with the highest score; None if no gain was tried."""
+        """The tried gain with the best score; None if no gain was tried."""
         tried = sorted(self.tried.values())
         return max(tried, key=lambda one: (one.standing, -one.objective)).gain if tried else None
 
     @property
     def curve(self) -> LoopCurve:
-        """The results of all tried gains, in the order of the gain."""
+        """The results of all tried gains, sorted by the gain."""
         columns = np.array(sorted(self.tried.values()), dtype=np.float64).reshape(-1, len(_Tried._fields)).T
         gain, objective, standing, share, _ = columns
         runs = self.problem.draws.compared

@@ -238,7 +238,7 @@ class Verdict(Described, Value):
 
     @property
     def law(self) -> ContinuousLaw:
-        """The law in continuous time that the controller samples."""
+        """The continuous-time control law that the controller approximates."""
         return self.design.problem.task.law
 
     @property

@@ -70,7 +70,7 @@ class StabilityCheck(Value):
 
     @property
     def critical_distance(self) -> float:
-        """The distance [m] at which the strongest stable gain is smallest in magnitude."""
+        """The distance [m] at which the magnitude of the strongest stable gain is smallest."""
         return self.limit.critical_distance
 
     @property

@@ -88,7 +88,7 @@ def why_no_drag(scenario: Scenario) -> str:
 
 
 def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
-    """Return the drag coefficient [N s^2] with a required effect, and the approach speed [m/s] up to which it holds."""
+    """Return the drag [N s^2] with a required effect, and the largest approach speed [m/s] with this effect."""
     speed = effect.largest_speed or -float(task.scenario.relative_velocity)
     mass, distance = float(task.scenario.admittance.mass), float(task.scenario.distance)
     drag, kept = replace(effect, largest_speed=speed).drag(task.sensor, distance, mass, task.impact)

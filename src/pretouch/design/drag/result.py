@@ -103,16 +103,16 @@ class DragDesign(Described, Value):
 
     @property
     def result(self) -> ContactResult:
-        """The predicted motion of the task's encounter under the designed drag."""
+        """The predicted motion of the task's encounter with the designed drag."""
         return DRAG.contact(self.scenario, self.sensor, self.drag, horizon=self.designed_task.horizon)
 
     @property
     def holds(self) -> bool:
-        """Whether the task's encounter ends in contact and meets every limit, except limits of the gain D_p."""
+        """True if the encounter of the task ends in contact and meets every limit, except limits of the gain D_p."""
         return bool(self.result.reached) and all(map(self.keeps, self.designed_task.limits))
 
     def keeps(self, limit: Constraint) -> bool:
-        """Return True if the task's encounter meets a limit, apart from rounding errors."""
+        """Return True if the encounter of the task meets a limit, apart from rounding errors."""
         if limit.quantity == "gain":
             return True
         return bool(limit.magnitude(self.result.end, self.designed_task.impact) <= limit.limit * (1 + ROUNDING))
@@ -148,19 +148,19 @@ class DragDesign(Described, Value):
         return PREMISES
 
     def contact_speed(self, speed: ArrayLike) -> Any:
-        """Return the contact speed [m/s] of an object with a constant approach speed [m/s]."""
+        """Return the contact speed [m/s] of an object that approaches with a constant speed [m/s]."""
         return self.ratio * nonnegative(speed, "speed", "m/s")
 
     def acceleration(self, speed: ArrayLike) -> Any:
-        """Return the largest acceleration [m/s^2] of the plant for a constant approach speed [m/s]."""
+        """Return the largest acceleration [m/s^2] of the robot if an object approaches with a constant speed [m/s]."""
         return self.peak * np.square(nonnegative(speed, "speed", "m/s"))
 
     def time(self, speed: ArrayLike) -> Any:
-        """Return the time from detection to contact [s] for a constant approach speed [m/s]."""
+        """Return the time [s] from detection to contact for an object that approaches with a constant speed [m/s]."""
         return (self.detection_distance + self.excursion) / positive(speed, "speed", "m/s")
 
     def contact_speed_bound(self, speed: ArrayLike, acceleration: ArrayLike) -> Any:
-        """Return an upper bound of the contact speed for objects of limited acceleration toward the plant.
+        """Return an upper bound of the contact speed for objects whose acceleration toward the robot is limited.
 
         It is the contact speed of an object that always has the largest acceleration. The bound also holds for an
         object that turns around within the detection distance and returns.

@@ -52,7 +52,7 @@ _BOUND: Final = (
 
 
 def front_page(front: ParetoFront) -> Page:
-    """Return the report page of a Pareto front."""
+    """Return the report page that shows a Pareto front."""
     method = "No point is feasible." if front.result is None else front.result.method
     return Page(
         kind="Pareto front of preemptive impact mitigation",

@@ -29,7 +29,7 @@ _PULL: Final = 1e-3  # weight of the other quantities while one is minimized: it
 # quantities together. Searches that start between neighbors fill the gaps. Finally the front is tested on independent
 # encounters; those that are better than the front become further starting points.
 def find_front(trials: Trials) -> FoundFront:
-    """Find the Pareto front over all free parameters; the front is empty if no point is feasible."""
+    """Find the Pareto front over all free parameters; the front is empty if no search point is feasible."""
     grid = trials.freedom.lattice(_GAINS)
     grid_values = trials.values(grid)
     best = np.flatnonzero(non_dominated(grid_values))
@@ -142,7 +142,7 @@ class _FrontPoints:
 
 
 def _spread(points: FloatArray, count: int) -> list[int]:
-    """Choose a few points that lie far apart from each other."""
+    """Choose a few points that lie far apart, and return the indices of these points."""
     chosen = [int(points.sum(axis=1).argmin())]
     apart = np.abs(points - points[chosen[0]]).max(axis=1)
     while len(chosen) < min(count, len(points)):

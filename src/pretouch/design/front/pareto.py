@@ -171,7 +171,7 @@ class _FrontPointMaker:
         self.extent = extent_of(front.values)
 
     def ends(self, at: FloatArray) -> tuple[FrontPoint, ...]:
-        """Return the ends of the Pareto front: the points with the smallest value of each quantity."""
+        """Return the end points of the Pareto front, each with the smallest value of one quantity."""
         if not len(at):
             return ()
         least = [self.trials.freedom.choice(at[i]) for i in np.argmin(self.front, axis=0)]

@@ -75,7 +75,7 @@ class PhysicalBound(Value):
 
     @property
     def least_contact_speed(self) -> Any:
-        """The smallest possible contact speed [m/s], for each limit of the acceleration."""
+        """The smallest possible contact speed [m/s] for each limit of the robot's acceleration."""
         a, limit, v, room = self.acceleration, np.asarray(self.acceleration_limit), self.velocity, self.distance
         free = np.sqrt(np.maximum(v**2 - 2 * (limit + a) * room, 0.0))
         if math.isinf(self.speed_limit):
@@ -196,7 +196,7 @@ def why_no_bound(scenario: Scenario) -> str:
 
 
 def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
-    """Return the time that a uniformly accelerated object needs for a distance; infinite if never reached."""
+    """Return the time in which a uniformly accelerated object covers a distance; infinite if it never does."""
     # It solves distance + velocity t + acceleration t^2 / 2 = 0 for a velocity below 0.
     square = np.asarray(velocity**2 - 2 * acceleration * distance)
     with np.errstate(invalid="ignore"):

@@ -60,7 +60,7 @@ class FrontPoint(Value):
     result: ContactResult
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the point as one JSON object, in SI units."""
+        """Return parameters and quantities of the point as one JSON object, in SI units."""
         names = ("name", "gain", "natural_frequency", "damping_ratio", "distance_to_front", "feasible", "depth")
         document = {name: getattr(self, name) for name in names}
         return {**document, **self.values, **({} if self.bound is None else self.bound.to_dict())}
@@ -154,7 +154,7 @@ class ParetoFront(Answer):
 
     @property
     def headline(self) -> str:
-        """The result of the search in one sentence."""
+        """A summary of the search for the Pareto front in one sentence."""
         names = [self.number.entry(name).short for name in self.quantities]
         traded = f"{', '.join(names[:-1])} and {names[-1]}"
         if self.status is FrontStatus.INFEASIBLE:

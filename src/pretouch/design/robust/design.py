@@ -104,7 +104,7 @@ def design_robust_gain(task: Task) -> RobustDesign:
 
 
 def _with_defaults(task: Task) -> Task:
-    """Check a robust design task and fill in the default values of its options."""
+    """Check the task of a robust design, and return the task with default values for missing options."""
     options = task.robust
     measure = checked_measure(Expected() if options.measure is None else options.measure)
     limits = limits_of(task.constraints)

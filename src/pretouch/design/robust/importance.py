@@ -31,7 +31,7 @@ _FEWEST: Final = 4 * _PARTS
 # inputs. If encounters have noise, the noise is one more input: B has other noise than A.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputImportance(Value):
-    """Share of one uncertain input in the variance of the objective (Sobol indices).
+    """Share of one uncertain input in the variance of the objective, as Sobol indices.
 
     Args:
         name: the input, the name of several inputs that were estimated together, or "noise".

@@ -123,7 +123,7 @@ def _findings(v: Validation) -> Iterator[str]:
 
 
 def robust_page(design: RobustDesign) -> Page:
-    """Return the report page of a robust design."""
+    """Return the report page of a design for uncertain encounters."""
     advice, v = _ADVICE.get(design.status), design.validation
     premise = Paragraph(
         text="The gain is optimal for a sample average with common samples. The distributions of the inputs are "

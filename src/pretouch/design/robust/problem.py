@@ -46,7 +46,7 @@ class RobustProblem(GainProblem):
 
     @property
     def measure(self) -> Measure:
-        """The risk measure of the objective over all encounters."""
+        """The risk measure, such as the mean, that combines the objectives of all encounters."""
         return self.task.robust.measure or Expected()
 
     @property

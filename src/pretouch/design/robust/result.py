@@ -120,7 +120,7 @@ class RobustDesign(Answer):
 
     @cached_property
     def trade_off(self) -> RobustTradeOff:
-        """The risk measure as a function of the gain, including the robust and the nominal gain."""
+        """The risk measure of the objective for many gains, including the robust gain and the nominal gain."""
         axis, u, landscape = self.problem.axis, self.scan.coordinate, self.scan.landscape
         value, feasible = landscape.objective, landscape.feasible
         gains = [axis.gain(u[0]), *(g for g in (self.gain, self.nominal_gain) if g is not None)]

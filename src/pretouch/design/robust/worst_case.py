@@ -30,7 +30,7 @@ _STEP: Final = 1e-4  # step of differences that replace a gradient, as a share o
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstEncounter(Value):
-    """The worst possible encounter at a gain, with an upper bound of its objective.
+    """The worst possible encounter with one gain, with an upper bound of its objective.
 
     Args:
         inputs: the inputs of the encounter by name, in SI.

@@ -113,7 +113,7 @@ def _if_feasible(trials: Trials, at: FloatArray) -> FloatArray | None:
 
 
 def kkt_residual(trials: Trials, at: FloatArray, weights: FloatArray) -> tuple[float, tuple[str, ...], FloatArray]:
-    """Return the residual of the first-order optimality conditions (Karush, Kuhn and Tucker) at a point.
+    """Return by how much a point violates the first-order optimality conditions (Karush, Kuhn and Tucker).
 
     The multipliers are the nonnegative least-squares solution, independent of the search.
 

@@ -82,7 +82,7 @@ class Landscape(Value):
 
     @property
     def reached(self) -> BoolArray:
-        """Whether the encounter ends in contact, at each value of the search variable."""
+        """An array with True for values of the search variable that result in contact."""
         return np.isfinite(self.objective)
 
     @property
@@ -93,7 +93,7 @@ class Landscape(Value):
 
     @property
     def feasible(self) -> BoolArray:
-        """Whether the encounter ends in contact and meets every constraint, at each value of the search variable."""
+        """An array with True for values of the search variable that result in contact and meet every constraint."""
         return self.reached & (self.worst_ratio <= HELD)
 
     @property

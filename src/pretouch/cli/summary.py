@@ -55,7 +55,7 @@ def _figures(page: Page) -> list[str]:
 
 
 def _fitting(paragraphs: Sequence[Sequence[str]], room: int, findings: int) -> list[str]:
-    """Return the first paragraphs that fit into a number of lines, and a last line with the number of omitted ones."""
+    """Return the first paragraphs that fit into a number of lines; the last line counts the omitted paragraphs."""
     lines: list[str] = []
     for i, paragraph in enumerate(paragraphs):
         rest = len(paragraphs) - i - 1

@@ -53,7 +53,7 @@ class ConstraintOutcome(Value):
 
     @property
     def achievable(self) -> bool:
-        """True if some gain within the bounds meets this constraint, without regard to other constraints."""
+        """True if some gain within the bounds meets this constraint, even if the gain violates other constraints."""
         return self.best_value is not None and self.best_value <= self.limit
 
     def to_dict(self) -> dict[str, Any]:

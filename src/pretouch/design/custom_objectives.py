@@ -72,7 +72,7 @@ class CustomObjective(Objective):
         return np.broadcast_to(numbers, np.shape(state.time))
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return the terms of a user-defined objective by quantity; empty if their sum differs from the objective."""
+        """Return the contribution of each quantity to a user-defined objective; empty if the sum is inconsistent."""
         if not _declares_parts(self.given):
             return {}
         parts: Mapping[str, Any] = self.given.parts(state, obstacle_speed, impact)

@@ -184,7 +184,7 @@ class GainEvidence(Answer):
 
     @_part
     def place(self) -> str:
-        """The position of the optimum: inside the range, on a bound, or where contact ceases to occur."""
+        """The position of the optimum: inside the range of gains, on a bound, or at the edge of contact."""
         if self.settled is not None or not self.minima or not self.minima[0].edge:
             return "interior"
         best = self.minima[0]
@@ -229,7 +229,7 @@ class GainEvidence(Answer):
         return gain_sensitivities(p, self.gain, self.place)
 
     def _is_smooth(self) -> bool:
-        """Return True if the objective of a user-defined evaluator is smooth enough for finite differences."""
+        """Return True if the objective is smooth enough for derivatives by finite differences."""
         slope = _stationarity(self.problem, self.minima[0]) if self.minima else None
         return slope is not None and slope < _SMOOTH
 

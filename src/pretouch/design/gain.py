@@ -70,7 +70,7 @@ class GainDesign(GainEvidence):
 
     @property
     def objective_parts(self) -> dict[str, float]:
-        """The terms whose sum is the objective, by quantity; empty if there is no optimum.
+        """The contribution of each quantity to the objective; empty if there is no optimum.
 
         A user-defined objective declares its parts by a method `parts`; empty if they do not add up to its value.
         """

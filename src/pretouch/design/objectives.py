@@ -50,7 +50,7 @@ class Term:
             raise InvalidInputError("scale: found 0, expected a typical value other than 0")
 
     def scale_for(self, obstacle_speed: Any) -> Any:
-        """Return the number by which a term divides its quantity, in SI units, such as the obstacle's speed [m/s]."""
+        """Return the scale that normalizes a quantity in the objective, such as the obstacle's speed [m/s]."""
         if not isinstance(self.scale, str):
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
@@ -104,7 +104,7 @@ class Objective:
         return np.asarray(sum(self.parts(state, obstacle_speed, impact).values()), dtype=np.float64)
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return, for each quantity, the sum of the objective's terms that contain this quantity."""
+        """Return the contribution of each quantity to the objective, that is, the sum of its terms."""
         parts: dict[str, Any] = {}
         for term in self.terms:
             part = term.value(state, obstacle_speed, impact)

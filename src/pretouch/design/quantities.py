@@ -144,5 +144,5 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
 
 
 def size_of(name: str, value: Any) -> Any:
-    """Return the value that limits and Pareto fronts use for a quantity: its magnitude, or its value with the sign."""
+    """Return the number that is compared with the limit of a quantity: its magnitude, or its signed value."""
     return np.abs(value) if QUANTITIES[name].is_magnitude else np.asarray(value)

@@ -261,7 +261,7 @@ class LoopTiming:
 
     @property
     def holding(self) -> float:
-        """The time [s] for which the virtual force acts that the controller computes from two readings."""
+        """The time [s] for which the controller applies a virtual force that it computed from two readings."""
         return self.period if self.hold is None else self.hold
 
     @property

@@ -131,7 +131,7 @@ class ClosedLoop:
         return None if own is None else continuous_law(own)
 
     def after(self, runs: int) -> ClosedLoop:
-        """Return the same loop with the sensor noise of later runs."""
+        """Return a copy of the loop that skips the random noise of the first runs."""
         # The noise of the first encounter is shifted by `runs`.
         return replace(self, first_run=self.first_run + runs)
 

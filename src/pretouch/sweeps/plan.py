@@ -195,7 +195,7 @@ def _check_values(plan: Plan) -> None:
 
 
 def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
-    """Return the task for one point of the grid, for inputs whose values cannot be passed as arrays."""
+    """Return the task at one point of the sweep grid, for inputs whose values cannot be passed as arrays."""
     for axis, i in zip(axes, index, strict=True):
         for name, values in axis.columns.items():
             if name not in ENCOUNTER_INPUTS:

@@ -186,7 +186,7 @@ class LoopOutcomes:
 
 
 def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
-    """Return whether a gain meets the requirements, from limits, contact speed and gain margin alone."""
+    """Return the status of a gain, such as `holds`, from limits, contact speed and gain margin alone."""
     # Prediction, sensor speed and calibration are ignored.
     effect, margin = outcomes.effect, outcomes.margin
     if not outcomes.is_kept or outcomes.stable < 1:

@@ -32,7 +32,7 @@ _LEAST_SPEED: Final = 1e-9  # m/s: smaller speeds are not divided by
 
 
 class VerdictStatus(StrEnum):
-    """Answer of `pretouch verify`: holds, holds narrowly, does not hold, or no gain."""
+    """Status of a verified gain: holds, holds narrowly, does not hold, or no gain."""
 
     HOLDS = "holds"
     HOLDS_NARROWLY = "holds-narrowly"
@@ -41,7 +41,7 @@ class VerdictStatus(StrEnum):
 
     @property
     def meaning(self) -> str:
-        """A sentence that explains the meaning of the answer."""
+        """A sentence that explains the status of the verified gain."""
         return {
             VerdictStatus.HOLDS: "Every limit was met as often as required, every predicted contact happened, and the "
             "gain margin is at least 2.",

@@ -194,7 +194,7 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def headline(self) -> str:
-        """A summary of the simulated contact in one or two sentences, compared with prediction and no mitigation."""
+        """A summary of the simulated contact, compared with the prediction and with contact without mitigation."""
         compared = self.comparison("relative_velocity"), self.comparison("time")
         grows = self.grows_after_impact if self.has_contact_force else None
         return headline_of(self.run, self.unmitigated, self.prediction, compared, grows)

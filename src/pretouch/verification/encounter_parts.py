@@ -280,7 +280,7 @@ def headline_of(
     compared: tuple[QuantityComparison, QuantityComparison],
     grows: bool | None,
 ) -> str:
-    """Return a sentence on speed and time of a simulated contact, compared with prediction and no mitigation."""
+    """Return a sentence that compares a simulated contact with the prediction and with contact without mitigation."""
     text = _loop_clause(run, free)
     if predicted is None:
         text += "; no prediction, because the obstacle has a course"

@@ -21,7 +21,7 @@ _ROUNDING: Final = 1e-9  # relative rounding error of a speed
 
 
 def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
-    """Return the answer of a verification, and the reasons why it is not `holds`, most serious first."""
+    """Return the status of a verified gain, and the reasons why it is not `holds`, most serious first."""
     missed, narrow = list(_failures(v)), list(_narrow_reasons(v))
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
@@ -29,7 +29,7 @@ def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
 
 
 def no_gain_with_margin(design: GainDesign, rate: float) -> str:
-    """Return a message on why no gain has the required margin, with the sensor rate that would give this margin."""
+    """Return a message that no gain has the required gain margin, with the sensor rate that would be needed."""
     task, free = design.problem.task, design.without_margin
     optimum = design.number.equals(0.0 if free is None else free.gain)
     if math.isinf(rate):
@@ -89,7 +89,7 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _harder(effect: Effect) -> str:
-    """Return text on how much harder contact is with the gain, on average or in how many runs."""
+    """Return text that says by how much, or in how many runs, the gain makes contact harder."""
     if effect.difference <= 0:
         return f" in {effect.harder_count} of {effect.runs} runs"
     speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))

@@ -99,7 +99,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
 
 
 def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
-    """Return all fields of the verification result except the answer and the reasons for the answer."""
+    """Return all fields of the verification result except the status of the gain and the reasons for this status."""
     loop, sensor = task.loop, task.sensor
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)

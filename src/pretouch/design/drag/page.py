@@ -102,7 +102,7 @@ def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
 
 
 def letters_optimum(design: DragDesign) -> GainDesign | None:
-    """Design the optimal gain of the published virtual damper for the same encounter as a virtual drag.
+    """Design the optimal gain of the virtual damper for the encounter of a drag design.
 
     Args:
         design: the drag of a task.

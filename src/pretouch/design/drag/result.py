@@ -80,7 +80,7 @@ class DragDesign(Described, Value):
 
     @property
     def gain(self) -> Any:
-        """The drag coefficient phi [N s^2] under the name `gain`, which all design results share."""
+        """The drag coefficient phi [N s^2], called `gain` as in all other design results."""
         return self.drag
 
     @property

@@ -115,7 +115,7 @@ class PhysicalBound(Value):
         return float_or_array(np.where(in_time, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
-        """Return the time [s] until contact at a contact speed with the smallest excursion; NaN if impossible."""
+        """Return the time [s] until contact if the robot retreats by the smallest excursion; NaN if impossible."""
         return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:

@@ -57,7 +57,7 @@ _MOST_RUNS: Final = 1_000_000  # more runs are not advised
 
 
 def runs_to_show(share: float, probability: float, confidence: float) -> int | None:
-    """Return how many runs demonstrate a required probability at a given success rate; None if more than 1,000,000.
+    """Return how many runs are needed to demonstrate a probability at a given success rate; None if over a million.
 
     Examples:
         >>> runs_to_show(1.0, 0.99, 0.95), runs_to_show(0.95, 0.95, 0.95)

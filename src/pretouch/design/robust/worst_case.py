@@ -76,7 +76,7 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
 # worse than the set, it joins the set, and the gain is optimized again. So the last minimum is a lower bound for all
 # gains, and the certified maximum is an upper bound for the optimal gain. Their difference is the optimality gap.
 def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, list[Minimum], WorstEncounter | None]:
-    """Find the gain whose worst encounter has the smallest objective, and this worst encounter."""
+    """Find the gain with the smallest worst-case objective, and the encounter in which this worst case occurs."""
     # The last problem, its scan and its minima are returned as well.
     box = box_of(task.uncertainty)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))

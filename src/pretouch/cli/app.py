@@ -60,7 +60,7 @@ def _root(
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Choose the gain of a proximity-sensor-based preemptive impact controller without one collision."""
+    """Choose the gain of a proximity-sensor-based preemptive impact controller without a single collision."""
 
 
 def _run() -> int:

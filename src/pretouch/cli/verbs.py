@@ -46,7 +46,7 @@ def _load_loop(file: Path, activity: str, gain: str | None, seed: int | None) ->
 
 @verb
 def design(shown: Presentation, *, file: ScenarioFile) -> None:
-    """Choose the optimal gain for a scenario file (TOML), and the admittance if the file has bounds for it.
+    """Choose the optimal gain for a scenario file (TOML), and the optimal admittance if the file gives its bounds.
 
     If the law is a virtual drag with an effect, chooses the drag by that effect.
 
@@ -118,7 +118,7 @@ def robust(
 
 @verb
 def simulate(shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed: LoopSeed = None) -> None:
-    """Simulate one encounter of a scenario file (TOML) on the sampled loop: sensor, controller, robot, contact.
+    """Simulate one encounter of a scenario file (TOML) with sampled sensor, controller, robot and contact.
 
     Prints the simulated contact compared with the prediction and with no mitigation, the moment of detection, every
     contact with its force, and the status of the controller. Writes a report with the time series of the run,

@@ -29,7 +29,7 @@ _LONGEST: Final = 60
 
 
 class UnfitValueError(ValueError):
-    """Error for a value that its key in a scenario file does not allow.
+    """Error that is raised for a value that a key of a scenario file does not allow.
 
     Args:
         sentence: the message; if it starts with "expected", the message begins with the wrong value.
@@ -164,7 +164,7 @@ class Quantity:
         raise UnfitValueError(f"expected {self.expected}{_reason(value)}")
 
     def _with_unit(self, text: str) -> str:
-        """Return a suggested text with a unit for a number without a unit; empty if no unit is missing."""
+        """Return a suggested value with unit for a number that lacks its unit; empty if no unit is missing."""
         volts, counts, _ = _OUTPUT_UNITS.get(self.unit, (self.unit, "", ""))
         instead = missing_unit(text, volts)
         if counts and instead:

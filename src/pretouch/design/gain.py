@@ -30,7 +30,7 @@ _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 
 def designed_number(task: Task) -> float | None:
-    """Return the designed gain of a task, or the drag coefficient if the task requires an effect of a virtual drag.
+    """Return the designed gain of a task, or the coefficient of the virtual drag whose effect the task requires.
 
     Returns:
         The number, such as D_p [N s] or phi [N s^2]; None if no gain meets the constraints or ends in contact.

@@ -71,12 +71,12 @@ def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
 
 
 def ratio(constraint: Constraint, impact: ImpactModel | None) -> Criterion:
-    """Make a criterion of the ratio |quantity| / limit of a constraint."""
+    """Make a search criterion from the ratio |quantity| / limit of a constraint."""
     return magnitude(constraint.quantity, impact, constraint.limit)
 
 
 def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> Criterion:
-    """Make a criterion of the magnitude of a contact quantity, divided by a given number."""
+    """Make a search criterion from the magnitude of a contact quantity, divided by a given number."""
 
     def rates(state: ContactState) -> Rates:
         return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)) / unit, state, impact)]

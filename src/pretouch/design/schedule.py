@@ -260,7 +260,7 @@ class _Paths(NamedTuple):
     rows: FloatArray
 
     def growth(self, shares: FloatArray) -> FloatArray:
-        """Return by how much the speed has fallen along each approach, as the exponent Q of the speed ratio exp(-Q)."""
+        """Return the exponent Q for each approach; the speed has fallen to exp(-Q) times the approach speed."""
         rate, share = self.strength[..., 1:-1] * self.length, shares[self.step][..., None]
         ends = np.cumsum(share * (rate @ WEIGHTS)[..., None], axis=1)
         starts = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], axis=1)

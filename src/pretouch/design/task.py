@@ -215,7 +215,7 @@ def _law_of(loop: Any) -> ContinuousLaw:
 
 
 def with_file_location(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
-    """Make a function name the line and the key of the scenario file in its error messages."""
+    """Decorate a function so that its error messages give the line and the key of the scenario file."""
 
     # The task may also be passed by name; the type `Concatenate` cannot express that.
     @wraps(verb)

@@ -95,7 +95,7 @@ def check_ends(low: Any, high: Any, who: str) -> None:
 
 
 def check_style(style: Any, who: str) -> None:
-    """Check that a line style is an index of the color palette."""
+    """Check that the number of a line style exists in the color palette."""
     if style is not None and (isinstance(style, bool) or style not in range(len(CURVES))):
         raise InvalidInputError(
             f"{who}: found the style {style!r}, expected an index of the color palette from 0 to "

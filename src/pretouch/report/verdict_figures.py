@@ -122,7 +122,7 @@ class _Shown(NamedTuple):
 
 @check_arguments
 def verdict_run(verdict: Verdict) -> Figure:
-    """Draw the runs with the median and the highest contact speed, and the prediction.
+    """Draw the predicted run, and the simulated runs with the median and the highest contact speed.
 
     Args:
         verdict: a verdict with a gain.

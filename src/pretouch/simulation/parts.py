@@ -16,7 +16,7 @@ from .chain import SensorChain
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorPart:
-    """A commercial sensor, with the model of its behavior that follows from its data sheet.
+    """A commercial sensor, with a model of its readings that is based on its data sheet.
 
     The chain is a starting point: a calibration determines the noise better.
 

@@ -51,7 +51,7 @@ class PlantModel(ABC):
     """Its name in a scenario file."""
 
     def system(self) -> Any:
-        """Return the `StateSpace` of a linear robot, which replaces all coefficients except the mass, or None."""
+        """Return the `StateSpace` of a linear robot; None for robots that `coefficients` describes completely."""
         return None
 
     @abstractmethod

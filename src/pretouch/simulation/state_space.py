@@ -75,7 +75,7 @@ class StateSpace:
 
     @property
     def inverse_mass(self) -> float:
-        """One divided by the mass [1/kg] that a sudden contact force accelerates at first."""
+        """The inverse [1/kg] of the mass that a sudden contact force accelerates at first."""
         a, b, c = self.arrays
         return float(c @ a @ b[:, 3])
 

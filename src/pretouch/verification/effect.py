@@ -237,7 +237,7 @@ class SensorSpeed(Value):
         return f"in 95 % of the runs, contact is {size} (up to {100 * self.tolerance:.3g} % faster is allowed)"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as one JSON object, in SI units."""
+        """Return the comparison with an infinitely fast sensor as one JSON object, in SI units."""
         return {**asdict(self), "is_fast_enough": self.is_fast_enough}
 
 
@@ -248,7 +248,7 @@ def without_noise(loop: ClosedLoop) -> ClosedLoop:
 
 
 def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
-    """Return the loop with an instant reading for every controller step; None for user-defined control laws."""
+    """Return the loop with an instant sensor reading at every controller step; None for user-defined laws."""
     law = loop.law
     if not isinstance(law, Controller):
         return None

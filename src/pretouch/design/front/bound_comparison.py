@@ -47,7 +47,7 @@ class BoundComparison(Value):
         return float(ratio) if ratio.ndim == 0 else ratio
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as one JSON object, in SI units."""
+        """Return the comparison with the physical bound as one JSON object, in SI units."""
         others = {name: getattr(self, name) for name in ("excursion", "least_excursion", "least_acceleration")}
         return {"largest_acceleration": self.acceleration, **others}
 

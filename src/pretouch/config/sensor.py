@@ -182,7 +182,7 @@ class FitRequest:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that the fit reads."""
+        """All files that are read when the sensor curve is fitted."""
         return (self.path, self.no_object) if isinstance(self.no_object, Path) else (self.path,)
 
     def read(self) -> tuple[Calibration, ...]:

@@ -89,7 +89,7 @@ def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> C
 
 
 def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None) -> Criterion:
-    """Make a criterion of an objective, with its derivatives with respect to the quantities at contact."""
+    """Make a search criterion from an objective, with derivatives with respect to the quantities at contact."""
 
     def rates(state: ContactState) -> Rates:
         rates_by_quantity = []

@@ -214,7 +214,7 @@ def _inputs(problem: GainProblem) -> _Inputs:
 
 
 def _with(problem: GainProblem, name: str, value: float) -> GainProblem:
-    """Return the problem in which one input has a new value."""
+    """Return a copy of the search problem in which one input has a new value."""
     if name in SCENARIO_INPUTS:
         return problem.changed(scenario=scenario_with(problem.task.scenario, {name: value}))
     return problem.changed(sensor=sensor_with(problem.task.sensor, {name.removeprefix("sensor."): value}))

@@ -198,7 +198,7 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
 
 
 def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Crossover | None]:
-    """Find the delay with the smallest stability limit, and return the loop with this delay and its limit."""
+    """Find the delay with the smallest stability limit, and return this limit and the loop with this delay."""
     # The worst delay is nearly always the longest. Near a weakly damped mode, the limit has minima over the delay.
     tried: dict[float, tuple[LinearLoop, Crossover | None]] = {}
 

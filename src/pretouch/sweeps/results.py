@@ -62,7 +62,7 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
 
 
 def is_of_whole_motion(name: str) -> bool:
-    """Return True if a result depends on the whole motion and therefore takes longer than results at contact."""
+    """Return True if computing a result needs the whole motion and so takes longer than results at contact."""
     return name not in OF_DESIGNS and name in QUANTITIES and QUANTITIES[name].whole
 
 

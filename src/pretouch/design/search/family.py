@@ -36,7 +36,7 @@ _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, PO
 
 
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
-    """Find the optimal gains [N s] of many encounters that differ in only one input, by interpolating over it."""
+    """Find the optimal gains [N s] of many encounters that differ in one input, by interpolation over this input."""
     # The result is None if they differ in more than one input, are few, or the compiled search does not support them.
     varied = list(_varied_inputs(problem.task.scenario))
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or supported_terms(problem) is None:
@@ -100,7 +100,7 @@ class _Family:
         return self.problem.changed(scenario=scenario_with(self.problem.task.scenario, {self.name: value}))
 
     def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
-        """Fit polynomials to gain and objective over an interval of one input; return None if they are inaccurate."""
+        """Fit polynomials to gain and objective over an interval of one input; None if the fit is inaccurate."""
         # They are Chebyshev coefficients, shape (2, nodes).
         probes = members[np.linspace(0, len(members) - 1, _PROBES).astype(np.int64)]
         nodes = 0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes

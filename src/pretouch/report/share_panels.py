@@ -70,7 +70,7 @@ def outcome_panel(
     of: str = "runs",
     marks: Callable[[Scale], Sequence[Mark]] = lambda _: (),
 ) -> Panel:
-    """Return a plot of the distribution of a quantity, with the limit of the quantity.
+    """Return a plot of the distribution of a quantity, with the limit of this quantity.
 
     Curves of negligible values are not drawn.
 

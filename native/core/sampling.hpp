@@ -102,10 +102,9 @@ struct Bottom {
     bool fits;  // the last coefficients are negligible compared with the curvature: no corner, no noise
 };
 
-// The minimum in [-1, 1] of the polynomial through the values at the nodes.
-static inline Bottom bottom_between(const double *values) {
-    double c[NODES] = {}, slope[NODES], bend[NODES];
-    int lowest = 0;
+// The Chebyshev coefficients of the polynomial through the values at the nodes.
+static inline void chebyshev_of(const double *values, double *c) {
+    for (int k = 0; k < NODES; k++) c[k] = 0.0;
     for (int j = 0; j < NODES; j++) {
         double before = AT[j], now = 1.0;  // T_k of the node, from T_-1 = T_1 on
         for (int k = 0; k < NODES; k++) {
@@ -114,8 +113,16 @@ static inline Bottom bottom_between(const double *values) {
             before = now;
             now = next;
         }
-        if (values[j] < values[lowest]) lowest = j;
     }
+}
+
+// The minimum in [-1, 1] of the polynomial through the values at the nodes.
+static inline Bottom bottom_between(const double *values) {
+    double c[NODES], slope[NODES], bend[NODES];
+    chebyshev_of(values, c);
+    int lowest = 0;
+    for (int j = 1; j < NODES; j++)
+        if (values[j] < values[lowest]) lowest = j;
     sampling::differentiate(c, slope);
     sampling::differentiate(slope, bend);
     double z = AT[lowest], step = 1.0, curvature = 0.0;

@@ -39,7 +39,9 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
     """Return gain [N s], objective and certainty of encounters that differ in one input, each of shape (n,)."""
     # The result is None if they differ in more than one input, are few, or the compiled search does not support them.
     varied = list(_varied_inputs(problem.task.scenario))
-    if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or supported_terms(problem) is None:
+    if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or problem.task.constraints:
+        return None
+    if supported_terms(problem) is None:
         return None
     family = _family(problem, *varied[0])
     out = np.full((2, family.place.size), np.nan)

@@ -101,7 +101,9 @@ def test_pareto_as_json_is_one_object(run, tmp_path):
     assert (code, err) == (0, "")
     told = strict(out)
     assert told["status"] == "found"
-    assert {"quantities", "free", "front", "knee", "choice", "ends", "physical_bound", "approximation_error"} <= set(told)
+    assert {"quantities", "free", "front", "knee", "choice", "ends", "physical_bound", "approximation_error"} <= set(
+        told
+    )
     assert {"gain", "displacement", "relative_velocity", "least_excursion"} <= set(told["front"])
     assert told["choice"]["gain"] == pytest.approx(-0.8081, abs=1e-4)  # that of `pretouch design`
     assert sorted(p.name for p in tmp_path.iterdir()) == before

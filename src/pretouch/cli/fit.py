@@ -52,7 +52,7 @@ def fit(
     model: Annotated[list[str] | None, option("NAME", "Fit only this model; repeatable.")] = None,
     floor_sigmas: Annotated[float, option("NUMBER", "Noise floor, in standard deviations above the offset.")] = 3.0,
 ) -> None:
-    """Fit sensor models to a calibration (CSV).
+    """Fit sensor curves to a calibration (CSV).
 
     Ranks the models. Prints parameters with uncertainties, the usable window, the offset and a verdict. Writes a report
     with figures, STEM-fit.html in this folder. A file with several curves gives one row for each; choose one with
@@ -80,7 +80,7 @@ def fit(
 
 
 def _show(request: FitRequest, shown: Presentation) -> None:
-    """Fit the selected curves, and show the results."""
+    """Fit the selected calibration curves and show the results."""
     curves = request.read()
     if not shown.json:
         _print_notes(curves[0], ())
@@ -91,19 +91,20 @@ def _show(request: FitRequest, shown: Presentation) -> None:
 
 
 def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
-    """Print the notes on a curve, except those that are printed already."""
+    """Print the notes on a calibration curve, except notes that are printed already."""
     for note in () if curve.source is None else curve.source.notes:
         if note not in printed:
             print_text(f"note: {note}")
 
 
 def _word_or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:
-    """Return one of the words unchanged; parse anything else."""
+    """Return a text unchanged if it is one of the allowed words; otherwise parse it."""
     return text if text in words else read(text, name=name)
 
 
 def _columns(text: str | None) -> dict[str, str]:
-    """Parse `distance=1,output=3 [V]`; a header may contain commas."""
+    """Parse the option --columns, such as `distance=1,output=3 [V]`."""
+    # A header may contain commas.
     if text is None:
         return {}
     parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
@@ -116,13 +117,13 @@ def _columns(text: str | None) -> dict[str, str]:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Parse `day,sensor`, or `none`."""
+    """Parse a list of column names such as `day,sensor`; the word `none` results in no names."""
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     return () if names == ("none",) else names
 
 
 def _selected(texts: list[str]) -> dict[str, str]:
-    """Parse labels such as `day=30`."""
+    """Parse labels of calibration curves, such as `day=30`."""
     for text in texts:
         if not re.fullmatch(r"[^=]+=.+", text):
             raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")
@@ -130,7 +131,7 @@ def _selected(texts: list[str]) -> dict[str, str]:
 
 
 def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:
-    """Fit one curve; print the result and write its report."""
+    """Fit one calibration curve, print the result and write its report."""
     report = request.rank(curve)
     if not shown.json and curve.source is not None:
         _print_notes(report.calibration, curve.source.notes)
@@ -141,7 +142,7 @@ def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:
 
 
 def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presentation) -> None:
-    """Fit several curves; print a row or a JSON object for each."""
+    """Fit several calibration curves and print a row or a JSON object for each of them."""
     if shown.output is not None:
         raise InvalidInputError(
             f"--output: found {len(curves)} curves in {request.path.name}, expected one; choose one with --select, "
@@ -167,7 +168,7 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
 
 
 def _row(label: str, width: int, report: CalibrationReport) -> str:
-    """Format the result of one curve as a row."""
+    """Return the result of one calibration curve as a table row."""
     best = report.best
     model, error, window = "-", "-", "-"
     if best is not None:

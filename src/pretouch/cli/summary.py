@@ -16,7 +16,7 @@ _FIGURES: Final = 4  # key figures that are printed
 
 
 def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: Sequence[str] = ()) -> str:
-    """Return a short text of a page, at most 100 columns wide.
+    """Return a short summary of a report page, at most 100 columns wide.
 
     Args:
         page: the page.
@@ -40,7 +40,7 @@ def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: S
 
 
 def _figures(page: Page) -> list[str]:
-    """Return a line for each of the first four key figures: name, value, and numbers for comparison."""
+    """Return a line of text for each of the first four key figures of a page."""
     rows = []
     for name, cell in page.key_figures[:_FIGURES]:
         label, _, comparison = name.partition("; ")
@@ -55,7 +55,7 @@ def _figures(page: Page) -> list[str]:
 
 
 def _fitting(paragraphs: Sequence[Sequence[str]], room: int, findings: int) -> list[str]:
-    """Return the first paragraphs that fit into `room` lines; a last line counts the others."""
+    """Return the first paragraphs that fit into a number of lines; a last line counts the omitted ones."""
     lines: list[str] = []
     for i, paragraph in enumerate(paragraphs):
         rest = len(paragraphs) - i - 1
@@ -68,7 +68,7 @@ def _fitting(paragraphs: Sequence[Sequence[str]], room: int, findings: int) -> l
 
 
 def _first_sentence(text: str) -> str:
-    """Return the first sentence of a text; a period within a number or an abbreviation does not end it."""
+    """Return the first sentence of a text, ignoring periods inside numbers and abbreviations."""
     return re.split(r"(?<=[\w)%][.!?])\s+(?=[A-Z])", text, maxsplit=1)[0]
 
 

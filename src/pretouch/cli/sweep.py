@@ -101,7 +101,7 @@ def _sweep(
     figure: Path | None,
     dask: str | None,
 ) -> None:
-    """Run the sweep, and show its results."""
+    """Compute the sweep that the command line describes, and show its results."""
     from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch.sweep import sweep as run_sweep  # noqa: PLC0415
 
@@ -129,7 +129,7 @@ def _sweep(
 
 
 def _nominal(task: Task) -> Any:
-    """Return the answer for the nominal encounter: the task if it has a gain, or its design."""
+    """Return the designed gain of the nominal encounter, or the task itself if no gain is designed."""
     if task.gain is not None or task.objective is None or task.bounds is None or task.scenario.obstacle.course:
         return task
     from pretouch.design import design_gain  # noqa: PLC0415 - keeps `pretouch --help` quick
@@ -138,7 +138,7 @@ def _nominal(task: Task) -> Any:
 
 
 def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
-    """Parse the axes; the allowed inputs depend on whether gains are designed."""
+    """Parse the axes of a sweep from the command line."""
     from pretouch.sweep.axes import inputs_of, read_axis  # noqa: PLC0415
 
     contacts = task.gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)
@@ -153,7 +153,7 @@ def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
 
 
 def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
-    """Refuse, before anything is computed, a figure that cannot be drawn or written."""
+    """Raise an error, before anything is computed, if a figure cannot be drawn or written."""
     if path.suffix.lower() not in _FIGURES:
         raise InvalidInputError(f"--figure: found {str(path)!r}, expected a name that ends in {', '.join(_FIGURES)}")
     long = [name for name, values in axes.items() if len(values) > 1]
@@ -164,7 +164,7 @@ def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
 
 
 def _progress_printer() -> Callable[[Progress], None]:
-    """Make a function that prints the progress of a sweep once per second."""
+    """Return a function that prints the progress of a sweep once per second."""
     last = time.monotonic()
 
     def show(progress: Progress) -> None:
@@ -182,7 +182,7 @@ def _progress_printer() -> Callable[[Progress], None]:
 
 
 def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Presentation, figure: Path | None) -> None:
-    """Draw the figure, print the results, and exit."""
+    """Draw the figure of a sweep, print its results, and exit."""
     from pretouch.sweep.results import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
 
     if figure is not None:

@@ -63,12 +63,12 @@ _BROKEN_PIPE: Final = 141
 
 
 def option(metavar: str, description: str, **more: Any) -> Any:
-    """Return an option of a verb, with its value and its help text; its name is that of the argument."""
+    """Return a command-line option with its type of value and its help text."""
     return typer.Option(metavar=metavar, help=description, **more)
 
 
 def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
-    """Parse the option --gain in the unit of the law; None if it is missing."""
+    """Parse the option --gain in the unit of the control law; None if the option is missing."""
     try:
         return None if text is None else read_quantity(text, law.number.unit, name="--gain")
     except UnitError as error:
@@ -76,9 +76,9 @@ def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
 
 
 def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
-    """Run a verb and exit with its code; print an error as one message, with `json_wanted` also as an object on stdout.
+    """Run a command and exit with its status; print an error as a message without traceback.
 
-    Unexpected exceptions keep their traceback.
+    With `json_wanted`, an error is also printed as a JSON object on stdout. Unexpected exceptions keep their traceback.
 
     Raises:
         Exit: always, with the exit code.
@@ -102,7 +102,7 @@ def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
 
 
 def guard_output(run: Callable[[], int]) -> int:
-    """Run a command; return its exit code, or that of a failure of standard output."""
+    """Run a command and return its exit status, or a special status if standard output fails."""
     try:
         code = run()
         _flush_output()
@@ -121,7 +121,10 @@ def guard_output(run: Callable[[], int]) -> int:
 
 
 class _OutputError(PretouchError, OSError):
-    """Standard output cannot be written: the disk is full, the reader has closed the pipe, or it is closed."""
+    """Error if standard output cannot be written.
+
+    Examples are a full disk or a closed pipe.
+    """
 
 
 def _flush_output() -> None:
@@ -130,7 +133,7 @@ def _flush_output() -> None:
 
 
 def _output_failure(error: OSError) -> OSError | None:
-    """Return the failure of standard output that caused an error; None if the cause is another one."""
+    """Return the failure of standard output that caused an error; None if the error has another cause."""
     if isinstance(error, _OutputError):
         return error.__cause__ if isinstance(error.__cause__, OSError) else error
     frame = error.__traceback__
@@ -147,20 +150,20 @@ def _output_failure(error: OSError) -> OSError | None:
 
 
 def _discard_output() -> None:
-    """Discard the buffer of standard output, so that flushing it at exit does not fail again."""
+    """Discard the buffer of standard output, so that flushing at exit does not fail a second time."""
     if sys.stdout is not None:
         with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def end(*, good: bool) -> None:
-    """Exit with status 1 if the answer is not good."""
+    """Exit with status 1 if the result is not good."""
     if not good:
         raise typer.Exit(_NO_RESULT)
 
 
 def print_text(text: str) -> None:
-    """Print to stdout and flush; characters that it cannot encode are replaced."""
+    """Print a text to stdout and flush; characters that stdout cannot encode are replaced."""
     if sys.stdout is None:
         raise _OutputError("it is closed")
     try:
@@ -170,13 +173,14 @@ def print_text(text: str) -> None:
 
 
 def print_message(text: str) -> None:
-    """Print a message to stderr, with a prefix on each line; failures are ignored, since there is the exit code."""
+    """Print a message to stderr, with the name of the program on each line; ignore failures."""
+    # The exit status reports the problem in any case.
     with contextlib.suppress(OSError, AttributeError):  # full, or closed
         _write(sys.stderr, "\n".join(f"pretouch: {line}" for line in text.split("\n")))
 
 
 def print_progress(text: str) -> None:
-    """Print progress to stderr, if that is a terminal."""
+    """Print a progress message to stderr if stderr is a terminal."""
     if sys.stderr is not None and sys.stderr.isatty():
         print_message(text)
 
@@ -188,7 +192,7 @@ def _write(stream: Any, text: str) -> None:
 
 
 def reservations_about(task: Task, answer: Any) -> Reservations | None:
-    """Return the reservations about an answer from the sensor's calibration; None without a calibration."""
+    """Return the warnings that the sensor's calibration adds to a result; None without a calibration."""
     if task.calibration is None:
         return None
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415 - the compiled kernels, only when needed
@@ -197,7 +201,7 @@ def reservations_about(task: Task, answer: Any) -> Reservations | None:
 
 
 def verb(run: Callable[..., None]) -> Callable[..., None]:
-    """Make a command from a function that shows one result: add the options on how a result is shown.
+    """Make a command from a function that shows one result, by adding the options for its output.
 
     Args:
         run: function of a `Presentation` and of its own options, by name. Its docstring is the help text.
@@ -231,7 +235,7 @@ def verb(run: Callable[..., None]) -> Callable[..., None]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Presentation:
-    """The options on how a result is shown.
+    """The options of a command that determine how its result is shown.
 
     Args:
         json: whether to print only a JSON object on stdout.
@@ -257,7 +261,7 @@ class Presentation:
         inputs: Sequence[Path] = (),
         lines: int | None = 15,
     ) -> None:
-        """Print a result, write its report, by default to the path `default`, and exit with the code of its answer.
+        """Print a result, write its report, and exit with the status of the result.
 
         The text has at most `lines` lines, unless that is None or the option --verbose is given. The files that were
         read, those of the task and `inputs`, are never overwritten.
@@ -284,13 +288,13 @@ class Presentation:
     def formatted(
         self, reservations: Reservations | None, as_dict: Callable[[], dict[str, Any]], as_text: Callable[[], str]
     ) -> str:
-        """Return a result as JSON or text, with the reservations from its calibration."""
+        """Return a result as JSON or text, with the warnings about its calibration."""
         if self.json:
             return as_json(as_dict() if reservations is None else reservations.around_dict(as_dict()))
         return as_text() if reservations is None else reservations.around_text(as_text())
 
     def _summary(self, result: Any, reservations: Reservations | None, lines: int) -> str:
-        """Return the short text of a result, with the verdict on its calibration."""
+        """Return the summary of a result, with the verdict on its calibration."""
         from pretouch._core.blocks import page_of  # noqa: PLC0415 - `pretouch --help` stays fast
 
         from .summary import summary_of  # noqa: PLC0415

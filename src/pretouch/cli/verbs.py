@@ -28,7 +28,7 @@ LoopSeed: TypeAlias = Annotated[int | None, option("NUMBER", "Seed of the noise;
 
 
 def _load(file: Path, activity: str) -> Task:
-    """Load a scenario file, and print what is computed next as progress."""
+    """Load a scenario file and print what is computed next."""
     from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     task = load_scenario(file)
@@ -37,7 +37,7 @@ def _load(file: Path, activity: str) -> Task:
 
 
 def _load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> Task:
-    """Load a scenario file with a loop; the options --gain and --seed replace the values of the file."""
+    """Load a scenario file with a sampled loop; the options --gain and --seed override the file."""
     task = _load(file, activity)
     number = read_gain(gain, task.law)
     loop = task.loop if seed is None or task.loop is None else replace(task.loop, seed=seed)
@@ -98,7 +98,7 @@ def robust(
     ] = None,
     seed: Annotated[int | None, option("NUMBER", "Seed of all samples; by default that of the file.", min=0)] = None,
 ) -> None:
-    """Choose the optimal gain for uncertain inputs (TOML).
+    """Choose the optimal gain for the uncertain inputs of a scenario file (TOML).
 
     Prints the robust gain, compares it with the nominal gain on fresh samples, and prints how often each constraint is
     met. Writes a report with figures, STEM-robust.html in this folder.
@@ -116,7 +116,7 @@ def robust(
 
 @verb
 def simulate(shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed: LoopSeed = None) -> None:
-    """Simulate one encounter on the sampled loop: sensor, controller, robot and contact (TOML).
+    """Simulate one encounter of a scenario file (TOML) on the sampled loop: sensor, controller, robot, contact.
 
     Prints the simulated contact compared with the prediction and with no mitigation, the moment of detection, every
     contact with its force, and the status of the controller. Writes a report with the time series of the run,
@@ -145,7 +145,7 @@ def verify(
         bool, typer.Option("--changes/--no-changes", help="Search for the single change that would help most.")
     ] = True,
 ) -> None:
-    """Verify by simulation that the gain holds on the sampled loop (TOML).
+    """Verify by simulation that a gain holds on the sampled loop of a scenario file (TOML).
 
     Simulates many encounters with sensor noise and the uncertain inputs of [uncertainty]; if the file names a
     calibration, also with all sensor curves that its readings allow. Prints a verdict, the predicted and the simulated

@@ -48,7 +48,9 @@ _PHYSICAL: Final = ("impact_force", "drive_force")
 
 @check_arguments
 def load_scenario(path: str | os.PathLike[str]) -> Task:
-    """Read a scenario file (TOML); docs/scenario-file.md lists its sections and keys.
+    """Read a scenario file (TOML) and return its task.
+
+    docs/scenario-file.md lists the sections and keys of a scenario file.
 
     If [sensor] names a calibration file, the sensor curve is fitted here. Its path is relative to the scenario file.
 
@@ -100,7 +102,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
 
 
 def _task(builder: _Builder) -> Task | None:
-    """Build the task of a file; None if there are mistakes, which the builder notes."""
+    """Build the task that a scenario file describes; None if the file has mistakes."""
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
     options = {"impact": builder.make("impact"), **builder.pareto(), **builder.freedom(), **builder.settings("motion")}
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
@@ -131,7 +133,7 @@ def _task(builder: _Builder) -> Task | None:
 
 
 def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
-    """Return the range of distances that the calibration supports, as a sentence; empty without a calibration."""
+    """Return a sentence on the distances that the calibration supports; empty without a calibration."""
     if calibration is None:
         return ""
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
@@ -143,10 +145,13 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
 
 
 class _Builder(Reading):
-    """Builds the parts of a task from the sections of a file; a part with a mistake is None."""
+    """Builds the parts of a task from the sections of a scenario file.
+
+    A part with a mistake is None.
+    """
 
     def sensor(self) -> tuple[SensorModel | None, CalibrationReport | None]:
-        """Build the sensor; fit it if the file names a calibration."""
+        """Build the sensor of the scenario file; fit the sensor curve if the file names a calibration."""
         values = self.values("sensor")
         if values is None:
             return None, None
@@ -163,7 +168,7 @@ class _Builder(Reading):
         )
 
     def _calibrated(self, values: Mapping[str, Any]) -> tuple[SensorModel | None, CalibrationReport | None]:
-        """Fit the sensor curve to the calibration that [sensor] names."""
+        """Fit the sensor curve to the calibration file that the section [sensor] names."""
         data, folder = self.data["sensor"], self.source.path.parent
         outputs: dict[str, Any] = {
             key: values[key] if isinstance(values[key], str) else read_output(data[key], name=key)
@@ -190,7 +195,7 @@ class _Builder(Reading):
         return self.attempt("sensor", lambda: _extend(sensor, values.get("recess"), limits)), report
 
     def scenario(self) -> Scenario | None:
-        """Build the encounter."""
+        """Build the encounter from the sections of the scenario file."""
         parts = {
             name: self.make(name, tuple(FREE))
             for name in ("admittance", "obstacle", "plant", "reference")
@@ -201,12 +206,12 @@ class _Builder(Reading):
         return self.attempt("obstacle", lambda: Scenario(**parts))
 
     def freedom(self) -> dict[str, tuple[float, float]]:
-        """Return the bounds of natural frequency and damping ratio, if the file has them."""
+        """Return the bounds of natural frequency and damping ratio, if the scenario file has them."""
         values = self.values("admittance") or {}
         return {key.removesuffix("_bounds"): (values[key][0], values[key][1]) for key in FREE if key in values}
 
     def pareto(self) -> dict[str, Any]:
-        """Return the quantities of the Pareto front, and the gain to mark on it."""
+        """Return the quantities of the Pareto front, and the gain that is marked in its plot."""
         values = self.values("pareto") or {}
         names = tuple(values.get("quantities", ("displacement", "relative_velocity")))  # as in the objective f_1, L(20)
         for i, name in enumerate(names if "pareto" in self.sections else ()):
@@ -214,7 +219,7 @@ class _Builder(Reading):
         return {"quantities": names, "choice": values.get("choice")}
 
     def objective(self) -> Objective | None:
-        """Build the objective."""
+        """Build the objective from the section [objective] of the scenario file."""
         values = self.values("objective")
         if values is None:
             return None
@@ -228,19 +233,19 @@ class _Builder(Reading):
         return self.attempt("objective", lambda: Objective(terms=tuple(Term(**t) for _, _, t in terms), name=kind))
 
     def constraints(self) -> tuple[Constraint, ...]:
-        """Build the constraints."""
+        """Build the constraints from the section [constraints] of the scenario file."""
         limits = self.values("constraints") or {}
         for name in limits:
             self._needs_impact(CONSTRAINT_NAMES[name], ("constraints", name))
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
 
     def needs_impact_of_effect(self) -> None:
-        """Refuse a drag that is chosen by its impact force, if [impact] is missing."""
+        """Report a mistake if a drag is chosen by its impact force but the section [impact] is missing."""
         if "impact_force" in (self.values("law") or {}):
             self._needs_impact("impact_force", ("law", "impact_force"))
 
     def check_range(self, sensor: SensorModel, scenario: Scenario, calibration: CalibrationReport | None) -> None:
-        """Refuse an encounter whose distances, from start to contact, leave the valid range of the sensor."""
+        """Report a mistake if the encounter starts or ends outside the valid range of the sensor."""
         low, high = sensor.valid_range
         recess = getattr(sensor, "recess", 0.0)
         window = None if calibration is None else calibration.window
@@ -271,7 +276,7 @@ class _Builder(Reading):
             )
 
     def check_frequencies(self, scenario: Scenario | None) -> None:
-        """Refuse an admittance that is too fast for any control loop."""
+        """Report a mistake if the admittance is too fast for any control loop."""
         values = self.values("admittance") or {}
         frequencies = {key: values[key][1] for key in FREE if key == "natural_frequency_bounds" and key in values}
         if scenario is not None:
@@ -286,7 +291,8 @@ class _Builder(Reading):
                 )
 
     def check_slope(self, sensor: SensorModel) -> None:
-        """Refuse an implausible curve, which falls by a factor of e within less than a micrometer at contact."""
+        """Report a mistake if the sensor curve is implausibly steep at contact."""
+        # An implausible curve falls by a factor of e within less than a micrometer.
         nearest = max(sensor.valid_range[0], 0.0)
         slope = abs(float(sensor.log_slope(nearest)))
         if slope > 1 / _STEEPEST:
@@ -302,7 +308,10 @@ class _Builder(Reading):
 
 
 def _without_content(error: PretouchError, path: Path) -> str:
-    """Return the message of an error without content of the calibration file, because a scenario may name any file.
+    """Return the message of a calibration error without any content of the calibration file.
+
+    A scenario may name any file, so the message must not reveal its content. If the mistake is not in the file, the
+    message names the key of [sensor] with the mistake.
 
     If the mistake is not in the file, the message names the key of [sensor] with the mistake.
     """
@@ -317,7 +326,7 @@ def _without_content(error: PretouchError, path: Path) -> str:
 
 
 def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
-    """Apply the recess to a fitted curve, and extend or cut it to the requested distances from the contact surface."""
+    """Apply the recess to a fitted curve, and extend or cut the curve to the requested distances."""
     if recess is None:
         return dataclasses.replace(sensor, **limits)
     low, high = sensor.valid_range
@@ -328,7 +337,7 @@ def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, floa
 
 
 def _terms(values: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[str, Any]]]:
-    """Yield the terms of an objective, each with the keys of its quantity and its scale."""
+    """Yield the terms of an objective, each with the keys that define its quantity and its scale."""
     for i, term in enumerate(values.get("terms", ())):
         path: KeyPath = ("objective", "terms", i)
         yield (*path, "quantity"), (*path, "scale"), term

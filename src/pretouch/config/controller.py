@@ -29,7 +29,7 @@ _LAW: Final = ("approach_only", "release", "ramp_time")
 def make_controller(
     file: Reading, values: Mapping[str, Any], chain: SensorChain, scenario: Scenario, positioned: bool
 ) -> Controller | None:
-    """Build the controller, with gain 0 if the file has none; check that it accepts the start of the encounter."""
+    """Build the controller and check that it accepts the initial state of the encounter."""
     period = 1 / values["rate"] if "rate" in values else values["period"]
     sensing = _conditioning(file, values, chain, period)
     law = _law(file, values, chain)
@@ -58,7 +58,7 @@ def make_controller(
 
 
 def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> VirtualDamper | VirtualDrag | None:
-    """Build the sampled law, with gain 0 if the file has none."""
+    """Build the sampled control law, with gain 0 if the scenario file has no gain."""
     if file.kind == DRAG.kind:
         return sampled_drag(file, chain)
     options = {key: values[key] for key in _LAW}
@@ -107,7 +107,7 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
 def refuse_curve_below_floor(
     file: Reading, sensor: SensorModel, conditioning: Conditioning, part: SensorPart | None
 ) -> None:
-    """Refuse a curve whose output at contact is below the floor; the scale of the curve matters only in a loop."""
+    """Report a mistake if the sensor output at contact is below the controller's detection threshold."""
     if not sensor.contains(0.0):
         return  # another check refuses this curve
     log_output = float(sensor.log_output(0.0))  # its exponential may overflow

@@ -23,7 +23,7 @@ _TWICE: Final = re.compile(r"Cannot (overwrite|declare|mutate|redefine)|already"
 
 
 def read_document(path: str | os.PathLike[str]) -> tuple[bytes, str, dict[str, Any]]:
-    """Return bytes, text and data of a file; raise ScenarioFileError if it cannot be read or is not valid TOML."""
+    """Return the bytes, the text and the parsed TOML of a scenario file."""
     place = Path(path)
     content = _read(place)
     text = _decode(place, content)
@@ -31,7 +31,7 @@ def read_document(path: str | os.PathLike[str]) -> tuple[bytes, str, dict[str, A
 
 
 def _read(path: Path) -> bytes:
-    """Read the bytes of a file; raise ScenarioFileError with the reason if that fails."""
+    """Return the bytes of a scenario file; if it cannot be read, raise an error with the reason."""
     try:
         return read_regular_file(path, most=_MOST_BYTES, refuse=ScenarioFileError)
     except FileNotFoundError:
@@ -53,7 +53,7 @@ def _scenarios_in_folder(path: Path) -> list[str]:
 
 
 def _decode(path: Path, content: bytes) -> str:
-    """Decode UTF-8, with or without a byte order mark, and normalize line ends."""
+    """Decode a scenario file as UTF-8, with or without a byte order mark, and normalize line ends."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise ScenarioFileError(f"{path}, line 1: found text in UTF-16, expected UTF-8; save the file as UTF-8")
     try:
@@ -67,7 +67,7 @@ def _decode(path: Path, content: bytes) -> str:
 
 
 def _parse(path: Path, text: str) -> dict[str, Any]:
-    """Parse TOML; explain a syntax error with its line and a hint."""
+    """Parse a TOML text; explain a syntax error with its line and a hint."""
     deep = _DEEP.search(text)
     if deep is not None:
         line = text.count("\n", 0, deep.start()) + 1
@@ -95,7 +95,7 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
 
 
 def _hint(path: Path, message: str, line: str) -> str:
-    """Return the probable correction of a line, or else the message of the parser."""
+    """Return the probable correction of a wrong TOML line, or else the message of the parser."""
     key, _, value = (part.strip() for part in re.sub(r"\s#.*", "", line).partition("="))
     if path.suffix.lower() in {".csv", ".tsv", ".txt"}:
         return "expected a scenario file (TOML); for a calibration run: pretouch fit"

@@ -24,7 +24,7 @@ _PLAIN: Final = re.compile(r"[^,\]}#\n]*")
 
 
 def key_lines(text: str) -> Mapping[KeyPath, int]:
-    r"""Map every key of a valid TOML text to its line.
+    r"""Map every key of a TOML text to its line number.
 
     Returns:
         The line number of each key, counted from 1, by the path of the key.
@@ -38,7 +38,7 @@ def key_lines(text: str) -> Mapping[KeyPath, int]:
 
 
 class _Scan:
-    """A scan of a TOML text from start to end."""
+    """A parser that records the line number of every key of a TOML text."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -48,7 +48,7 @@ class _Scan:
         self.starts = [0, *(m.end() for m in re.finditer("\n", text))]
 
     def run(self) -> dict[KeyPath, int]:
-        """Scan the document."""
+        """Parse the whole TOML text and return the line number of every key."""
         section: KeyPath = ()
         self.skip(_BETWEEN)
         while self.position < len(self.text):
@@ -60,7 +60,7 @@ class _Scan:
         return self.lines
 
     def header(self) -> KeyPath:
-        """Scan `[a.b]` or `[[a.b]]`; return the path of the section."""
+        """Parse a section header `[a.b]` or `[[a.b]]` and return the path of the section."""
         start = self.position
         double = self.text.startswith("[[", start)
         self.position += 2 if double else 1
@@ -78,7 +78,7 @@ class _Scan:
         return path
 
     def pair(self, section: KeyPath) -> None:
-        """Scan `key = value`."""
+        """Parse one entry `key = value`."""
         start = self.position
         path = section
         for key in self.dotted():
@@ -88,7 +88,7 @@ class _Scan:
         self.value(path)
 
     def dotted(self) -> list[str]:
-        """Scan a key; return the parts between its dots."""
+        """Parse a key and return the parts between its dots."""
         keys = []
         while True:
             self.skip(_BLANK)
@@ -103,7 +103,7 @@ class _Scan:
             self.position += 1
 
     def value(self, path: KeyPath) -> None:
-        """Scan a value; mark the keys and list elements inside it."""
+        """Parse a value, and record the lines of the keys and list elements inside it."""
         self.skip(_BLANK)
         opening = self.text[self.position : self.position + 1]
         if opening in {'"', "'"}:
@@ -129,14 +129,14 @@ class _Scan:
             self.skip(_PLAIN)
 
     def skip(self, pattern: re.Pattern[str]) -> None:
-        """Move behind the text that matches a pattern."""
+        """Move to the end of the text that matches a pattern at the current position."""
         match = pattern.match(self.text, self.position)
         if match is None:
             raise ValueError(f"nothing readable at {self.position}")
         self.position = match.end()
 
     def mark(self, path: KeyPath, position: int) -> None:
-        """Note the line of a key."""
+        """Record the line number of a key."""
         self.lines.setdefault(path, bisect.bisect_right(self.starts, position))
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def law_fields(
     file: Reading, scenario: Scenario | None, uncertain: Mapping[str, Any], has_loop: bool
 ) -> dict[str, Any]:
-    """Return the fields of a task that describe a drag; no fields for a damper, or if there are mistakes."""
+    """Return the fields of a task that describe a drag; empty for a damper, or if there are mistakes."""
     values = file.values("law")
     if file.kind != DRAG.kind or values is None:
         return {}
@@ -47,7 +47,7 @@ def law_fields(
 
 
 def sampled_drag(file: Reading, chain: SensorChain) -> VirtualDrag | None:
-    """Build the sampled drag; its noise is that of the chain unless [law] has a value."""
+    """Build the sampled drag, with the noise of the sensor chain unless the section [law] has a noise."""
     values = file.values("law")
     if values is None:
         return None

@@ -42,7 +42,7 @@ def loop_fields(
     sensor: SensorModel | None,
     calibration: CalibrationReport | None,
 ) -> dict[str, Any]:
-    """Return the fields of a task that describe the loop; none if there are mistakes, which are noted in `file`."""
+    """Return the fields of a task that describe the sampled loop; empty if there are mistakes."""
     _refuse_missing_sections(file)
     plant, contact = _plant(file), _contact(file)
     settings = file.settings("loop")
@@ -71,7 +71,7 @@ def loop_fields(
 
 
 def _refuse_missing_sections(file: Reading) -> None:
-    """Refuse a loop without a chain or a controller; all other sections are optional."""
+    """Report a mistake if a sampled loop has no sensor chain or no controller."""
     data = file.data
     first = next(name for name in LOOP_SECTIONS if name in data)
     for name, keys in _NEEDED.items():
@@ -80,7 +80,7 @@ def _refuse_missing_sections(file: Reading) -> None:
 
 
 def _plant(file: Reading) -> PlantModel | None:
-    """Build the robot; None if it has a mistake."""
+    """Build the robot of the sampled loop; None if its section has a mistake."""
     if "robot" not in file.data:
         return IdealPlant()
     plant: PlantModel | None = file.make("robot")
@@ -89,7 +89,7 @@ def _plant(file: Reading) -> PlantModel | None:
 
 
 def _contact(file: Reading) -> ContactModel | None:
-    """Build the contact; None if the file has none, or has a mistake in it."""
+    """Build the contact model; None if the section [contact] is missing or has mistakes."""
     robot = file.data.get("robot", {} if "robot" in file.meant else {"kind": "ideal"})
     if "contact" in file.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
         file.refuse(
@@ -109,7 +109,7 @@ def _part(file: Reading) -> SensorPart | None:
 
 
 def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> SensorChain | None:
-    """Build the chain; values of the file take precedence over the calibration's, and these over the part's."""
+    """Build the sensor chain from scenario file, calibration and data sheet, in this order of priority."""
     values = file.values("chain")
     if values is None or ("part" in values and part is None):
         return None
@@ -122,7 +122,7 @@ def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationRepor
 
 
 def _fitted(calibration: CalibrationReport | None, rate: Any) -> dict[str, float]:
-    """Return the fields of a chain that a calibration determines; resolution and saturation only if it found them."""
+    """Return the fields of a sensor chain that a calibration determines, such as noise and resolution."""
     if calibration is None or calibration.best is None:
         return {}
     chain = chain_of_fit(calibration.best, rate=rate)

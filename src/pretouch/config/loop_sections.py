@@ -46,7 +46,7 @@ def _check_margin(values: Mapping[str, Any]) -> None:
 
 
 def _stiffness_reader(exponent: float | None) -> Callable[[Any], Any]:
-    """Make the reader of a stiffness: a bare number, or text such as "1e6 N/m^1.5", with the power of the exponent."""
+    """Make a parser for a contact stiffness, such as "1e6 N/m^1.5", whose unit depends on the exponent."""
     power = 1.5 if exponent is None else exponent
 
     def read(value: Any) -> Any:
@@ -82,7 +82,8 @@ _CHAIN: Final = Section(
 
 
 def _controller(law: ContinuousLaw) -> Section:
-    """Return the section of the controller; its virtual admittance is that of [admittance]."""
+    """Return the keys of the section [controller] for a control law."""
+    # The virtual admittance is that of the section [admittance].
     keys = {
         "rate": Key(Quantity("Hz", '"1 kHz"', "positive")),
         "period": Key(_SPAN),
@@ -99,7 +100,7 @@ def _controller(law: ContinuousLaw) -> Section:
 
 
 def _check_drag(values: Mapping[str, Any]) -> None:
-    """Check that the drag is a number, or is chosen by exactly one effect, or by the objective."""
+    """Check that a drag is given by a number, by exactly one effect, or by the objective."""
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(

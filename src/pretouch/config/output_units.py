@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
-    """Refuse a sensor part or loop outputs whose unit is not that of the sensor curve; bare numbers have any unit."""
+    """Report a mistake if the sensor part or the loop has another output unit than the sensor curve."""
     path, unit = _unit_of_sensor(file, calibration)
     if part is not None and unit and part.unit not in {"", unit}:
         file.refuse(
@@ -35,7 +35,8 @@ def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: Cali
 
 
 def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tuple[KeyPath, str]:
-    """Return the key that determines the unit of the sensor, and the unit; it is empty for bare numbers."""
+    """Return the unit of the sensor output, and the key of the scenario file that determines this unit."""
+    # The unit is empty for bare numbers.
     if calibration is not None:
         return ("sensor", "calibration"), calibration.calibration.unit
     sensor = file.data["sensor"] if "sensor" in file.sections else {}
@@ -46,7 +47,7 @@ def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tup
 
 
 def _loop_outputs(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
-    """Yield the outputs of the loop that have a unit: key, text and unit."""
+    """Yield key, text and unit of each output of the sampled loop that has a unit."""
     for section in ("chain", "controller", "law"):
         keys = file.sections[section][0].keys if section in file.sections else {}
         for key, value in file.data[section].items() if keys else ():
@@ -57,6 +58,6 @@ def _loop_outputs(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
 
 
 def _location(file: Reading, path: KeyPath) -> str:
-    """Return a key and its line, for messages."""
+    """Return a key with its line number, for use in messages."""
     line = file.source.lines.get(path)
     return f"{'.'.join(map(str, path))}" + (f", line {line}" if line else "")

@@ -29,7 +29,7 @@ _LONGEST: Final = 60
 
 
 class UnfitValueError(ValueError):
-    """A value that is not allowed for its key.
+    """Error for a value that is not allowed for its key.
 
     Args:
         sentence: the message; if it starts with "expected", the message begins with the wrong value.
@@ -42,14 +42,14 @@ class UnfitValueError(ValueError):
 
     @classmethod
     def of(cls, mistakes: Iterable[tuple[KeyPath, str]]) -> UnfitValueError:
-        """Make one error of several mistakes, each with its path inside the value."""
+        """Combine several mistakes in a value to one error."""
         error = cls("")
         error.mistakes = list(mistakes)
         return error
 
 
 def shown(value: Any) -> str:
-    """Return a TOML value as it is written in the file; long values are shortened.
+    """Return a value as it is written in a TOML file; long values are shortened.
 
     Returns:
         Text for a message.
@@ -75,7 +75,7 @@ def shown(value: Any) -> str:
 
 
 def printable(text: str) -> str:
-    r"""Escape line breaks and control characters of a text for messages.
+    r"""Escape the line breaks and control characters of a text for use in messages.
 
     Returns:
         The text on one line.
@@ -89,7 +89,7 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """The reader of one quantity: text with a unit, or a bare number in SI.
+    """Parser of one quantity: text with a unit, or a bare number in SI units.
 
     Args:
         unit: the expected SI unit; empty for a pure number; "output" for a sensor output, which may be in V, in counts
@@ -116,7 +116,7 @@ class Quantity:
 
     @property
     def expected(self) -> str:
-        """The description of allowed values, for messages."""
+        """A description of the allowed values, for messages."""
         return self._described("")
 
     def _described(self, adjective: str) -> str:
@@ -129,7 +129,7 @@ class Quantity:
         return text + "".join(f' or "{word}"' for word in self.words)
 
     def __call__(self, value: Any) -> float | str:
-        """Convert a TOML value to SI, or return one of the words; raise UnfitValueError for anything else."""
+        """Convert a TOML value to a number in SI units, and accept words such as "auto" without conversion."""
         if isinstance(value, str) and value in self.words:
             return value
         if self.unit == "rad/s" and isinstance(value, str) and "Hz" in value:
@@ -178,7 +178,8 @@ def output_unit(value: Any) -> str:
 
 
 def _reason(value: Any) -> str:
-    """Return why a text is not a quantity, in parentheses; empty if only its dimension is wrong."""
+    """Return why a text is not a quantity, for example because of a decimal comma."""
+    # The result is empty if only the dimension is wrong.
     if not isinstance(value, str):
         return ""
     if re.search(r"\d,\d", value):

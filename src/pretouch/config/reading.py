@@ -49,7 +49,7 @@ _KEY_OF_NAME: Final[dict[str, KeyPath]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioSource:
-    """The file that a task was read from.
+    """The scenario file that a task was read from.
 
     Args:
         path: path of the file.
@@ -67,16 +67,16 @@ class ScenarioSource:
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """Every file that was read; none of them may be overwritten."""
+        """All files that were read for this task, which no output may overwrite."""
         return (self.path, *self.calibration_files)
 
     @property
     def lines(self) -> Mapping[KeyPath, int]:
-        """The line of every key."""
+        """The line number of every key of the scenario file."""
         return _lines_of(self.text)
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Convert an error of a verb to a mistake of the file, with its line and key if they are known."""
+        """Convert an error of a function to an error that names the line of the scenario file."""
         if isinstance(error, ScenarioFileError):  # converted already by a nested verb
             return error
         message = self.explained(error)
@@ -85,11 +85,12 @@ class ScenarioSource:
         return ScenarioFileError(self.listed([(path, sentence)]) if has_line else f"{self.path}: {message}")
 
     def explained(self, error: InvalidInputError) -> str:
-        """Return the message of an error; for a distance out of range, add the range that the calibration supports."""
+        """Return the message of an error; for a distance out of range, add the calibrated range."""
         return f"{error}; {self.supported}" if self.supported and isinstance(error, OutOfRangeError) else str(error)
 
     def listed(self, mistakes: Iterable[Mistake]) -> str:
-        """List mistakes by line, one per row; a missing key has the line of its section, or else the last line."""
+        """List mistakes in the scenario file, one per row, in the order of their lines."""
+        # A missing key has the line of its section, or else the last line.
         last = self.text.rstrip().count("\n") + 1
         rows = []
         for path, sentence in dict.fromkeys(mistakes):
@@ -114,7 +115,7 @@ def _dotted(path: KeyPath) -> str:
 
 
 def split_message(message: str, section: str) -> Mistake:
-    """Split a message `name: found ..., expected ...` into the key that the name means, and the sentence.
+    """Split an error message into the wrong key of the scenario file and the sentence about this key.
 
     The name is a key of `section`, or consists of the words for a section and a key.
 
@@ -153,7 +154,7 @@ _TAGS: Final = {"sensor": "model", "objective": "kind", "robot": "kind", "contac
 
 
 class Reading:
-    """The sections of a file with their values, and all mistakes in them.
+    """The sections of a scenario file with their values, and all mistakes in them.
 
     Args:
         source: the file.
@@ -182,7 +183,7 @@ class Reading:
                 self.unread.append(((name,), f"found no such section, expected [{name}] with {examples[name]}"))
 
     def _read(self, name: str, content: Any) -> None:
-        """Read a section, and note its mistakes."""
+        """Read one section of the scenario file and record its mistakes."""
         if not isinstance(content, dict):
             what = f"[[{name}]]" if isinstance(content, list) else shown(content)
             self.unread.append(((name,), f"found {what}, expected a section [{name}] with keys"))
@@ -199,11 +200,12 @@ class Reading:
             self.unread += [((name, *path), sentence) for path, sentence in unfit.mistakes]
 
     def refuse(self, path: KeyPath, sentence: str) -> None:
-        """Note a mistake at a key."""
+        """Record a mistake at a key of the scenario file."""
         self.mistakes.append((path, sentence))
 
     def attempt(self, section: str, make: Callable[[], T], path: KeyPath = ()) -> T | None:
-        """Call `make`; if it raises an error, note a mistake at `path` or at the key that the message names."""
+        """Call `make`; if it raises an error, record a mistake at the key that the error names."""
+        # A `path` takes precedence over the key in the message.
         try:
             return make()
         except InvalidInputError as error:
@@ -211,15 +213,15 @@ class Reading:
             return None
 
     def values(self, section: str) -> dict[str, Any] | None:
-        """Return the values of a section; None if the section is missing or has mistakes."""
+        """Return the values of a section of the scenario file; None if the section is missing or has mistakes."""
         return self.sections[section][1] if section in self.sections else None
 
     def settings(self, section: str) -> dict[str, Any]:
-        """Return the values of an optional section; if it is missing, its default values."""
+        """Return the values of an optional section of the scenario file, or its default values."""
         return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
 
     def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
-        """Make the object that a section describes, without some of its keys."""
+        """Make the object that a section of the scenario file describes, without using some of its keys."""
         if section not in self.sections:
             return None
         variant, values = self.sections[section]
@@ -228,7 +230,7 @@ class Reading:
 
 
 def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
-    """Yield a mistake for each unknown section, with the section that was probably meant."""
+    """Yield a mistake for each unknown section of the scenario file, with a suggested correction."""
     for name in data:
         if name in SECTIONS:
             continue
@@ -242,7 +244,7 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
 
 
 def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mistake:
-    """Choose the variant of a section by its keys or by the law; return a mistake if that is not possible."""
+    """Choose the variant of a section by its keys or by the control law, or return a mistake."""
     if name == "sensor":
         curves = sensor_variants(foreign=True)
         calibrated = curves.pop(CALIBRATION)
@@ -257,7 +259,7 @@ def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mista
 
 
 def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[str, Section]) -> Section | Mistake:
-    """Choose the variant of a section by the key that names it, such as `kind`."""
+    """Choose the variant of a section of the scenario file by a key such as `kind`."""
     names = tuple(name for name in variants(section) if name != CALIBRATION)
     key = _TAGS[section]
     if key in content:
@@ -274,7 +276,7 @@ def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[st
 
 
 def _unknown_key(source: ScenarioSource, name: str, variant: Section, content: Mapping[str, Any], key: str) -> str:
-    """Return a message for a key that its section does not have: the key that was meant, or where it belongs."""
+    """Return a message about an unknown key of the scenario file that suggests the right key or section."""
     takes = ", ".join(variant.keys)
     if key in keys_of(name):
         return _key_of_another_variant(source, name, takes, content, key)
@@ -294,7 +296,7 @@ _INSTEAD: Final = {
 
 
 def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, content: Mapping[str, Any], key: str) -> str:
-    """Return a message for a key that belongs to another variant of its section."""
+    """Return a message about a key that is not allowed for the selected kind of its section."""
     owners = [tag for tag, other in variants(name).items() if key in other.keys]
     if name == "sensor" and CALIBRATION in content:
         return (

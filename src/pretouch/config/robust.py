@@ -71,7 +71,7 @@ def _measure(name: str, probability: float) -> Measure:
 def _required(
     file: Reading, probabilities: Mapping[str, float], constraints: tuple[Constraint, ...]
 ) -> Iterator[Constraint | Required]:
-    """Yield the constraints, with their required probabilities."""
+    """Yield the constraints, each with its required probability if the scenario file has one."""
     limited = {c.name for c in constraints}
     for name in probabilities:
         if name not in limited:
@@ -87,7 +87,7 @@ def _required(
 def _uncertainty(
     file: Reading, measure: str, sensor: SensorModel | None, calibration: CalibrationReport | None
 ) -> dict[str, JointDistribution]:
-    """Build the distribution of each uncertain input."""
+    """Build the probability distribution of each uncertain input."""
     distributions: dict[str, JointDistribution] = {}
     parts = file.values("uncertainty")
     if parts is None:
@@ -124,7 +124,7 @@ def _uncertainty(
 
 
 def _fitted(file: Reading, path: tuple[str, ...], calibration: CalibrationReport | None) -> CorrelatedNormal | None:
-    """Return the joint distribution of the fitted parameters, from their covariance."""
+    """Return the joint distribution of the fitted sensor parameters, from their covariance."""
     if calibration is None or calibration.best is None:
         if "calibration" not in file.data.get("sensor", {}):
             file.refuse(
@@ -136,7 +136,7 @@ def _fitted(file: Reading, path: tuple[str, ...], calibration: CalibrationReport
 
 
 def _distribution(values: Mapping[str, Any]) -> Distribution:
-    """Make the distribution of an input."""
+    """Make the probability distribution of one input."""
     if "between" in values:
         (mean, deviation), (low, high) = values["normal"], values["between"]
         return TruncatedNormal(location=mean, deviation=deviation, low=low, high=high)
@@ -151,7 +151,7 @@ def _distribution(values: Mapping[str, Any]) -> Distribution:
 
 
 def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncertainty: Uncertainty) -> None:
-    """Refuse inputs that contradict each other, or whose mean values are not a valid encounter."""
+    """Report mistakes if inputs contradict each other or if their mean values are no valid encounter."""
     means: dict[str, list[float]] = {}
     for name, value in uncertainty.items():
         if name in means:

@@ -45,7 +45,7 @@ _FIRST: Final = {
 
 
 def _check_distribution(values: Mapping[str, Any]) -> None:
-    """Check the distribution of an input: exactly one kind, with valid numbers."""
+    """Check that the distribution of an input has exactly one kind, with valid numbers."""
     kinds = [kind for kind in _KINDS if kind in values]
     if len(kinds) != 1:
         what = " and ".join(kinds) or ("between alone" if "between" in values else "nothing")
@@ -67,7 +67,7 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
 
 
 def _distribution_section(unit: str) -> Section:
-    """Return the section that describes the distribution of an input in a unit."""
+    """Return the scenario-file section that describes the distribution of an input in a given unit."""
     what = f"quantities in {written_unit(unit)}" if unit else "numbers"
     example = f"[{_EXAMPLES.get(unit, _EXAMPLES[''])}]"
     pair = f"a list of two {what}, the smaller one first"
@@ -94,7 +94,8 @@ def _from_calibration(value: Any) -> Any:
 
 
 def _inputs(part: str) -> dict[str, str]:
-    """Return the inputs of a part with their units; sensors have those of all curves, but no scale, which cancels."""
+    """Return the inputs of one part of the encounter, such as the obstacle, with their units."""
+    # A sensor has the inputs of all curves, but no scale, which cancels from the slope.
     if part != "sensor":
         units = {tuple(name.split(".")): unit for name, unit in SCENARIO_INPUTS.items()}
         return {name: unit for (of, name), unit in units.items() if of == part}
@@ -103,7 +104,7 @@ def _inputs(part: str) -> dict[str, str]:
 
 
 def _part(part: str) -> Callable[[Any], Any]:
-    """Make the reader of a part's inputs; it refuses text instead of a table, with an example."""
+    """Make a parser for the uncertain inputs of one part of the encounter, such as the obstacle."""
     keys = {name: Key(_distribution_section(unit)) for name, unit in _inputs(part).items()}
     section = Section(keys | ({FROM_CALIBRATION: Key(_from_calibration)} if part == "sensor" else {}))
 
@@ -118,7 +119,7 @@ def _part(part: str) -> Callable[[Any], Any]:
 
 
 def uncertainty_section() -> Section:
-    """Return the section [uncertainty]: a table of inputs for each part of an encounter, including custom curves."""
+    """Return the section [uncertainty]: a table of uncertain inputs for each part of the encounter."""
     return Section({part: Key(_part(part)) for part in _FIRST})
 
 

@@ -27,7 +27,7 @@ _OBSTACLE: Final = ("obstacle speed",)
 
 
 def _check_second_term(values: Mapping[str, Any]) -> None:
-    """Check the second term of the objectives f_1, L(20), and f_2, L(22): either contact velocity or impact force."""
+    """Check that the second term of the objective L(20) or L(22) is either contact velocity or impact force."""
     expected = 'expected either velocity_scale = "0.3 m/s" or force_scale = "100 N"'
     if {"velocity_scale", "force_scale"} <= set(values):
         raise UnfitValueError(f"found both velocity_scale and force_scale, {expected}", "force_scale")
@@ -39,7 +39,8 @@ def _check_second_term(values: Mapping[str, Any]) -> None:
 
 
 def _two_term_objective(first: str, unit: str, example: str) -> Section:
-    """Return the section of an objective with two terms: `first`, and contact velocity or impact force."""
+    """Return the scenario-file section of an objective with two terms."""
+    # The second term is contact velocity or impact force.
     return Section(
         {
             "velocity_scale": Key(Quantity("m/s", '"0.3 m/s"', "nonzero", words=_OBSTACLE)),
@@ -55,7 +56,7 @@ def _two_term_objective(first: str, unit: str, example: str) -> Section:
 
 
 def _scale(quantity: str | None) -> Any:
-    """Make the reader of the scale of a quantity, in its unit."""
+    """Make a parser for the typical value of a quantity, in the unit of the quantity."""
     if quantity is None:  # another check refuses this
         return lambda _: 1.0
     words = _OBSTACLE if "velocity" in quantity or "speed" in quantity else ()
@@ -96,7 +97,7 @@ FREE: Final = {
 
 
 def _check_order(*keys: str, unit: str = "", what: str = "the lower first") -> Callable[[Mapping[str, Any]], None]:
-    """Make a check that the lower bound comes first."""
+    """Make a check that lower bounds come before upper bounds."""
 
     def check(values: Mapping[str, Any]) -> None:
         for key in keys:
@@ -215,7 +216,7 @@ _NEEDED: Final[Mapping[str, str]] = {
 
 
 def needed(kind: str, chosen: Iterable[str]) -> dict[str, str]:
-    """Return the required sections of a file, each with an example of its keys.
+    """Return the required sections of a scenario file, each with an example of its keys.
 
     Args:
         kind: kind of the law.
@@ -227,7 +228,7 @@ def needed(kind: str, chosen: Iterable[str]) -> dict[str, str]:
 
 
 def variants(section: str) -> Mapping[str, Section]:
-    """Return the variants of a section, by the name or key that selects them."""
+    """Return the variants of a section of the scenario file, such as one for each sensor model."""
     if section == "sensor":
         return sensor_variants()
     if section == "uncertainty":
@@ -240,5 +241,5 @@ def variants(section: str) -> Mapping[str, Section]:
 
 
 def keys_of(section: str) -> tuple[str, ...]:
-    """Return all keys of all variants of a section, in the order of the schema."""
+    """Return all keys that a section of the scenario file may have, in the order of the schema."""
     return tuple(dict.fromkeys(key for variant in variants(section).values() for key in variant.keys))

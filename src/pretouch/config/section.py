@@ -20,7 +20,7 @@ REQUIRED: Final[Any] = object()
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """One key of a section.
+    """One key of a section of the scenario file.
 
     Args:
         read: the reader of its value; a `Quantity` for a quantity.
@@ -35,7 +35,7 @@ class Key:
     after: tuple[str, Callable[[Any], Reader]] | None = None
 
     def missing(self, name: str) -> str:
-        """Return a message for a missing key, with what is expected and an example."""
+        """Return a message about a missing key, with what is expected and an example."""
         if isinstance(self.read, Quantity):
             example = written_unit(self.read.example)
             return f"missing, expected {self.read.expected}; add, for example: {name} = {example}"
@@ -44,7 +44,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A section, or a table inside a section; it refuses unknown keys.
+    """A section of the scenario file, or a table inside a section; unknown keys raise an error.
 
     Args:
         keys: its keys, in the order of messages.
@@ -62,7 +62,7 @@ class Section:
     example: str = "{ ... }"
 
     def __call__(self, table: Any, unknown: Callable[[str], str] | None = None) -> dict[str, Any]:
-        """Return the values of a table by key; raise UnfitValueError with all mistakes in it."""
+        """Return the values of a TOML table by key; raise an error that lists all mistakes in the table."""
         if not isinstance(table, Mapping):
             raise UnfitValueError(f"expected a table such as {self.example}")
         unknown_keys = [name for name in table if name not in self.keys]
@@ -91,7 +91,7 @@ class Section:
 
 
 def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPath, str]]) -> Any:
-    """Read a value; note its mistakes, each with its path and the value."""
+    """Read a value and record its mistakes, each with its path."""
     try:
         return read(value)
     except UnfitValueError as unfit:
@@ -109,7 +109,7 @@ TAG: Final = Key(lambda _: None, REQUIRED)
 
 
 def checked(holds: Callable[[Any], bool], what: str) -> Reader:
-    """Make a reader that returns a value unchanged if a condition holds."""
+    """Make a parser that accepts a value only if a condition holds."""
 
     def read(value: Any) -> Any:
         if not holds(value):
@@ -120,18 +120,18 @@ def checked(holds: Callable[[Any], bool], what: str) -> Reader:
 
 
 def text(example: str) -> Reader:
-    """Make a reader of text that is not empty."""
+    """Make a parser that accepts only text that is not empty."""
     return checked(lambda v: isinstance(v, str) and bool(v.strip()) and "\0" not in v, f"text, for example {example}")
 
 
 def whole(least: int, example: str) -> Reader:
-    """Make a reader of an integer with a smallest value."""
+    """Make a parser that accepts only integers of at least a given size."""
     what = f"a whole number of at least {least}, such as {example}"
     return checked(lambda v: type(v) is int and least <= v < 2**31, what)
 
 
 def name_of(*names: str) -> Reader:
-    """Make a reader of one of several names."""
+    """Make a parser that accepts only one of several names."""
 
     def read(value: Any) -> str:
         if not isinstance(value, str) or value not in names:
@@ -142,7 +142,7 @@ def name_of(*names: str) -> Reader:
 
 
 def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
-    """Make a reader of a list whose number of elements is between `least` and `most`."""
+    """Make a parser for a list whose number of elements lies between `least` and `most`."""
 
     def read_all(value: Any) -> list[Any]:
         if not isinstance(value, list) or len(value) < least or (most is not None and len(value) > most):
@@ -157,7 +157,7 @@ def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
 
 
 def one_of(value: Any, names: tuple[str, ...]) -> str:
-    """Return a message that lists the expected names, and the one most similar to the value.
+    """Return a message that lists the expected names, and suggests the name most similar to the value.
 
     Returns:
         The part of a message after the value.
@@ -172,7 +172,7 @@ def one_of(value: Any, names: tuple[str, ...]) -> str:
 
 
 def nearest(name: str, valid: tuple[str, ...]) -> str | None:
-    """Return the valid name that is most similar to a misspelled one; None if none is similar.
+    """Return the valid name that is most similar to a misspelled name; None if no name is similar.
 
     Returns:
         The valid name, or None.
@@ -190,18 +190,18 @@ def nearest(name: str, valid: tuple[str, ...]) -> str | None:
 
 
 def by_law(make: Callable[[ContinuousLaw], Section]) -> dict[str, Section]:
-    """Make the variants of a section that depends on the law, by the kind of the law."""
+    """Make the variants of a scenario-file section that depends on the control law, one for each law."""
     return {kind: make(law) for kind, law in LAWS.items()}
 
 
 def gain_of(law: ContinuousLaw) -> Quantity:
-    """Return the reader of the gain of a law."""
+    """Return a parser for the gain of a control law, in the unit of the gain."""
     unit = law.number.unit
     return Quantity(unit, '"-0.7 N*s"' if law == DAMPER else f'"0.0144 {unit}"', of=law.kind)
 
 
 def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] = ()) -> dict[str, Key]:
-    """Make keys from the declared fields of dataclasses.
+    """Make the keys of a scenario-file section from the fields of dataclasses.
 
     Args:
         classes: the classes; only fields that are quantities, flags or counts become keys.
@@ -220,7 +220,7 @@ def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] 
 
 
 def _reader_of(metadata: Mapping[str, Any]) -> Reader | None:
-    """Return the reader of a field from its metadata; None for a field that is not declared."""
+    """Return a parser for a dataclass field from its metadata; None if the field is not declared."""
     if "unit" in metadata:
         unit = metadata["unit"] if metadata.get("of_output") is None else "output"
         return Quantity(unit, metadata["example"], metadata["sign"], metadata["infinite"])

@@ -33,27 +33,27 @@ _GEOMETRY: Final = {
 
 
 def section_of_curve(curve: type[SensorModel]) -> Section:
-    """Make the section of a curve: `model`, its parameters, and its lists of points."""
+    """Make the scenario-file section of a sensor curve from its parameters and lists of points."""
     points = {f.name: _points(f.metadata["points"]) for f in fields(curve) if "points" in f.metadata}
     return Section({**_GEOMETRY, **declared_keys(curve), "model": TAG, **points}, make=curve)
 
 
 def sensor_variants(*, foreign: bool = False) -> dict[str, Section]:
-    """Return the variants of [sensor]: each curve, with `foreign` also user-defined ones, and a calibration."""
+    """Return the variants of the section [sensor]: one for each curve, and one for a calibration."""
     return {name: section_of_curve(curve) for name, curve in sensor_curves(foreign=foreign).items()} | {
         CALIBRATION: _CALIBRATED
     }
 
 
 def _points(unit: str) -> Key:
-    """Make the key of a list of distances or of outputs."""
+    """Make the scenario-file key for a list of distances or of sensor outputs."""
     if unit != "output":
         distances = list_of(Quantity(unit), 2, None, f"a list of two or more quantities in {unit}")
         return Key(distances, REQUIRED, '["0 mm", "10 mm", "20 mm"]')
     outputs = list_of(Quantity(unit, sign="positive"), 2, None, "a list of two or more sensor outputs")
 
     def read(value: Any) -> Any:
-        """Read outputs; refuse a mixture of volts and counts."""
+        """Read sensor outputs; refuse a mixture of volts and counts."""
         if isinstance(value, list) and len({output_unit(v) for v in value if isinstance(v, str)}) > 1:
             raise UnfitValueError("expected outputs of one unit, all in V or all in counts")
         return outputs(value)
@@ -72,7 +72,7 @@ def _model(value: Any) -> str:
 
 
 def _level_or_file(value: Any) -> float | str:
-    """Read a no-object level; text with a file extension is the path of a file."""
+    """Read the sensor output without an object, or the path of a file with such readings."""
     if isinstance(value, str) and re.search(r"\.[A-Za-z]\w*$", value):
         return value
     try:
@@ -116,7 +116,7 @@ OutputValue: TypeAlias = tuple[float, str]
 
 
 def read_output(value: float | str, *, name: str) -> OutputValue:
-    """Read a sensor output in V, in counts or bare; `name` is used in messages.
+    """Read a sensor output in V, in counts or as a bare number.
 
     Returns:
         The number, in SI, and its unit.
@@ -137,7 +137,7 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
 
 
 def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
-    """Read a no-object level: an output, or the path, relative to `folder`, of a file of readings without an object."""
+    """Read the sensor output without an object, or the path of a file with such readings, in `folder`."""
     try:
         return read_output(value, name=name)
     except UnitError:
@@ -149,7 +149,7 @@ def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitRequest:
-    """Options of the fit of a calibration file.
+    """Options for fitting a sensor curve to a calibration file.
 
     Args:
         path: the file.
@@ -177,11 +177,11 @@ class FitRequest:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that are read."""
+        """The files that are read for the fit."""
         return (self.path, self.no_object) if isinstance(self.no_object, Path) else (self.path,)
 
     def read(self) -> tuple[Calibration, ...]:
-        """Read the curves of the file that `select` matches; raise CalibrationDataError if there is none."""
+        """Read the calibration curves that `select` matches; raise an error if there is none."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
@@ -206,7 +206,7 @@ class FitRequest:
         return matches
 
     def _is_calibration(self) -> bool:
-        """Return whether the file's own header makes it a calibration, so that messages may quote its content."""
+        """Return whether the header of the file shows a calibration, so that messages may quote its content."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         try:
@@ -216,7 +216,7 @@ class FitRequest:
         return True
 
     def rank(self, calibration: Calibration) -> CalibrationReport:
-        """Fit all models to one curve and rank them."""
+        """Fit all curve models to one calibration and rank them."""
         from pretouch.calibration import rank_models  # noqa: PLC0415
 
         models = {"models": self.models} if self.models else {}
@@ -235,7 +235,7 @@ class FitRequest:
 
 
 def _as_toml(label: str) -> str:
-    """Write the labels of a curve as a TOML table."""
+    """Return the labels of a calibration curve as a TOML table."""
     pairs = (part.partition("=")[::2] for part in label.split(", "))
     texts = (
         f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key, ensure_ascii=False)} = "
@@ -246,7 +246,7 @@ def _as_toml(label: str) -> str:
 
 
 def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> float:
-    """Return the number of an output; raise an error if its unit is not that of the calibration."""
+    """Return the number of a sensor output; raise an error if its unit differs from the calibration's."""
     number, unit = value
     if unit and unit != calibration.unit:
         raise UnitError(
@@ -257,7 +257,8 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
 
 
 def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
-    """Fit the curve that a request selects; raise InvalidInputError for several curves, or without a usable fit."""
+    """Fit a sensor curve to the one calibration that the options select."""
+    # several calibration curves, or a curve without a usable fit, raise an error
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(

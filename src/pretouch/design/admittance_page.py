@@ -14,7 +14,7 @@ Row = tuple[Cell, ...]
 
 
 def admittance_page(design: AdmittanceDesign) -> Page:
-    """Return the page of a design of any status: the admittance, then the page of its gain."""
+    """Return the report page of a joint design of gain and admittance."""
     chosen = design.gain_design is not None
     page = gain_page(design.gain_design or design.unchanged)
     head = ("", "natural frequency", "damping ratio", design.number.label, "objective")

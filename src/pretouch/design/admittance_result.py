@@ -19,7 +19,7 @@ from .problem import Answer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdmittanceMinimum(Value):
-    """A local minimum over gain and admittance.
+    """A local minimum of the objective over gain and admittance.
 
     Args:
         gain: the law's number, such as D_p [N s].
@@ -65,7 +65,7 @@ class AdmittanceCertificate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class AdmittanceMap(Value):
-    """The best objective over all gains, for each admittance of the grid.
+    """The best objective that any gain reaches, for each admittance of a grid.
 
     Args:
         natural_frequency: natural frequency [rad/s], with the shape of the grid over the free parameters.
@@ -112,22 +112,22 @@ class AdmittanceDesign(Answer):
 
     @property
     def gain(self) -> float | None:
-        """The optimal gain: the law's number, such as D_p [N s]; None unless optimal."""
+        """The optimal gain, such as D_p [N s]; None if there is no optimum."""
         return None if self.gain_design is None else float(self.gain_design.gain)
 
     @property
     def objective(self) -> float | None:
-        """The objective at the optimum; None unless optimal."""
+        """The objective at the optimal gain and admittance; None if there is no optimum."""
         return None if self.gain_design is None else float(self.gain_design.objective)
 
     @property
     def scenario(self) -> Scenario:
-        """The encounter with the optimal admittance; unless optimal, the encounter of the task."""
+        """The encounter with the optimal admittance, or the task's encounter if there is no optimum."""
         return self.problem.task.scenario if self.gain_design is None else self.gain_design.scenario
 
     @property
     def admittance(self) -> Admittance:
-        """The optimal admittance.
+        """The optimal admittance: virtual mass, damping and stiffness.
 
         Raises:
             ResultUnavailableError: there is no optimum; `status` says why.
@@ -140,16 +140,16 @@ class AdmittanceDesign(Answer):
 
     @property
     def natural_frequency(self) -> float | None:
-        """The optimal natural frequency [rad/s]; None unless optimal."""
+        """The optimal natural frequency [rad/s]; None if there is no optimum."""
         return None if self.certificate is None else self.certificate.local_minima[0].natural_frequency
 
     @property
     def damping_ratio(self) -> float | None:
-        """The optimal damping ratio; None unless optimal."""
+        """The optimal damping ratio; None if there is no optimum."""
         return None if self.certificate is None else self.certificate.local_minima[0].damping_ratio
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the design as one JSON object: the design of the gain, with the additional key `admittance`."""
+        """Return the gain design as one JSON object, extended by the results for the admittance."""
         names = ("free", "natural_frequency", "damping_ratio", "natural_frequency_bounds", "damping_ratio_bounds")
         chosen = None if self.gain_design is None else self.admittance
         document = {
@@ -164,7 +164,7 @@ class AdmittanceDesign(Answer):
 
     @property
     def headline(self) -> str:
-        """The answer in one or two sentences."""
+        """The result of the design in one or two sentences."""
         if self.gain_design is None or self.objective is None:
             if self.status is DesignStatus.NO_CONTACT:
                 return "No gain and admittance within the bounds end in contact."

@@ -26,7 +26,7 @@ class DesignStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConstraintOutcome(Value):
-    """One constraint at the chosen gain.
+    """Value, limit and margin of one constraint at the chosen gain.
 
     Args:
         name: short name, as in a scenario file.
@@ -53,17 +53,17 @@ class ConstraintOutcome(Value):
 
     @property
     def achievable(self) -> bool:
-        """Whether some gain within the bounds meets this constraint, without regard to other constraints."""
+        """Whether some gain within the bounds meets this constraint, regardless of other constraints."""
         return self.best_value is not None and self.best_value <= self.limit
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the outcome as one JSON object, in SI."""
+        """Return value, limit and margin of the constraint as one JSON object, in SI units."""
         return {**asdict(self), "achievable": self.achievable}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TradeOff(Value):
-    """Objective and contact over the whole range of gains, from the scan of the search.
+    """Objective and state at contact for every gain that the search scanned.
 
     Args:
         gain: the law's number, such as D_p [N s], ascending, shape (n,).
@@ -80,7 +80,7 @@ class TradeOff(Value):
     state: ContactState
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scan as columns; values without contact are infinite, which JSON writes as null."""
+        """Return the scanned gains and their results as columns; results without contact are infinite."""
         state = {name: getattr(self.state, name) for name in ("time", "displacement", "relative_velocity")}
         columns = {"objective": self.objective, **state}
         finite = {name: np.where(self.reached, values, np.inf) for name, values in columns.items()}

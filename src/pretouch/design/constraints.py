@@ -33,7 +33,7 @@ CONSTRAINT_NAMES: Final[dict[str, str]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Constraint:
-    """A limit |quantity| <= limit.
+    """An upper limit of the magnitude of a quantity, such as the excursion.
 
     Args:
         name: a key of CONSTRAINT_NAMES: `excursion` (|x - x_d| over the whole motion), `travel` (|x - x(0)| over the
@@ -60,7 +60,7 @@ class Constraint:
 
     @property
     def quantity(self) -> str:
-        """The quantity that is limited."""
+        """The quantity that this constraint limits."""
         return CONSTRAINT_NAMES[self.name]
 
     @property
@@ -69,12 +69,12 @@ class Constraint:
         return QUANTITY_UNITS[self.quantity]
 
     def magnitude(self, state: ContactState, impact: ImpactModel | None = None) -> Any:
-        """Return |quantity| at a contact in SI, with the shape of the state; forces need an impact model."""
+        """Return the magnitude of the limited quantity at contact, in SI units."""
         return np.abs(quantity_of(self.quantity, state, impact))
 
 
 def each_once(constraints: Iterable[Constraint]) -> None:
-    """Raise an error if a constraint name occurs twice."""
+    """Raise an error if two constraints have the same name."""
     names = [constraint.name for constraint in constraints]
     for name in names:
         if names.count(name) > 1:

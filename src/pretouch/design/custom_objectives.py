@@ -20,10 +20,10 @@ _SUM: Final = 1e-9  # largest relative error of the sum of the parts: far above 
 
 
 class Valued(Protocol):
-    """A user-defined object that evaluates a contact; it may have a method `parts` with the same arguments."""
+    """A user-defined objective: an object whose method `value` evaluates a contact."""
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None) -> Any:
-        """Return the number >= 0 to minimize, with the shape of the state."""
+        """Return the objective at contact, a number >= 0 that the design minimizes."""
 
 
 AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
@@ -32,7 +32,7 @@ AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomObjective(Objective):
-    """Wrapper of a user-defined objective: an object with `value`, or a function of the state at contact.
+    """Objective that wraps a user-defined object, or a function of the state at contact.
 
     Its parts are those that the object's method `parts` returns, if they add up to the value; otherwise it has none.
 
@@ -49,7 +49,7 @@ class CustomObjective(Objective):
         pass
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> FloatArray:
-        """Evaluate the wrapped objective; return values with the shape of the state."""
+        """Evaluate the user-defined objective; return values with the shape of the state."""
         try:
             if callable(getattr(self.given, "value", None)):
                 value = self.given.value(state, obstacle_speed, impact)
@@ -69,7 +69,7 @@ class CustomObjective(Objective):
         return np.broadcast_to(numbers, np.shape(state.time))
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return the parts that the wrapped objective declares; none if they do not add up to the value."""
+        """Return the terms that a user-defined objective declares; none if their sum is not the objective."""
         if not _declares_parts(self.given):
             return {}
         parts: Mapping[str, Any] = self.given.parts(state, obstacle_speed, impact)
@@ -81,7 +81,7 @@ class CustomObjective(Objective):
 
 
 def as_objective(given: AnyObjective) -> Objective:
-    """Convert an objective, or a user-defined object or function, to an Objective.
+    """Convert a user-defined object or function to an `Objective`.
 
     Args:
         given: an Objective; an object with `value(state, obstacle_speed, impact)` and, optionally, `parts` with the
@@ -116,7 +116,7 @@ def appraise(
     obstacle_speed: Any,
     impact: ImpactModel | None,
 ) -> FloatArray:
-    """Evaluate an objective, infinite without contact; raise an error if a user-defined one is negative or NaN."""
+    """Evaluate an objective, which is infinite without contact; reject negative or NaN values."""
     value = objective.value(state, obstacle_speed, impact)
     if type(objective) is CustomObjective:
         wrong = np.asarray(reached) & ~(value >= 0)
@@ -131,7 +131,7 @@ def appraise(
 
 
 def _declares_parts(given: Any) -> bool:
-    """Return whether an object declares parts; `Objective.parts` does not count if a subclass overrides `value`."""
+    """Return whether a user-defined objective declares its terms by its own method `parts`."""
     if not callable(getattr(given, "parts", None)):
         return False
     if not isinstance(given, Objective):

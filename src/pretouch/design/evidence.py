@@ -30,7 +30,7 @@ _SMOOTH = 1e-2
 
 
 def _part(make: Callable[[Any], R]) -> cached_property[R]:
-    """Make a cached property of one design; reading it from an array of designs raises an error."""
+    """Decorator for a cached property that only the design of a single encounter has."""
 
     @wraps(make)
     def part(evidence: GainEvidence) -> R:
@@ -45,7 +45,7 @@ def _part(make: Callable[[Any], R]) -> cached_property[R]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class GainEvidence(Answer):
-    """The scan of a design, its minima, and all results that are computed from them.
+    """Evidence of a gain design: all scanned gains, the local minima and the results computed from them.
 
     Args:
         settled: status, optimal gain and objective, if a fast search has already found them, without the whole scan;
@@ -56,7 +56,7 @@ class GainEvidence(Answer):
 
     @property
     def answer(self) -> tuple[Any, Any, Any]:
-        """Status, gain and objective."""
+        """Status, optimal gain and objective of the design."""
         return self._searched if self.settled is None else self.settled
 
     @cached_property
@@ -76,22 +76,22 @@ class GainEvidence(Answer):
 
     @property
     def gain(self) -> Any:
-        """The optimal gain: the law's number, such as D_p [N s]; None unless optimal, NaN in an array."""
+        """The optimal gain, such as D_p [N s]; None, or NaN in an array, if there is no optimum."""
         return self.answer[1]
 
     @property
     def objective(self) -> Any:
-        """The objective at the optimal gain; None unless optimal, NaN in an array."""
+        """The objective at the optimal gain; None, or NaN in an array, if there is no optimum."""
         return self.answer[2]
 
     @_part
     def scanned(self) -> Scan:
-        """The scan of the whole range, refined until the objective is well interpolated."""
+        """The scan over all gains, refined until the objective is well interpolated between them."""
         return scan(self.problem.landscape, *self.problem.axis.span)
 
     @_part
     def minima(self) -> tuple[Minimum, ...]:
-        """All local minima of the objective, refined, best first."""
+        """All local minima of the objective, refined and sorted, best first."""
         scanned = self.scanned
         minima = refine(self._merit, scanned.coordinate, scanned.landscape.merit)
         return tuple(minima or self._between_gains())
@@ -100,7 +100,7 @@ class GainEvidence(Answer):
         return self.problem.landscape(coordinate).merit
 
     def _between_gains(self) -> list[Minimum]:
-        """Return minima in a feasible range that is so narrow that no gain of the scan lies in it."""
+        """Find minima in a feasible range so narrow that the scan has no gain inside."""
         near = self._least_excess
         if near is None or near.value > HELD:
             return []
@@ -112,43 +112,43 @@ class GainEvidence(Answer):
 
     @_part
     def _least_excess(self) -> Minimum | None:
-        """The gain at which the largest ratio |quantity| / limit is smallest; None if no gain makes contact."""
+        """The gain that exceeds the limits least; None if no gain makes contact."""
         scanned, problem = self.scanned, self.problem
         near = refine(lambda u: problem.landscape(u).worst_ratio, scanned.coordinate, scanned.landscape.worst_ratio)
         return near[0] if near else None
 
     @_part
     def nearest_gain(self) -> float | None:
-        """If no gain is feasible, the gain that exceeds the limits least; None if no gain makes contact."""
+        """If a design is infeasible, the gain that exceeds the limits least; otherwise None."""
         if self.minima or self._least_excess is None:
             return None
         return float(self.problem.axis.gain(self._least_excess.coordinate))
 
     @_part
     def result(self) -> ContactResult | None:
-        """The encounter at the optimal gain; None unless optimal."""
+        """The encounter at the optimal gain; None if there is no optimum."""
         return None if self.gain is None else self.problem.run(self.gain)
 
     @_part
     def nearest(self) -> ContactResult | None:
-        """If infeasible, the encounter at the gain that exceeds the limits least; else None."""
+        """If a design is infeasible, the encounter at the gain that exceeds the limits least; otherwise None."""
         if self.gain is not None or self.nearest_gain is None:
             return None
         return self.problem.run(self.nearest_gain)
 
     @_part
     def no_mitigation(self) -> ContactResult:
-        """The encounter without mitigation: the law's number is 0."""
+        """The encounter without mitigation, that is, with a gain of 0."""
         return self.problem.run(0.0)
 
     @_part
     def scan_result(self) -> ContactResult:
-        """The encounters of the scan."""
+        """The encounters that were solved at all scanned gains."""
         return self.problem.run(self.problem.axis.gain(self.scanned.coordinate))
 
     @_part
     def trade_off(self) -> TradeOff:
-        """Objective and contact over the range of gains."""
+        """Objective and state at contact for every scanned gain."""
         return TradeOff(
             gain=self.problem.axis.gain(self.scanned.coordinate),
             objective=self.scanned.landscape.objective,
@@ -159,7 +159,7 @@ class GainEvidence(Answer):
 
     @_part
     def constraints(self) -> tuple[ConstraintOutcome, ...]:
-        """Each constraint: its value at the optimal or nearest gain, and the smallest value that any gain reaches."""
+        """The value of each constraint at the chosen gain, and the smallest value that any gain reaches."""
         shown = self.result or self.nearest
         return tuple(self._outcome(i, constraint, shown) for i, constraint in enumerate(self.problem.task.limits))
 
@@ -183,7 +183,7 @@ class GainEvidence(Answer):
 
     @_part
     def place(self) -> str:
-        """The location of the optimum, as `Certificate.at`."""
+        """Where the optimum lies, for example inside the range, on a bound or at an edge of contact."""
         if self.settled is not None or not self.minima or not self.minima[0].edge:
             return "interior"
         best = self.minima[0]
@@ -197,7 +197,7 @@ class GainEvidence(Answer):
 
     @_part
     def certificate(self) -> Certificate | None:
-        """Evidence that the gain is the global optimum; None unless optimal."""
+        """Evidence that the gain is the global optimum; None if there is no optimum."""
         if not self.minima:
             return None
         axis, best = self.problem.axis, self.minima[0]
@@ -212,14 +212,14 @@ class GainEvidence(Answer):
         )
 
     def _at_answer(self, best: Minimum) -> Minimum:
-        """Return the best minimum of the scan; if a fast search found the gain, move the minimum to that gain."""
+        """Return the best minimum of the scan, moved to the optimal gain if a fast search found that gain."""
         if self.settled is None:
             return best
         return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))
 
     @_part
     def sensitivities(self) -> tuple[Sensitivity, ...]:
-        """The derivative of the optimum with respect to each input; empty if the optimum is not differentiable."""
+        """Derivatives of the optimum with respect to each input; empty if the optimum is not differentiable."""
         if self.gain is None or self.place == "corner":
             return ()
         p = self.problem
@@ -228,13 +228,14 @@ class GainEvidence(Answer):
         return gain_sensitivities(p, self.gain, self.place)
 
     def _is_smooth(self) -> bool:
-        """Return whether a user-defined evaluator gives an objective that is smooth over the difference steps."""
+        """Return whether the objective of a user-defined evaluator is smooth enough for finite differences."""
         slope = _stationarity(self.problem, self.minima[0]) if self.minima else None
         return slope is not None and slope < _SMOOTH
 
     @_part
     def ideal(self) -> IdealDesign | None:
-        """The continuous-time optimum and its loss on the loop; None without `evaluate` or gain, or with a course."""
+        """The gain that is optimal in continuous time, and how much worse it is on the sampled loop."""
+        # None without `evaluate`, without an optimal gain, or if the obstacle has a course
         p = self.problem
         if p.task.evaluate is None or p.task.scenario.obstacle.course or self.gain is None:
             return None
@@ -249,7 +250,7 @@ class GainEvidence(Answer):
 
 
 def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
-    """Design one encounter, or each of an array, by the fast searches; None for one without a certain result."""
+    """Design gains by fast searches; return None if the result for a single encounter is uncertain."""
     if problem.task.scenario.shape:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()
@@ -268,7 +269,7 @@ def _search_one(problem: GainProblem) -> tuple[Any, Any, Any]:
 
 
 def _stationarity(problem: GainProblem, best: Minimum) -> float | None:
-    """Return |df/du| / f at an interior optimum by a five-point difference, independently of the search."""
+    """Return the relative slope of the objective at an interior optimum, by a five-point difference."""
     narrow = min(1e-2, 0.1 * (best.bracket[1] - best.bracket[0]))  # a sharp minimum has a narrow bracket
     step = narrow if problem.task.evaluate is None else 0.05  # wider than the ripples of a sampled loop
     f = problem.landscape(best.coordinate + step * np.array([-2.0, -1.0, 1.0, 2.0])).objective

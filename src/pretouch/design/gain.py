@@ -30,7 +30,7 @@ _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 
 def designed_number(task: Task) -> float | None:
-    """Design the number of a task's law: by the task's `effect` if it has one (a drag), else by the objective.
+    """Return the designed gain of a task, or the drag if the task requires an effect of a virtual drag.
 
     Returns:
         The number, such as D_p [N s] or phi [N s^2]; None if no gain meets the constraints or ends in contact.
@@ -43,7 +43,7 @@ def designed_number(task: Task) -> float | None:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class GainDesign(GainEvidence):
-    """Result of `design_gain`: the optimal gain, and its evidence, which is computed when it is first read.
+    """Result of `design_gain`: the optimal gain, with evidence that is computed when it is first read.
 
     Args:
         problem: the task and the bounds of the gain.
@@ -54,23 +54,23 @@ class GainDesign(GainEvidence):
 
     @classmethod
     def of(cls, problem: GainProblem) -> GainDesign:
-        """Design the gain of a problem, or of each encounter of an array."""
+        """Design the gain for one encounter, or for each encounter of an array."""
         design = cls(problem=problem, settled=settle(problem))
         _ = design.answer  # searches now instead of when the gain is first read
         return design
 
     def at(self, *index: int) -> GainDesign:
-        """Return the design of one encounter of an array, with its evidence; `index` has one integer per axis."""
+        """Return the design of one encounter of an array; `index` has one integer per axis."""
         return GainDesign.of(self.problem.at(index)) if self.scenario.shape else self
 
     @property
     def method(self) -> str:
-        """Solution method of the encounters: "closed-form", "integration", "uniform-motion", or "loop" (ClosedLoop)."""
+        """Method that solved the encounters: `closed-form`, `integration`, `uniform-motion` or `loop`."""
         return self.no_mitigation.method
 
     @property
     def objective_parts(self) -> dict[str, float]:
-        """The terms of the objective by quantity; their sum is the objective. Empty unless optimal.
+        """The terms of the objective by quantity, which add up to the objective; empty if there is no optimum.
 
         A user-defined objective declares its parts by a method `parts`; empty if they do not add up to its value.
         """
@@ -81,7 +81,7 @@ class GainDesign(GainEvidence):
 
     @property
     def damping_at_contact(self) -> Any:
-        """The damping D_p g(0) [N s/m] of the virtual force at contact; an array for an array of encounters.
+        """The damping [N s/m] of the virtual force at contact, which is D_p g(0) for the virtual damper.
 
         For other laws, the damping dF/dl' at contact; NaN if the law does not give it.
         """
@@ -93,7 +93,9 @@ class GainDesign(GainEvidence):
         return float_or_array(law.damping(self.gain, slope, self.problem.run(self.gain).end.relative_velocity))
 
     def gradient(self, by: str) -> Any:
-        """Return the derivative of the optimal gain by one input, exact if objective and limits are taken at contact.
+        """Return the derivative of the optimal gain by one input, such as the obstacle's velocity.
+
+        The derivative is exact if objective and limits are taken at contact.
 
         Args:
             by: the input, such as `obstacle.velocity` or `sensor.exponent`: one of `ContactGradients.inputs`, except
@@ -116,7 +118,7 @@ class GainDesign(GainEvidence):
 
     @property
     def headline(self) -> str:
-        """The answer in one or two sentences."""
+        """The result of the design in one or two sentences."""
         if self.result is not None and self.gain is not None:
             speed = abs(self.result.end.relative_velocity)
             n = self.number
@@ -132,7 +134,7 @@ class GainDesign(GainEvidence):
         return "No gain within the bounds ends in contact."
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the design as one JSON object: numbers in SI, None for missing ones."""
+        """Return the design as one JSON object with numbers in SI units and None for missing numbers."""
         answer = {"status": self.status, "gain": self.gain, "objective": self.objective}
         if self.scenario.shape:
             return answer
@@ -155,7 +157,7 @@ class GainDesign(GainEvidence):
 
 
 def _conflict(design: GainDesign) -> str:
-    """Name the constraints that no gain meets, with their nearest achievable values, or those that conflict."""
+    """Describe which constraints no gain meets, or which constraints conflict with each other."""
     impossible = [o for o in design.constraints if not o.achievable]
     if impossible:
         return "; ".join(
@@ -206,7 +208,7 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 
 
 def _depends_on_noise(design: GainDesign) -> bool:
-    """Return whether the noise of another run changes the encounter at the optimum."""
+    """Return whether other sensor noise changes the encounter at the optimal gain."""
     evaluator = design.problem.task.evaluate
     if design.result is None or not isinstance(evaluator, NoisyEvaluator):
         return False
@@ -242,7 +244,7 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 @check_arguments
 @with_file_location
 def design_gain(task: Task) -> GainDesign:
-    """Find the gain D_p that minimizes an objective at contact within constraints, as in the letter's L(20) to L(23).
+    """Find the gain D_p that minimizes an objective within constraints: the letter's problems L(20) to L(23).
 
     The whole range of gains is scanned until each gain is well interpolated from its neighbors. Then each local
     minimum is refined, and the best one is the answer. The result does not depend on a starting point. With another

@@ -22,7 +22,9 @@ _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # central dif
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpactModel(ABC):
-    """A lossless normal impact of two free bodies; losses would only make the peak force smaller.
+    """Model of a lossless normal impact between two free bodies.
+
+    Losses would only make the peak force smaller.
 
     The peak force is no upper bound if a force drives the bodies together during the impact, such as the robot's drive.
 
@@ -42,7 +44,7 @@ class ImpactModel(ABC):
 
     @property
     def reduced_mass(self) -> float:
-        """The reduced mass mu = 1 / (1/m_robot + 1/m_obstacle) [kg]."""
+        """The reduced mass [kg] of robot and obstacle, 1 / (1/m_robot + 1/m_obstacle)."""
         return 1 / (1 / self.robot_mass + 1 / self.obstacle_mass)
 
     @abstractmethod
@@ -50,7 +52,7 @@ class ImpactModel(ABC):
         """Return the peak force [N] of an impact at the given relative velocity [m/s]."""
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
-        """Return the derivative of the peak force [N s/m] at a relative velocity l' other than 0 [m/s]."""
+        """Return the derivative of the peak force [N s/m] by the relative velocity l' [m/s], which must not be 0."""
         # Models without a formula use a difference of order 8, with an error of about 1e-13 of force over velocity.
         v = np.asarray(relative_velocity, dtype=np.float64)
         step = _STEP * v
@@ -60,9 +62,10 @@ class ImpactModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElasticImpact(ImpactModel):
-    """Impact with a contact force F = k d^n at depth d; its peak is k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)).
+    """Impact with an elastic contact force k d^n, which depends on the depth d of the contact.
 
-    The peak follows from 1/2 mu v^2 = k d^(n+1) / (n+1): at the largest depth, the contact has stored all energy.
+    The peak force is k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)) at a speed v, with the reduced mass mu.
+    It follows from 1/2 mu v^2 = k d^(n+1) / (n+1): at the largest depth, the contact has stored all energy.
 
     Args:
         robot_mass: the physical reflected mass of the robot [kg].
@@ -86,24 +89,26 @@ class ElasticImpact(ImpactModel):
 
     @property
     def speed_exponent(self) -> float:
-        """The exponent 2 n / (n+1): the peak force is proportional to this power of the speed."""
+        """Exponent of the speed in the peak force, 2 n / (n+1) for a contact with the exponent n."""
         return 2 * self.exponent / (self.exponent + 1)
 
     def peak_force(self, relative_velocity: ArrayLike) -> Any:
-        """Return k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)) [N]."""
+        """Return the peak force [N] of the elastic impact."""
         n, power = self.exponent, self.speed_exponent
         factor = self.stiffness ** (1 / (n + 1)) * ((n + 1) / 2 * self.reduced_mass) ** (power / 2)
         return float_or_array(factor * np.abs(relative_velocity) ** power)
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
-        """Return the derivative of the peak force [N s/m], 2 n / (n+1) F / v."""
+        """Return the derivative of the peak force by the relative velocity [N s/m]."""
         force = np.asarray(self.peak_force(relative_velocity))
         return float_or_array(self.speed_exponent * force / np.asarray(relative_velocity))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpringImpact(ElasticImpact):
-    """Impact on a linear contact stiffness: F = |v| sqrt(mu k), from 1/2 mu v^2 = 1/2 F^2 / k.
+    """Impact on a linear contact stiffness.
+
+    The peak force is F = |v| sqrt(mu k) at a speed v, from 1/2 mu v^2 = 1/2 F^2 / k with the reduced mass mu.
 
     Args:
         robot_mass: the physical reflected mass of the robot [kg].
@@ -120,7 +125,9 @@ class SpringImpact(ElasticImpact):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HertzImpact(ElasticImpact):
-    """Impact of a sphere by Hertz's law F = 4/3 E* sqrt(R) d^(3/2) (K. L. Johnson, Contact Mechanics, 1985, 11.4).
+    """Impact of a sphere by Hertz's law (K. L. Johnson, Contact Mechanics, 1985, 11.4).
+
+    The force at depth d is F = 4/3 E* sqrt(R) d^(3/2).
 
     With k_h = 4/3 E* sqrt(R): F = k_h^(2/5) (5/4 mu v^2)^(3/5).
 
@@ -151,7 +158,7 @@ class HertzImpact(ElasticImpact):
 
 
 def impact_rows(impact: ImpactModel | None) -> Iterator[tuple[Cell, ...]]:
-    """Yield table rows with the physical properties of an impact; none without an impact model."""
+    """Yield table rows with the masses of robot and obstacle; none without an impact model."""
     if impact is not None:
         yield "physical mass of the robot", Measured(impact.robot_mass, "kg")
         yield "mass of the obstacle", Measured(impact.obstacle_mass, "kg")

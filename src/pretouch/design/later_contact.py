@@ -18,13 +18,15 @@ _PROBES: Final = 257
 
 
 def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
-    """Return for which encounters a stronger gain is proved to make contact later (docs/fast-designs.md)."""
+    """Return which encounters provably make contact later with a stronger gain."""
+    # The proof is in docs/fast-designs.md.
     falling = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
     return np.asarray(premises_hold(scenario) & falling)
 
 
 def premises_hold(scenario: Scenario) -> BoolArray:
-    """Return for which encounters the premises of the proof hold; that ln xi falls with the distance is not tested."""
+    """Return which encounters meet the premises of the proof that a stronger gain makes contact later."""
+    # The premise that ln xi falls with the distance is tested by `falls`.
     m, d, k, x0, u0, _, v, a, _, _ = scenario.relative_columns()
     room = np.asarray(d) * d - 4.0 * np.asarray(m) * k
     sigma = 0.5 * (d - np.sqrt(np.maximum(room, 0.0)))
@@ -33,7 +35,7 @@ def premises_hold(scenario: Scenario) -> BoolArray:
 
 
 def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
-    """Return a lower bound of the objective of all stronger gains, which make contact later than the given state."""
+    """Return a lower bound of the objective for all gains stronger than the gain of a given contact."""
     # The bound is the part of the objective that can only grow with time; obstacle_speed is |x_o'| at the start [m/s].
     total = np.zeros(np.shape(state.time))
     if type(objective) is not Objective:
@@ -49,5 +51,5 @@ def least_objective(objective: Objective, state: ContactState, obstacle_speed: A
 
 @cache_by_curve(256)
 def falls(sensor: SensorModel, reach: float) -> bool:
-    """Return whether ln xi falls with the distance, everywhere from contact to `reach` [m]."""
+    """Return whether the log output ln xi falls with the distance, from contact to `reach` [m]."""
     return bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, _PROBES))) < 0).all())

@@ -23,7 +23,7 @@ Scale: TypeAlias = float | Literal["obstacle speed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
-    """One term weight * (quantity / scale)^2 of an objective.
+    """One term of an objective: weight * (quantity / scale)^2.
 
     Args:
         quantity: a key of QUANTITY_UNITS, such as `displacement`, `relative_velocity`, `time`, `impact_force`.
@@ -50,7 +50,7 @@ class Term:
             raise InvalidInputError("scale: found 0, expected a typical value other than 0")
 
     def scale_for(self, obstacle_speed: Any) -> Any:
-        """Return the typical value in SI; for the scale `"obstacle speed"`, the magnitude of the argument [m/s]."""
+        """Return the scale of an objective's term in SI units, such as the obstacle's speed [m/s]."""
         if not isinstance(self.scale, str):
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
@@ -60,13 +60,14 @@ class Term:
         return np.abs(obstacle_speed)
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Any:
-        """Return weight * (quantity / scale)^2 at a contact; `obstacle_speed` is |x_o'| at the start [m/s]."""
+        """Return the value of an objective's term at contact, weight * (quantity / scale)^2."""
+        # `obstacle_speed` is |x_o'| at the start [m/s].
         return self.weight * (quantity_of(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Objective:
-    """An objective to minimize: the sum of weighted squares of scaled contact quantities.
+    """Objective to minimize: a weighted sum of squared, scaled quantities at contact.
 
     A subclass that overrides `value` needs no terms; reports then show the name of the class.
 
@@ -89,7 +90,7 @@ class Objective:
             raise InvalidInputError("terms: found none with a positive weight, expected one or more")
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> FloatArray:
-        """Evaluate the objective.
+        """Evaluate the objective at contact.
 
         Args:
             state: the state at contact.
@@ -102,7 +103,7 @@ class Objective:
         return np.asarray(sum(self.parts(state, obstacle_speed, impact).values()), dtype=np.float64)
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return weight * (quantity / scale)^2 by quantity; terms of the same quantity are added."""
+        """Return for each quantity the sum of its terms in the objective."""
         parts: dict[str, Any] = {}
         for term in self.terms:
             part = term.value(state, obstacle_speed, impact)
@@ -114,7 +115,7 @@ class Objective:
 def excursion_objective(
     *, position_scale: float, velocity_scale: Scale, position_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the letter's objective f_1, L(20): a trade-off of the range of motion and the relative velocity at contact.
+    """Make the letter's objective L(20), which trades excursion against relative velocity at contact.
 
     Args:
         position_scale: x_typ [m]; x is the deviation from the reference at contact, x - x_d.
@@ -140,7 +141,7 @@ def excursion_objective(
 def time_objective(
     *, time_scale: float, velocity_scale: Scale, time_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the letter's objective f_2, L(22): a trade-off of the time of contact and the relative velocity at contact.
+    """Make the letter's objective L(22), which trades time of contact against relative velocity at contact.
 
     Args:
         time_scale: t_typ [s].

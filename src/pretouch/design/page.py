@@ -52,7 +52,7 @@ _MOTION_NOTES: Final = {
 
 
 def task_page(task: Task) -> Page:
-    """Return the page of a task: its encounter, sensor, objective and limits."""
+    """Return the report page of a task: its encounter, sensor, objective and limits."""
     if task.scenario.shape:
         return Page(kind="Task", headline=f"Task for encounters of shape {task.scenario.shape}")
     number = task.law.number
@@ -68,7 +68,7 @@ def task_page(task: Task) -> Page:
 
 
 def gain_page(design: GainDesign) -> Page:
-    """Return the page of a design of one encounter, with any status."""
+    """Return the report page of the gain design of one encounter."""
     if design.scenario.shape:
         raise ResultUnavailableError("page: found an array of designs, expected one; select it with .at(index)")
     advice = _ADVICE.get(design.status)
@@ -119,7 +119,7 @@ def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
 
 
 def _findings(design: GainDesign) -> Iterator[str]:
-    """Yield each constraint with its value."""
+    """Yield a sentence about each constraint, with its value and its limit."""
     for c in design.constraints:
         value, limit = ("none" if x is None else format_quantity(x, c.unit, 3) for x in (c.value, c.limit))
         state = "met" if c.margin is not None and c.margin >= -ACTIVE * c.limit else "exceeded"
@@ -241,7 +241,7 @@ def _valued_terms(design: GainDesign) -> Iterator[Row]:
 
 
 def objective_rows(objective: Objective) -> Iterator[Row]:
-    """Yield quantity, typical value and weight of each term; one row for a user-defined objective."""
+    """Yield a table row with quantity, typical value and weight for each term of an objective."""
     if isinstance(objective, CustomObjective):
         yield f"{objective.name}: a user-defined objective", "", ""
         return
@@ -252,7 +252,7 @@ def objective_rows(objective: Objective) -> Iterator[Row]:
 
 
 def traded_quantity(design: GainDesign) -> str:
-    """Return the quantity that is traded for a lower contact speed: the objective's first term that is not a speed."""
+    """Return the quantity that the objective trades for a lower contact speed, such as the excursion."""
     for term in design.definition.terms:
         if term.quantity not in {"relative_velocity", "impact_force"} and term.weight > 0:
             return term.quantity
@@ -260,7 +260,7 @@ def traded_quantity(design: GainDesign) -> str:
 
 
 def shows_equals(design: GainDesign) -> bool:
-    """Return whether the objective depends only on the two plotted quantities, so that contour lines can be plotted."""
+    """Return whether a plot can show contour lines of the objective over its two quantities."""
     quantities = sorted(t.quantity for t in design.definition.terms if t.weight > 0)
     return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
 
@@ -289,7 +289,7 @@ _FORCE_LAWS: Final = {
 
 
 def _gain_and_sensor(design: GainDesign) -> PageSection | None:
-    """Return the section with the coefficient of the force law, the product of gain and sensor slope."""
+    """Return the report section with the coefficient of the force law, computed from gain and sensor slope."""
     run, n, power = _displayed_result(design), design.number, design.problem.task.law.degree
     if run is None or power not in _FORCE_LAWS:
         return None

@@ -40,14 +40,15 @@ _WITH_GRADIENTS: Final = frozenset(
 # contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """A number that evaluates an encounter, such as an objective, with its derivatives by quantities at contact."""
+    """A number that rates an encounter, such as the objective, with its derivatives by contact quantities."""
 
     value: Callable[[ContactResult], Any]
     rates: Callable[[ContactState], Rates]
     has_gradients: bool  # False if a quantity needs the whole motion, or if a user-defined class computes the number
 
     def slope(self, state: ContactState, of: Slope) -> FloatArray:
-        """Return the derivative of the number by one input, in SI, with the shape of the state; `along` makes `of`."""
+        """Return the derivative of the criterion by one input, in SI units."""
+        # `along` makes the function `of`.
         total = np.zeros(np.shape(state.time))
         for quantity, rate in self.rates(state):
             total = total + rate * np.asarray(of(quantity))
@@ -55,7 +56,7 @@ class Criterion:
 
 
 def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
-    """Return a function that maps a quantity, the gain or the obstacle's speed to its derivative by the input `by`."""
+    """Return a function that gives the derivative of any quantity by the input `by`."""
     # `of` returns the derivative of a quantity by an input, as `ContactGradients` does. `velocity` is the obstacle's
     # velocity at the start [m/s]; it is needed for scales that equal the obstacle's speed.
 
@@ -70,12 +71,12 @@ def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
 
 
 def ratio(constraint: Constraint, impact: ImpactModel | None) -> Criterion:
-    """Return the criterion |quantity| / limit of a constraint."""
+    """Return the ratio |quantity| / limit of a constraint as a criterion."""
     return magnitude(constraint.quantity, impact, constraint.limit)
 
 
 def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> Criterion:
-    """Return the criterion |quantity| / unit."""
+    """Return the magnitude of a quantity, divided by a unit, as a criterion."""
 
     def rates(state: ContactState) -> Rates:
         return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)) / unit, state, impact)]
@@ -88,7 +89,7 @@ def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> C
 
 
 def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None) -> Criterion:
-    """Return the criterion of an objective: the sum of weight (q / s)^2; s may be the obstacle's speed [m/s]."""
+    """Return an objective as a criterion, with its derivatives by the quantities at contact."""
 
     def rates(state: ContactState) -> Rates:
         rates_by_quantity = []
@@ -109,7 +110,7 @@ def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None)
 
 
 def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactModel | None) -> tuple[str, Any]:
-    """Return a quantity that has gradients, and the rate by it; the relative velocity replaces an impact force."""
+    """Convert derivatives by the impact force to derivatives by the relative velocity at contact."""
     if quantity != "impact_force":
         return quantity, rate
     if impact is None:
@@ -121,7 +122,7 @@ def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactMod
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainProblem(Value):
-    """A task for a search over gains, with one encounter or an array of encounters.
+    """A task together with the scaled gain over which its optimum is searched.
 
     Args:
         task: the task.
@@ -133,12 +134,12 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """Whether encounters have gradients by all inputs: only the virtual damper, and not with the uniform motion."""
+        """Whether encounters have exact derivatives by all inputs, which only the virtual damper provides."""
         return self.is_continuous and self.task.law == DAMPER
 
     @property
     def is_continuous(self) -> bool:
-        """Whether motions are solved in continuous time from the given state."""
+        """Whether the full motion equations are solved in continuous time."""
         return self.task.evaluate is None and self.task.method != "uniform-motion"
 
     @property
@@ -148,22 +149,22 @@ class GainProblem(Value):
 
     @property
     def merit(self) -> Criterion:
-        """The objective with its derivatives."""
+        """The objective of the task, with its derivatives by contact quantities."""
         return merit(self.task.goal, abs(self.task.scenario.obstacle.velocity), self.task.impact)
 
     def changed(self, **changes: Any) -> GainProblem:
-        """Return a copy with other values of some fields of the task."""
+        """Return a copy of the problem with other values of some fields of its task."""
         return GainProblem(task=self.task.replace(**changes), axis=self.axis)
 
     def solve(self, scenario: Scenario, gain: Any) -> ContactResult:
-        """Solve encounters by the evaluator of the task, or in continuous time without one."""
+        """Solve encounters with the task's `evaluate` function, or in continuous time if there is none."""
         task = self.task
         if task.evaluate is not None:
             return task.evaluate(scenario, task.sensor, gain)
         return task.law.contact(scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
 
     def run(self, gain: Any) -> ContactResult:
-        """Solve the encounters of the task with one gain or several."""
+        """Solve the task's encounters with one or several gains."""
         return self.solve(self.task.scenario, gain)
 
     def at(self, index: tuple[int, ...]) -> GainProblem:
@@ -175,7 +176,7 @@ class GainProblem(Value):
         return self.changed(scenario=scenario, evaluate=evaluate)
 
     def within_gain_limit(self) -> GainProblem:
-        """Return the problem with its constraints on the gain replaced by narrower bounds.
+        """Return a problem in which constraints on the gain are replaced by narrower bounds of the gain.
 
         An optimum inside these bounds is an optimum of the problem itself. If no interval remains, the problem is
         returned unchanged.
@@ -191,7 +192,7 @@ class GainProblem(Value):
         return GainProblem(task=self.task.replace(constraints=others), axis=GainAxis(low=low, high=high))
 
     def column(self, which: IntArray) -> GainProblem:
-        """Return the encounters at flat indices as a problem of column shape, which broadcasts with a row of gains."""
+        """Return selected encounters as a column, so that each can be combined with a row of gains."""
         shape = self.task.scenario.shape
 
         def select(value: Any) -> Any:
@@ -200,7 +201,7 @@ class GainProblem(Value):
         return self.changed(scenario=map_fields(self.task.scenario, select))
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Evaluate objective and constraints at gains, which are passed as coordinates of the axis."""
+        """Evaluate the objective and the constraints at gains that are given on the scaled axis of the search."""
         task, result = self.task, self.run(self.axis.gain(coordinate))
         reached, speed = result.reached, abs(task.scenario.obstacle.velocity)
         ratios = [c.magnitude(result.end, task.impact) / c.limit for c in task.limits]
@@ -212,7 +213,7 @@ class GainProblem(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Answer(Described, Value):
-    """Base class of the results of the design functions; each result keeps its problem.
+    """Base class of design results; each result keeps the problem that was solved.
 
     Args:
         problem: the task and the bounds of the gain.
@@ -222,7 +223,7 @@ class Answer(Described, Value):
 
     @property
     def headline(self) -> str:
-        """The answer in one or two sentences; empty in this base class."""
+        """The result in one or two sentences; empty in this base class."""
         return ""
 
     def __repr__(self) -> str:
@@ -230,17 +231,17 @@ class Answer(Described, Value):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The bounds of the gain, in the unit of the law's number."""
+        """The lower and the upper bound of the gain, in the unit of the law's parameter."""
         return self.problem.axis.ends
 
     @property
     def law(self) -> ContinuousLaw:
-        """The law whose number is the gain."""
+        """The control law whose parameter was designed."""
         return self.problem.task.law
 
     @property
     def number(self) -> LawNumber:
-        """Name, symbol and unit of the law's number, here called the gain."""
+        """Name, symbol and unit of the control law's parameter, which is called the gain."""
         return self.law.number
 
     @property
@@ -250,20 +251,20 @@ class Answer(Described, Value):
 
     @property
     def sensor(self) -> SensorModel:
-        """The sensor curve."""
+        """The sensor curve of the task."""
         return self.problem.task.sensor
 
     @property
     def impact(self) -> ImpactModel | None:
-        """The impact model with the physical properties, or None."""
+        """The impact model with the masses of robot and obstacle, or None."""
         return self.problem.task.impact
 
     @property
     def definition(self) -> Objective:
-        """The definition of the objective."""
+        """The objective that the design minimizes."""
         return self.problem.task.goal
 
     @property
     def on_evaluator(self) -> bool:
-        """Whether encounters were solved by the task's `evaluate`, such as a ClosedLoop."""
+        """Whether the task's function `evaluate`, such as a `ClosedLoop`, solved the encounters."""
         return self.problem.task.evaluate is not None

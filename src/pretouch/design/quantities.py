@@ -23,7 +23,7 @@ QUANTITY_UNITS: Final[dict[str, str]] = {
 
 @check_arguments
 def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = None) -> Any:
-    """Read a quantity from the state at contact.
+    """Return a quantity at contact by its name, such as `impact_force`.
 
     Args:
         name: a key of QUANTITY_UNITS. `drive_force` is the physical mass times the largest acceleration;

@@ -43,7 +43,7 @@ _SHARES: Final = np.array([0.0, *(1 + legendre.leggauss(NODES)[0]) / 2, 1.0])  #
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragSchedule(Value):
-    """A schedule phi(s) of the drag over the reading s = ln xi, its effects, and a lower bound for all schedules.
+    """A schedule of the drag phi over the log output ln xi, with its effects on the approach.
 
     Every object, bright or dark, is assumed to be detected at the same distance. The assumptions of `DragDesign` hold.
     Noise has the effect of a change of reflectance.
@@ -79,12 +79,12 @@ class DragSchedule(Value):
 
     @property
     def gap(self) -> float:
-        """The optimality gap [m]: the largest excursion minus its lower bound."""
+        """The optimality gap [m]: the largest excursion minus its lower bound for all schedules."""
         return self.largest_excursion - self.lower_bound
 
     @property
     def verdict(self) -> str:
-        """Whether the schedule is worthwhile compared with a constant drag, in one sentence."""
+        """A sentence that compares the excursions of the schedule and of a constant drag."""
         whole = self.constant.excursion
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
             return (
@@ -99,12 +99,12 @@ class DragSchedule(Value):
         )
 
     def drag_at(self, log_output: ArrayLike) -> Any:
-        """Return phi [N s^2] at readings s = ln xi; outside of the range, phi of the nearest step."""
+        """Return the drag phi [N s^2] at log outputs s = ln xi; beyond the ends, the nearest step applies."""
         step = np.searchsorted(self.log_output[1:-1], finite(log_output, "log_output"), side="right")
         return float_or_array(self.drag[step])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the schedule as one JSON object, in SI."""
+        """Return the schedule as one JSON object, in SI units."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return dict(plain({**values, "gap": self.gap, "verdict": self.verdict}))
 
@@ -120,7 +120,7 @@ def schedule_drag(
     rails: DragLimits | tuple[float, float] = (0.5, 2.0),
     steps: int = 48,
 ) -> DragSchedule:
-    """Find the schedule phi(s), s = ln xi, that minimizes the largest excursion over a range of reflectance.
+    """Find the drag schedule phi(ln xi) that minimizes the largest excursion over a range of reflectance.
 
     Args:
         sensor: the sensor curve, which must be valid down to contact and whose ln xi must fall with the distance.
@@ -185,7 +185,7 @@ def _pair(value: tuple[float, float], name: str) -> FloatArray:
 
 
 def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> DragLimits:
-    """Return the rails; raise an error unless the constant drag lies between them."""
+    """Return the limits of the drag; raise an error unless the constant drag lies between them."""
     if not isinstance(rails, DragLimits):
         drags = [float(factor * constant.drag) for factor in _pair(rails, "rails")]
         weak, strong = (predict_drag(constant.sensor, constant.detection_distance, constant.mass, d) for d in drags)
@@ -204,7 +204,7 @@ def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> Dra
 
 
 class _Paths(NamedTuple):
-    """The approach of each reflectance, one row each, in pieces of the distance from l_d down to contact.
+    """The approach of an object for each reflectance, divided into pieces of the distance.
 
     Args:
         step: index of the schedule's step on each piece, shape (m, pieces).
@@ -219,14 +219,14 @@ class _Paths(NamedTuple):
     rows: FloatArray
 
     def growth(self, shares: FloatArray) -> FloatArray:
-        """Return Q at the points of `strength`."""
+        """Return how much the speed has fallen along each approach, as the exponent Q of exp(-Q)."""
         rate, share = self.strength[..., 1:-1] * self.length, shares[self.step][..., None]
         ends = np.cumsum(share * (rate @ WEIGHTS)[..., None], axis=1)
         starts = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], axis=1)
         return np.concatenate([starts, starts + share * so_far(rate), ends], axis=2)
 
     def excursions(self, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the excursion of each reflectance [m], shape (m,), and its derivatives by the shares."""
+        """Return the excursion for each reflectance [m], and its derivatives by the drag of each step."""
         growth = self.growth(shares)[..., 1:-1]
         grown = np.exp(growth) * self.length
         to_come = np.cumsum((grown @ WEIGHTS)[:, ::-1], axis=1)[:, ::-1, None] - so_far(grown)
@@ -235,7 +235,7 @@ class _Paths(NamedTuple):
         return excursion, _by_step(self.step, weighted, len(shares))
 
     def peaks(self, shares: FloatArray) -> FloatArray:
-        """Return the largest acceleration of each reflectance over v^2 [1/m]."""
+        """Return the largest acceleration for each reflectance, divided by the squared approach speed [1/m]."""
         pull = shares[self.step][..., None] * self.strength * np.exp(-2 * self.growth(shares))
         return np.asarray(np.where(self.length > 0, pull, 0.0).max(axis=(1, 2)))
 
@@ -247,7 +247,7 @@ def _by_step(step: IntArray, values: FloatArray, count: int) -> FloatArray:
 
 
 def _split_paths(constant: DragDesign, borders: FloatArray, offsets: FloatArray) -> _Paths:
-    """Split the approach of each reflectance at the borders of the steps and at the knots of the curve."""
+    """Split each approach at the borders of the schedule's steps and at the knots of the sensor curve."""
     sensor, farthest = constant.sensor, constant.detection_distance
     steps = len(borders) - 1
     fine = np.linspace(borders[0], borders[-1], steps * -(-_PIECES // steps) + 1)
@@ -268,7 +268,7 @@ def _split_paths(constant: DragDesign, borders: FloatArray, offsets: FloatArray)
 
 
 def _search(paths: _Paths, rails: DragLimits, constant: DragDesign, *, monotone: bool) -> tuple[FloatArray, float]:
-    """Return phi on the steps relative to the constant drag, and the lower bound of the largest excursion [m]."""
+    """Return the drag of each step relative to the constant drag, and a lower bound of the excursion [m]."""
     from scipy.optimize import linprog  # noqa: PLC0415 - keeps `import pretouch` fast
 
     rows = paths.rows / math.log(1 / constant.ratio)

@@ -40,7 +40,7 @@ class Choice(Protocol):
 
     @property
     def gain(self) -> Any:
-        """The law's number, such as D_p [N s]."""
+        """The gain of the design, such as D_p [N s]."""
 
     @property
     def scenario(self) -> Scenario:
@@ -54,11 +54,11 @@ class Source(Protocol):
         """Return the error with the line and the key of the file that caused it."""
 
     def explained(self, error: InvalidInputError) -> str:
-        """Return the message of an error, with its cause in the file."""
+        """Return the message of an error together with its cause in the file."""
 
 
 def _with_fast_init(cls: type[R]) -> type[R]:
-    """Replace `__init__` by a fast one, which stores only the passed fields: a design takes only microseconds."""
+    """Replace `__init__` of a class by a faster version that stores only the passed fields."""
     complete: Any = cls.__init__
     names = {name for name in cls.__annotations__ if name != "_"}
     rules: dict[str, Rule] = {}
@@ -95,7 +95,7 @@ def _with_fast_init(cls: type[R]) -> type[R]:
 @_with_fast_init
 @dataclass(frozen=True)
 class Task(InNotebooks, Value):
-    """The problem for the verbs (functions such as `design_gain`): the encounter, the sensor and all options.
+    """The problem that functions such as `design_gain` solve: an encounter, a sensor and all options.
 
     Each verb uses the fields that it needs and raises an error if one is missing. `load_scenario` returns a Task from
     a scenario file. Numbers without a stated unit are SI.
@@ -203,7 +203,7 @@ class Task(InNotebooks, Value):
 
     @property
     def goal(self) -> Objective:
-        """The objective, for a verb that needs one.
+        """The task's objective; reading it raises an error if the task has none.
 
         Raises:
             InvalidInputError: the task has no objective.
@@ -215,16 +215,16 @@ class Task(InNotebooks, Value):
 
     @property
     def limits(self) -> tuple[Constraint, ...]:
-        """The constraints without their probabilities."""
+        """The constraints of the task, without their required probabilities."""
         return tuple([c if isinstance(c, Constraint) else c.constraint for c in self.constraints])
 
     @property
     def is_admittance_free(self) -> bool:
-        """Whether natural frequency or damping ratio is free."""
+        """Whether the design may change the natural frequency or the damping ratio."""
         return self.natural_frequency is not None or self.damping_ratio is not None
 
     def stable_bounds(self) -> tuple[float, float]:
-        """Return the bounds of the gain, without gains whose gain margin on the loop is below `stability_margin`.
+        """Return the bounds of the gain, narrowed to gains that have the required gain margin on the loop.
 
         Raises:
             InvalidInputError: there are no bounds, or no gain between them has the gain margin.
@@ -246,13 +246,13 @@ class Task(InNotebooks, Value):
         return stable
 
     def replace(self, **changes: Any) -> Task:
-        """Return a copy with other values of some fields; another loop also brings the law of its controller."""
+        """Return a copy of the task with other values of some fields; a new loop also brings its own law."""
         fields = {name: value for name, value in self.__dict__.items() if name != "law" or "loop" not in changes}
         return Task(**{**fields, **changes})
 
 
 def with_file_location(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
-    """Decorate a verb so that its errors name the line and the key in the file of the task."""
+    """Decorator: errors of a function name the line and the key of the scenario file that caused them."""
 
     # The task may also be passed by name; the type `Concatenate` cannot express that.
     @wraps(verb)

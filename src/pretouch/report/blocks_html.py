@@ -33,7 +33,7 @@ QUIET: Final = ' class="note"'
 
 
 def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
-    """Write the excerpt of a page for notebooks: headline, warnings, first figure and first brief table, no links.
+    """Return the excerpt of a report page that notebooks show: headline, warnings, first figure and table.
 
     Args:
         page: the page.
@@ -51,7 +51,7 @@ def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
 
 
 def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
-    """Write a report: status, answer, figure, key figures and warnings, then all sections, folded, after their titles.
+    """Return a report page as HTML: result, figure, key figures and warnings, then the folded sections.
 
     Args:
         page: the page.
@@ -76,7 +76,8 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
 
 
 def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, list[Block]]:
-    """Return the first figure of a name, and the blocks without it and without sections that it leaves empty."""
+    """Return the first figure with a given name, and the blocks of the page without this figure."""
+    # Sections that the figure leaves empty are removed as well.
     lead: Picture | None = None
     others: list[Block] = []
     for block in blocks:
@@ -92,7 +93,7 @@ def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, l
 
 
 def page_top(page: Page, figure: str = "") -> str:
-    """Write the top of a report: status, answer, a figure, key figures, findings and warnings."""
+    """Return the top of a report page as HTML: status, result, figure, key figures, findings and warnings."""
     parts = [f'<p class="state{"" if page.good else " bad"}">{escape(page.status)}</p>'] if page.status else []
     parts += [f'<p class="warning">{_inline(text)}</p>' for text in page.reservations]
     parts.append(f'<p class="answer">{escape(page.headline)}</p>')
@@ -110,7 +111,7 @@ def page_top(page: Page, figure: str = "") -> str:
 
 
 def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], level: int = 2) -> Iterator[str]:
-    """Write blocks as HTML elements.
+    """Yield the blocks of a report page, such as tables and figures, as HTML elements.
 
     Args:
         blocks: the blocks.
@@ -169,7 +170,7 @@ def _table(table: PageTable) -> str:
 
 
 def cell_as_html(cell: Cell) -> str:
-    """Write a cell as HTML; a missing number is a dash."""
+    """Return a table cell as HTML; a missing number is a dash."""
     if isinstance(cell, Named):
         return escape(f"{cell.words} {cell.symbol}".strip())
     if not isinstance(cell, Measured):
@@ -187,6 +188,6 @@ def _id(anchor: str) -> str:
 
 
 def _inline(text: str) -> str:
-    """Escape a sentence, and turn backticks and links into HTML."""
+    """Escape a sentence for HTML, and convert backticks and links to HTML elements."""
     linked = LINK.sub(r'<a href="#\2">\1</a>', escape(text))
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", linked)

@@ -27,7 +27,7 @@ _TWO_SIGMA: Final = 2.0
 
 
 class _Points(NamedTuple):
-    """The averaged readings of the fit: distance [m], ln(y - o), and the standard deviation of ln(y - o)."""
+    """Averaged readings of a calibration fit: distances, log outputs and their standard deviations."""
 
     distance: FloatArray
     log_output: FloatArray
@@ -62,7 +62,7 @@ def calibration(report: CalibrationReport) -> Figure:
 
 
 def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
-    """Draw all readings, the limits of the signal, the window and the fitted curves."""
+    """Draw all calibration readings with offset, floor, clipping level, usable range and fitted curves."""
     scale = _begin(axes, report, "Readings and their use" if report.fits else "Readings: no usable signal")
     outputs = report.calibration.outputs
     axes.set_ylabel(f"output [{_unit(report)}]", parse_math=False)
@@ -95,7 +95,7 @@ def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_levels(axes: Axes, report: CalibrationReport) -> None:
-    """Draw offset, floor and clipping level; offset and floor share a label if they are close together."""
+    """Draw offset, floor and clipping level of a calibration; labels that are close together are merged."""
     levels = list(_levels(report))
     left, right = axes.get_xlim()
     across = left + (right - left) * np.array([0.98, 0.8, 0.6, 0.4, 0.2])
@@ -113,7 +113,7 @@ def _draw_levels(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the signal above the offset on a logarithmic axis, on which its slope is g."""
+    """Draw the sensor output minus its offset versus the distance, on a logarithmic axis."""
     scale = _begin(axes, report, "Signal, logarithmic", zoom=True)
     points = _points(report)
     axes.set_ylabel(f"output \u2212 offset [{_unit(report)}], log. axis", parse_math=False)
@@ -134,7 +134,7 @@ def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the slope g of the models and the difference quotients of neighboring readings."""
+    """Draw the sensor slope g of the fitted curves, and difference quotients of neighboring readings."""
     scale = _begin(axes, report, "Slope g: the damping force is D\u209a g l\u2032", zoom=True)
     points = _points(report)
     axes.set_ylabel("slope g = d ln \u03be / dl [1/m]")
@@ -154,7 +154,7 @@ def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the residuals of ln xi of each model, with the range of the noise."""
+    """Draw the residuals of the log output for each fitted curve, with the range of the noise."""
     scale = _begin(axes, report, "Residuals of the models", zoom=True)
     points = _points(report)
     axes.set_ylabel("residual of ln \u03be [1]")
@@ -192,7 +192,7 @@ def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _begin(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = False) -> Scale:
-    """Set title and distance axis: all readings with the window shaded, or, with `zoom`, only the window."""
+    """Set the title and the distance axis of a plot; with `zoom`, show only the usable distance range."""
     distances = report.calibration.distances
     scale = scale_for("m", float(distances.max()))
     axes.locator_params(nbins=6)
@@ -206,13 +206,13 @@ def _begin(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = Fa
 
 
 def _unit(report: CalibrationReport) -> str:
-    """Return the unit of the outputs; characters that the font does not have become question marks."""
+    """Return the unit of the sensor output; characters that the font lacks become question marks."""
     plain = "".join(c if ord(c) < 0x250 or c in "\u00b5\u03bc\u2126\u03a9" else "?" for c in report.calibration.unit)
     return plain.strip() or "1"
 
 
 def _curves(report: CalibrationReport) -> Iterator[tuple[SensorFit, FloatArray, str, Any, float]]:
-    """Yield each fit with distances, color, line style and width; the best fit comes last, with the thickest line."""
+    """Yield each fitted curve with its distances and line style; the best fit comes last."""
     for i, fit in reversed(list(enumerate(report.fits))):
         low, high = fit.sensor.valid_range
         first, last = max(low, report.window.l_min), min(high, report.window.l_max)
@@ -239,7 +239,7 @@ def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, spread: FloatArray) -
 
 
 def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[float, float] | None, int]]:
-    """Yield the limits of the signal: value, name, line style, interval, and side of the label."""
+    """Yield offset, floor and clipping level of a calibration, with name, line style and interval."""
     window, offset = report.window, report.offset
     if offset is not None:
         spread = (offset.low, offset.high) if np.isfinite([offset.low, offset.high]).all() else None
@@ -251,7 +251,7 @@ def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[
 
 
 def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, str, str]]:
-    """Yield groups of readings by their use: name, mask, marker, color and fill."""
+    """Yield groups of calibration readings by their use, such as outliers, with marker and color."""
     distances, outputs = report.calibration.distances, report.calibration.outputs
     window = report.window
     outlier = np.zeros(len(outputs), dtype=np.bool_)
@@ -273,7 +273,7 @@ def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, st
 
 
 def _draw_curves(axes: Axes, report: CalibrationReport, scale: Scale, value: Any, *, named: bool = False) -> None:
-    """Draw all fitted curves, and with `named` write their names, the best first."""
+    """Draw all fitted sensor curves and, with `named`, write their names, the best fit first."""
     curves = [
         (distance / scale.factor, value(fit, distance), fit.model, *look) for fit, distance, *look in _curves(report)
     ]

@@ -11,10 +11,13 @@ from .style import drawing
 
 
 class ReportFigure(Figure):
-    """A Matplotlib figure that notebooks display as an image; they show a plain `Figure` as text."""
+    """A Matplotlib figure that notebooks display as an image.
+
+    Notebooks show a plain `Figure` as text.
+    """
 
     def savefig(self, fname: Any, **options: Any) -> None:
-        """Save the figure with pretouch's settings and without the date, so that the output is reproducible.
+        """Save the figure with pretouch's settings and without a date, so that the file is reproducible.
 
         Args:
             fname: a path or a binary file.

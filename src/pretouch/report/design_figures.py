@@ -36,7 +36,7 @@ _CLOSE: Final = 0.06  # of the panel: least distance between two marks
 
 @check_arguments
 def trade_off(design: GainDesign) -> Figure:
-    """Draw the objective over all gains, and the trade-off between contact speed and cost.
+    """Draw the objective versus the gain, and the contact speed versus the excursion or another cost.
 
     Args:
         design: a design of any status.
@@ -52,7 +52,7 @@ def trade_off(design: GainDesign) -> Figure:
 
 
 def _misses(design: GainDesign) -> Panel:
-    """Return a panel of the smallest distance over the gain, if no gain ends in contact."""
+    """Return the plot of the smallest distance versus the gain, for designs in which no gain makes contact."""
     scanned = design.scan_result
     gain = _shown_gain(design, np.asarray(scanned.gain, float))
     nearest = np.asarray(scanned.closest_distance, float)
@@ -67,7 +67,7 @@ def _misses(design: GainDesign) -> Panel:
 
 
 def _objective(design: GainDesign) -> Panel:
-    """Return a panel of the objective f(D_p) with its terms, the optimum, and the infeasible gains."""
+    """Return the plot of the objective and its terms versus the gain, with optimum and infeasible gains."""
     gain, total = np.asarray(_shown_gain(design, design.trade_off.gain)), design.trade_off.objective
     finite = total[np.isfinite(total)]
     low, high = float(finite.min()), float(finite.max())
@@ -98,7 +98,7 @@ def _objective(design: GainDesign) -> Panel:
 
 
 def _plane(design: GainDesign) -> Panel:
-    """Return a panel of the relative speed at contact over its cost, along the gains."""
+    """Return the plot of the contact speed versus the excursion, or versus another cost in the objective."""
     name = traded_quantity(design)
     state, reached = design.trade_off.state, design.trade_off.reached
     cost = np.where(reached, np.abs(quantity_of(name, state, design.impact)), np.nan)
@@ -144,7 +144,7 @@ def _terms(design: GainDesign) -> dict[str, FloatArray]:
 
 
 def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
-    """Yield each range of infeasible gains, with the reason."""
+    """Yield each range of infeasible gains with the reason, such as a violated constraint."""
     trade = design.trade_off
     reasons = np.full(len(gain), "", dtype=object)
     for outcome in design.constraints:
@@ -168,13 +168,13 @@ def _breaks(design: GainDesign, outcome: ConstraintOutcome) -> BoolArray:
 
 
 def _edges(gain: FloatArray, *, logarithmic: bool) -> FloatArray:
-    """Return the first and the last gain, and the midpoints between neighbors."""
+    """Return the borders between neighboring gains: their midpoints, and the first and the last gain."""
     middles = np.sqrt(gain[1:] * gain[:-1]) if logarithmic else (gain[1:] + gain[:-1]) / 2
     return np.concatenate([gain[:1], middles, gain[-1:]])
 
 
 def _points(design: GainDesign, name: str) -> Iterator[tuple[float, float, dict[str, Any]]]:
-    """Yield the marked points of the trade-off: cost and speed in SI, and their style."""
+    """Yield the marked points in the plot of contact speed versus cost, with their style."""
     nearest = design.nearest if design.result is None else None
     for run, how in (
         (design.no_mitigation, {"label": "no mitigation", "style": 1, "shape": "square"}),
@@ -191,7 +191,7 @@ def _scale(unit: str, values: FloatArray) -> Scale:
 
 
 def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the limits of the two plotted quantities: horizontal and vertical reference lines."""
+    """Return the limits of the two plotted quantities as horizontal and vertical reference lines."""
     levels, positions = {}, {}
     for outcome in design.constraints:
         text = f"{outcome.name.replace('_', ' ')} limit"
@@ -203,7 +203,7 @@ def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[di
 
 
 def _equals(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple[float, float]) -> list[Curve]:
-    """Return the contour line of the optimal objective, which touches the curve of the possible contacts."""
+    """Return the contour line of the optimal objective, which touches the curve of all possible contacts."""
     if not shows_equals(design):
         return []
     terms = {t.quantity: t for t in design.definition.terms if t.weight > 0}
@@ -220,7 +220,7 @@ def _equals(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple
 
 
 def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[Mark]) -> list[Mark]:
-    """Return marks at round gains along the curve."""
+    """Return marks that show round values of the gain along the trade-off curve."""
     order = np.argsort(design.trade_off.gain)
     size = np.array([np.nanmax(x), np.nanmax(y)])
     new_marks: list[Mark] = []
@@ -237,7 +237,7 @@ def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[M
 
 @check_arguments
 def sensitivity(design: GainDesign) -> Figure:
-    """Draw the change of the optimal gain if an input grows by 1 %, for each input.
+    """Draw by how much the optimal gain changes if one input grows by 1 %, for each input.
 
     Args:
         design: a design; without sensitivities the figure is an empty panel with a message.

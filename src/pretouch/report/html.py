@@ -86,7 +86,7 @@ def report_html(result: Any, *, calibration: CalibrationReport | None = None, so
 
 
 def page_html(page: Page) -> str:
-    """Return a page as HTML, with the versions of the software and pretouch's signature."""
+    """Return a report page as HTML, with the versions of the software and pretouch's signature."""
     shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
     title = f"{page.kind}{'' if page.kind.endswith('?') else ':'} {page.source}" if page.source else page.kind
     body = page_as_html(page, _draw)
@@ -95,12 +95,12 @@ def page_html(page: Page) -> str:
 
 
 def excerpt_html(page: Page) -> str:
-    """Return the excerpt of a page for notebooks; its figure is an image, so that identifiers cannot clash."""
+    """Return the excerpt of a report page for notebooks as HTML, with its figure as an image."""
     return page_as_excerpt(page, _image)
 
 
 def _image(picture: Picture) -> str:
-    """Draw a figure as an image element that contains its data."""
+    """Draw a figure and return it as an HTML image element that contains the data of the image."""
     content = BytesIO()
     _figure(picture).savefig(content, format="png", dpi=110)
     data = base64.b64encode(content.getvalue()).decode()
@@ -112,12 +112,12 @@ def _figure(picture: Picture) -> Any:
 
 
 def _draw(picture: Picture) -> str:
-    """Draw a figure as an SVG element, with text converted to paths."""
+    """Draw a figure and return it as an SVG element, with text converted to paths."""
     return draw_svg(_figure(picture), picture.figure.replace("_", "-"))
 
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
-    """Add the calibration of the sensor to a page, and put its reservations above the answer."""
+    """Add a section on the sensor calibration to a report page, and put its warnings above the result."""
     from pretouch.calibration.page import fitted_blocks  # noqa: PLC0415 - only where there is one
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 
@@ -132,7 +132,7 @@ def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -
 
 
 def _provenance(file: dict[str, str] | None) -> PageSection:
-    """Return the section with the method and the scenario file."""
+    """Return the report section with the method and the scenario file."""
     blocks: tuple[Any, ...] = ()
     if file is not None:
         name = Paragraph(text=f"Scenario file `{file['name']}`, SHA-256 `{file['sha256']}`")
@@ -152,7 +152,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
 
 
 def _source(source: object) -> dict[str, str] | None:
-    """Return name, text and hash of a file from an object or a mapping."""
+    """Return name, text and hash of a scenario file that is given as an object or a mapping."""
     if source is None:
         return None
     keys = ("name", "path", "text", "sha256")

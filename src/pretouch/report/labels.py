@@ -42,7 +42,7 @@ def label_near(
     strict: bool = False,
     marks: list[FloatArray] | None = None,
 ) -> Annotation | None:
-    """Write a label next to a point or a curve, so that it covers no other label and as few curves as possible.
+    """Write a label next to a point or a curve, covering no other label and as few curves as possible.
 
     The limits of the axes must be final.
 
@@ -89,7 +89,7 @@ def _best_place(
     free: Any,
     strict: bool,
 ) -> int:
-    """Return the index of the free place of least cost; -1 if there is none."""
+    """Return the index of the best free place for a label; -1 if no place is free."""
     best, choice = np.inf, -1
     for i in free[np.argsort(places[free, 4], kind="stable")]:
         if places[i, 4] >= best:
@@ -104,7 +104,7 @@ def _best_place(
 
 
 def label_inside(axes: Axes, x: Any, y: Any, text: str, *, color: str, size: float, fill: str) -> Annotation | None:
-    """Write a label centered on one of several points; it is rotated by 90 degrees if it is too wide.
+    """Write a label centered on one of several points; rotate the label if it is too wide.
 
     Args:
         axes: the axes; its limits must be final.
@@ -155,7 +155,7 @@ def _new_label(axes: Axes, text: str, **style: Any) -> Annotation:
 
 
 def _crosses(anchor: FloatArray, box: FloatArray, gap: float, taken: FloatArray) -> bool:
-    """Return whether the leader line from an anchor to a box would cross a label."""
+    """Return whether the leader line between a label and its anchor point would cross another label."""
     if gap <= _LEADERLESS or not len(taken):
         return False
     end = np.clip(anchor, box[:2], box[2:])
@@ -165,7 +165,8 @@ def _crosses(anchor: FloatArray, box: FloatArray, gap: float, taken: FloatArray)
 
 
 def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) -> bool:
-    """Return whether a line lies between an anchor and a box; leader lines may cross reference lines."""
+    """Return whether a curve lies between an anchor point and the box of its label."""
+    # Leader lines may cross reference lines.
     end = np.clip(anchor, box[:2], box[2:])
     length = float(np.hypot(*(end - anchor)))
     if length <= _OWN:
@@ -179,7 +180,8 @@ def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) 
 def _candidates(
     anchors: FloatArray, dots: float, width: float, height: float, side: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return all places around all anchors, as (anchor, dx, dy, gap, cost), and their boxes in pixels."""
+    """Return all possible places for a label around its anchor points, with costs and boxes in pixels."""
+    # A place is (anchor, dx, dy, gap, cost).
     rank, turn, nth = np.indices((len(anchors), len(_DIRECTIONS), len(_GAPS))).reshape(3, -1)
     gap = np.array(_GAPS)[nth]
     way = np.array(_DIRECTIONS)[turn] * np.array([1, side])
@@ -192,7 +194,7 @@ def _candidates(
 
 
 def free_places(axes: Axes, boxes: FloatArray, taken: FloatArray) -> Any:
-    """Return which boxes lie inside the axes and do not overlap labels."""
+    """Return which label boxes lie inside the axes and do not overlap existing labels."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     inside = (boxes[:, 0] >= x0 + 1) & (boxes[:, 2] <= x1 + 4) & (boxes[:, 1] >= y0 + 1) & (boxes[:, 3] <= y1 + 2)
     apart = (
@@ -205,7 +207,8 @@ def free_places(axes: Axes, boxes: FloatArray, taken: FloatArray) -> Any:
 
 
 def _move_to(axes: Axes, label: Annotation, anchor: FloatArray, place: FloatArray) -> list[FloatArray]:
-    """Move a label to its place, and draw a leader line if it is far away; return the points of the line."""
+    """Move a label to its place; if the place is far from the anchor point, draw a leader line."""
+    # The points of the leader line are returned.
     dx, dy, gap = int(place[0]), int(place[1]), float(place[2])
     reach = gap / (np.sqrt(2) if dx and dy else 1)
     label.xy = tuple(axes.transData.inverted().transform(anchor))
@@ -230,7 +233,7 @@ def _display(axes: Axes, x: Any, y: Any) -> FloatArray:
 
 
 def size_of(label: Text) -> tuple[float, float]:
-    """Return the width and the height of a text, in pixels."""
+    """Return the width and the height of a label in pixels."""
     extent = label.get_window_extent(_renderer(label))
     return extent.width, extent.height
 
@@ -245,13 +248,13 @@ def _renderer(artist: Any) -> Any:
 
 
 def boxes_in(axes: Axes, new: Annotation | None = None) -> FloatArray:
-    """Return the boxes of existing labels, in pixels."""
+    """Return the boxes of the existing labels of a plot in pixels."""
     texts = [t for t in axes.texts if t is not new and t.get_text()]
     return np.array([t.get_window_extent(_renderer(t)).extents for t in texts]).reshape(-1, 4)
 
 
 def marks_in(axes: Axes) -> list[FloatArray]:
-    """Return dense points along all lines and markers: x and y in pixels, and the zorder."""
+    """Return closely spaced points along all lines and markers of a plot, in pixels, with drawing order."""
     parts = [np.empty((0, 3))]
     for line in axes.lines:
         parts += _marks_along(line)
@@ -274,7 +277,7 @@ def _with_zorder(points: FloatArray, artist: Any) -> FloatArray:
 
 
 def dense_points(points: FloatArray) -> FloatArray:
-    """Interpolate points along a path in pixels, so that labels avoid long straight lines."""
+    """Insert points along a path in pixels, so that labels avoid long straight lines."""
     if len(points) < 2:
         return points
     steps = np.abs(np.diff(points, axis=0)).max(axis=1)
@@ -286,7 +289,7 @@ def dense_points(points: FloatArray) -> FloatArray:
 
 
 def _covered(box: FloatArray, marks: FloatArray, air: float = 1.0) -> float:
-    """Return the cost of a label: the number of covered points of curves."""
+    """Return the cost of covering curves with a label, from the number of covered points."""
     x, y = marks[:, 0], marks[:, 1]
     inside = (x > box[0] - air) & (x < box[2] + air) & (y > box[1] - air) & (y < box[3] + air)
     behind = np.count_nonzero(inside & (marks[:, 2] < 1))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopMotion:
-    """A simulated run until contact, with one sample per control step; arrays have the shape (n,).
+    """Time series of a simulated run until contact, with one sample per controller step.
 
     Args:
         time: t [s].
@@ -46,7 +46,9 @@ class LoopMotion:
 def loop_motion(
     loop: ClosedLoop, scenario: Scenario, sensor: SensorModel, gain: float, *, horizon: float
 ) -> LoopMotion:
-    """Simulate an encounter on a loop, with the noise of its first run.
+    """Simulate an encounter on the sampled loop until contact and return its time series.
+
+    The noise is that of the first run.
 
     Args:
         loop: the loop.
@@ -88,7 +90,7 @@ _DOT: Final = " "  # marks the end of a curve with a dot and no text
 
 
 class DrawnMotion(NamedTuple):
-    """A motion to draw, with its name and its palette index."""
+    """A motion with its name and its color, for drawing."""
 
     label: str
     motion: Motion | LoopMotion
@@ -113,7 +115,7 @@ def motion(design: GainDesign) -> Figure:
 
 @check_arguments
 def sampled_motion(motion: Motion) -> Figure:
-    """Draw distance and relative velocity of a motion over time.
+    """Draw distance and relative velocity of a motion as functions of time.
 
     Args:
         motion: one motion, as `solve_motion` returns it.
@@ -175,7 +177,7 @@ def _panel(design: GainDesign, runs: list[DrawnMotion], clock: Scale, what: tupl
 
 
 def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: float) -> Curve:
-    """Return the curve of a motion; it has a name in the first panel, and its last value in the others."""
+    """Return one quantity of a motion as a curve over time, with its name or its last value as a label."""
     time, values, ended = run.motion.time, np.asarray(getattr(run.motion, name)), _reached(run.motion.result)
     label, end = "", scale.text(float(values[-1]), largest=largest)
     if name == "distance":
@@ -185,7 +187,7 @@ def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: flo
 
 
 def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale, scale: Scale) -> list[Curve]:
-    """Return the reference trajectory as a curve, if it is within the range of the plot."""
+    """Return the reference trajectory of the robot as a curve, if it is visible in the plot."""
     reference, time = design.scenario.reference, np.linspace(0.0, last, 50)
     path = reference.position + (reference.velocity + reference.acceleration * time / 2) * time
     air = 0.1 * np.ptp(values)
@@ -196,7 +198,7 @@ def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale
 
 
 def _horizon(design: GainDesign) -> float:
-    """Return the duration of a motion that may have no contact: a few time constants, or the largest contact time."""
+    """Return how long to draw a motion that may end without contact [s]."""
     ends = [r for r in (design.result, design.nearest, design.no_mitigation) if r is not None]
     times = [float(r.end.time) for r in ends if _reached(r)]
     mass, damping = float(design.scenario.admittance.mass), float(design.scenario.admittance.damping)
@@ -219,7 +221,7 @@ def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Moti
 
 
 def _limits(design: GainDesign, name: str) -> dict[str, float]:
-    """Return the limits of the quantity of a panel, in SI, by name."""
+    """Return the limits of a plotted quantity by name, in SI units."""
     limits: dict[str, float] = {}
     reference = design.scenario.reference
     centers = {"travel": float(design.scenario.plant.position)}
@@ -237,7 +239,7 @@ def _limits(design: GainDesign, name: str) -> dict[str, float]:
 
 
 def _worth_drawing(limits: dict[str, float], values: FloatArray) -> dict[str, float]:
-    """Return the limits on the side of the motion that are not far beyond its range."""
+    """Return the limits that lie close enough to the plotted motion to be drawn."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     reach = _FAR * max(high - low, 1e-12)
     below = abs(low) >= abs(high)

@@ -16,12 +16,12 @@ from .style import CURVES
 
 
 def called(kind: str, label: str) -> str:
-    """Return the name of an object in messages: its kind and its label, if it has one."""
+    """Return the name of an object for messages, from its kind and its label."""
     return f"{kind} {label!r}" if label else kind
 
 
 def as_column(values: ArrayLike, name: str) -> FloatArray:
-    """Copy a row of numbers, which may be NaN; masked values become NaN."""
+    """Copy a sequence of numbers to an array; masked values become NaN."""
     try:
         array = np.asarray(values)
     except ValueError:
@@ -45,7 +45,7 @@ def as_column(values: ArrayLike, name: str) -> FloatArray:
 
 
 def as_number(value: Any, name: str) -> float:
-    """Check that a value is one finite number."""
+    """Check that a value is one finite number, and return the number."""
     number = finite(value, name)
     if not isinstance(number, float):
         raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected one number")
@@ -53,7 +53,7 @@ def as_number(value: Any, name: str) -> float:
 
 
 def as_limits(limits: Any, name: str) -> tuple[float, float] | None:
-    """Check that the limits of an axis are two ascending numbers."""
+    """Check that the limits of an axis are two ascending numbers, and return the limits."""
     if limits is None:
         return None
     ends = finite(limits, name)
@@ -63,7 +63,7 @@ def as_limits(limits: Any, name: str) -> tuple[float, float] | None:
 
 
 def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
-    """Check that all elements of a sequence are instances of a class."""
+    """Check that all elements of a sequence are instances of one class, and return the elements."""
     if isinstance(values, kind):
         raise InvalidInputError(f"{name}: found one {kind.__name__}, expected a list; try [{kind.__name__}(...)]")
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
@@ -82,7 +82,7 @@ def check_choice(value: Any, choices: tuple[str, ...], name: str) -> None:
 
 
 def check_ends(low: Any, high: Any, who: str) -> None:
-    """Check that the lower and the upper ends of bands or bars are both given, and in order."""
+    """Check that lower and upper ends of error bars or bands are both given and in ascending order."""
     if (low is None) != (high is None):
         present, missing = ("high", "low") if low is None else ("low", "high")
         raise InvalidInputError(f"{who}: found {present} without {missing}, expected both or neither")
@@ -93,7 +93,7 @@ def check_ends(low: Any, high: Any, who: str) -> None:
 
 
 def check_style(style: Any, who: str) -> None:
-    """Check that a style is an index of the palette."""
+    """Check that a line style is an index of the color palette."""
     if style is not None and (isinstance(style, bool) or style not in range(len(CURVES))):
         raise InvalidInputError(
             f"{who}: found style {style!r}, expected an index of the palette, 0 to {len(CURVES) - 1}, or None"
@@ -101,7 +101,7 @@ def check_style(style: Any, who: str) -> None:
 
 
 def check_axis(panel: Any, axis: str) -> None:
-    """Check that everything with a name is within the limits, and that a logarithmic axis has only positive numbers."""
+    """Check that labeled items are visible within the axis limits, and that logarithmic axes are positive."""
     ends = getattr(panel, f"{axis}_limits")
     if getattr(panel, f"{axis}_log"):
         for name, values in [*_numbers(panel, axis), (f"{axis}_limits", np.array(ends or ()))]:
@@ -120,7 +120,7 @@ def check_axis(panel: Any, axis: str) -> None:
 
 
 def _numbers(panel: Any, axis: str) -> Iterator[tuple[str, FloatArray]]:
-    """Yield all coordinates along an axis, each with its name for messages."""
+    """Yield all coordinates along one axis of a plot, with names for messages."""
     for curve in panel.curves:
         for name, column in curve.columns():
             if (name == "x") == (axis == "x") and np.isfinite(column).any():

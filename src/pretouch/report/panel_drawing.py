@@ -42,7 +42,7 @@ _SPANS: Final[dict[str, dict[str, Any]]] = {
 
 
 class Name(NamedTuple):
-    """A name to write into a panel: possible anchor points, and the line style for a list of names."""
+    """A name to write into a plot, with possible anchor points and its line style."""
 
     text: str
     color: str
@@ -61,7 +61,7 @@ class _Look(NamedTuple):
 
 
 def draw_panel(axes: Axes, panel: Panel) -> None:
-    """Draw everything except the names, and set the limits."""
+    """Draw everything in a plot except the names of curves, and set the limits of its axes."""
     zoomed = panel.x_limits is not None or panel.y_limits is not None
     for curve, look in _looks(panel):
         _draw_curve(axes, curve, look, clipped=zoomed)
@@ -81,7 +81,8 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
 
 
 def names_of(axes: Axes, panel: Panel) -> list[Name]:
-    """Return all names of a panel; limits and position of its axes must be final."""
+    """Return all names to write into a plot, such as names of curves and points."""
+    # Limits and position of the axes must be final.
     names = [
         Name(mark.label, _color(mark.style), np.array([mark.x]), np.array([mark.y]), _mark_style(mark), "point")
         for mark in panel.marks
@@ -133,7 +134,7 @@ def _mark_style(mark: Any) -> dict[str, Any]:
 
 
 def _curve_sample(curve: Curve, look: _Look) -> dict[str, Any]:
-    """Return the line style of a curve."""
+    """Return the line style of a curve as it appears in a list of names."""
     return {
         "color": look.color,
         "linestyle": "None" if curve.kind == "points" else look.dashes,
@@ -175,7 +176,7 @@ def _draw_end(axes: Axes, curve: Curve, look: _Look) -> None:
 
 
 def _span_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the names of ranges, with anchor points inside each."""
+    """Yield the names of hatched or shaded ranges, with anchor points inside each range."""
     (x0, bottom), (x1, top) = axes.bbox.get_points()
     for span in panel.spans:
         ends = axes.get_xaxis_transform().transform([(span.start, 0.5), (span.end, 0.5)])
@@ -188,7 +189,7 @@ def _span_names(axes: Axes, panel: Panel) -> Iterator[Name]:
 
 
 def _end_names(panel: Panel) -> list[Name]:
-    """Return the texts at the ends of curves, each once, with all ends that have this text."""
+    """Return the labels at the ends of curves; curves with the same label share one entry."""
     ends: dict[str, list[tuple[Curve, _Look]]] = {}
     for curve, look in _looks(panel):
         if curve.end:
@@ -205,7 +206,7 @@ def _end_names(panel: Panel) -> list[Name]:
 
 
 def _line_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the names of reference lines; a line closely below another is preferably named below."""
+    """Yield the names of reference lines with anchor points, above or below each line."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     shares = np.concatenate([[0.99, 0.01], np.linspace(0.95, 0.05, 19)])
     pixels = np.column_stack([x0 + shares * (x1 - x0), y0 + shares * (y1 - y0)])
@@ -219,14 +220,14 @@ def _line_names(axes: Axes, panel: Panel) -> Iterator[Name]:
 
 
 def _with_value(text: str, at: float, label: str) -> str:
-    """Add the value of a reference line to its name, for lists, in which all such lines look the same."""
+    """Add the value of a reference line to its name, because reference lines look the same in a list."""
     unit = label.rpartition("[")[2].partition("]")[0]
     number = minus(f"{at:.4g}")
     return f"{text} (at {number if unit == '1' else f'{number} {unit}'})"
 
 
 def _path(axes: Axes, curve: Curve) -> FloatArray:
-    """Return dense points of the visible part of a curve, in pixels."""
+    """Return closely spaced points along the visible part of a curve, in pixels."""
     x, y = _xy(curve)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], curve.known, [False]]).astype(int)))
     runs = [slice(*run) for run in edges.reshape(-1, 2)]
@@ -235,13 +236,14 @@ def _path(axes: Axes, curve: Curve) -> FloatArray:
 
 
 def inside(axes: Axes, path: FloatArray) -> FloatArray:
-    """Return the points that lie within the axes, in pixels."""
+    """Return the points that lie within the axes of a plot, in pixels."""
     low, high = axes.bbox.get_points()
     return np.asarray(path[((path >= low) & (path <= high)).all(axis=1)])
 
 
 def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
-    """Return anchor points along a curve; the first are far from other curves and near two thirds of its length."""
+    """Return possible anchor points along a curve, first the points that are far from other curves."""
+    # Points near two thirds of the length are preferred.
     if not len(path):
         return path
     share = np.linspace(0.02, 0.98, _ANCHORS)
@@ -258,7 +260,7 @@ def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
 
 
 def _set_axis(axes: Axes, panel: Panel, which: str) -> None:
-    """Set limits, ticks and label of an axis; a power of ten is added to the unit."""
+    """Set limits, ticks and label of an axis, with a power of ten in the unit if needed."""
     logarithmic, limits = getattr(panel, f"{which}_log"), getattr(panel, f"{which}_limits")
     low, high = limits or _data_limits(axes, panel, which)
     label = getattr(panel, f"{which}_label")
@@ -282,7 +284,7 @@ def _set_axis(axes: Axes, panel: Panel, which: str) -> None:
 
 
 def _with_power(label: str, power: int) -> str:
-    """Put a power of ten into the last bracket of a label: `force [N]` becomes `force [10\u207b\u2076 N]`."""
+    """Add a power of ten to the unit of a label: `force [N]` becomes `force [10⁻⁶ N]`."""
     written = "10" + str(power).translate(
         str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
     )
@@ -291,14 +293,15 @@ def _with_power(label: str, power: int) -> str:
 
 
 def _within_limits(curve: Curve, panel: Panel, which: str) -> Any:
-    """Return which points of a curve are within the limits that the panel sets for an axis; all if there are none."""
+    """Return which points of a curve are within the axis limits of a plot."""
+    # All points are within, if the panel sets no limits or no point is within them.
     limits, values = getattr(panel, f"{which}_limits"), np.asarray(getattr(curve, which), float)
     inside = (values >= limits[0]) & (values <= limits[1]) if limits else np.ones(len(values), dtype=bool)
     return inside if inside.any() else np.ones(len(values), dtype=bool)
 
 
 def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
-    """Return limits that contain everything, with margins for points and labels."""
+    """Return axis limits that contain everything in the plot, with margins for points and labels."""
     if panel.map is not None:
         coordinates = np.asarray(getattr(panel.map, which))
         return coordinates[0], coordinates[-1]
@@ -327,7 +330,7 @@ def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
 
 
 def _room_for_ends(axes: Axes, panel: Panel) -> float:
-    """Return the share of the width for texts to the right of curves that end at the lower border."""
+    """Return the share of the width that is reserved for labels to the right of curve ends."""
     low, high = axes.get_ylim()
     down = [c.end for c in panel.curves if c.end and np.asarray(c.y, float)[c.known][-1] < low + 0.05 * (high - low)]
     room = _LETTER * max((len(line) for text in down for line in text.split("\n")), default=0)

@@ -46,7 +46,7 @@ _SAME: Final = 0.5  # pixels
 
 
 class _Grid(NamedTuple):
-    """A figure with its rows and columns, the least height of its axes [inch], and the measured tick labels."""
+    """A figure with its grid of plots, their smallest height [inch], and the measured tick labels."""
 
     figure: Figure
     rows: int
@@ -57,7 +57,7 @@ class _Grid(NamedTuple):
 
 
 def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figure:
-    """Draw panels in a grid; names without a free place in their panel are listed above it."""
+    """Draw plots in a grid; names of curves that do not fit into a plot are listed above the plot."""
     grid = _draw(panels, columns, height)
     listed: list[set[int]] = [set() for _ in panels]
     bare = [set(axes.get_children()) for axes in grid.figure.axes]
@@ -82,7 +82,7 @@ def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figur
 
 
 def _draw(panels: tuple[Panel, ...], columns: int, height: float) -> _Grid:
-    """Draw panels at their final positions, without names of curves."""
+    """Draw plots at their final positions, without the names of curves."""
     width = _WIDTH_OF_ONE if len(panels) == 1 < columns else _WIDTH
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
@@ -101,7 +101,7 @@ def _draw(panels: tuple[Panel, ...], columns: int, height: float) -> _Grid:
 
 
 def _fit(grid: _Grid) -> None:
-    """Arrange the panels, and adapt ticks and labels to their sizes."""
+    """Arrange the plots of a figure, and adapt ticks and labels to the size of the plots."""
     for _ in range(2):  # the size of labels depends on the ticks, which depend on the size of the axes
         _arrange(grid)
         changed = [_thin_ticks(axes, grid) | _wrap_labels(axes, grid.renderer) for axes in grid.figure.axes]
@@ -110,7 +110,7 @@ def _fit(grid: _Grid) -> None:
 
 
 def _list_names(grid: _Grid, panels: tuple[Panel, ...], listed: list[set[int]]) -> list[Artist]:
-    """Write lists of names between the panels and their titles."""
+    """Write lists of names between the plots and their titles."""
     artists: list[Artist] = []
     heights = np.zeros((grid.rows, grid.columns))  # pt
     for i, (axes, above) in enumerate(zip(grid.figure.axes, listed, strict=True)):
@@ -126,7 +126,7 @@ def _list_names(grid: _Grid, panels: tuple[Panel, ...], listed: list[set[int]]) 
 
 
 def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
-    """Write names into a panel; return the indices of names that must be listed above instead."""
+    """Write names of curves into a plot; return the indices of names that do not fit."""
     names = list(enumerate(names_of(axes, panel)))
     hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
     marks = marks_in(axes)
@@ -139,7 +139,7 @@ def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
 
 
 def _place(axes: Axes, name: Name, marks: list[FloatArray]) -> bool:
-    """Write a name in one line or two; return whether there was a free place."""
+    """Write a name in one or two lines next to its curve; return whether there was a free place."""
     if name.kind == "span":
         fill, size = name.sample["markerfacecolor"], _SIZES["span"]
         return label_inside(axes, name.x, name.y, name.text, color=name.color, size=size, fill=fill) is not None
@@ -172,7 +172,7 @@ def _in_two_lines(text: str) -> str:
 
 
 def _arrange(grid: _Grid, *, final: bool = False) -> None:
-    """Give all panels the same size, with space between them for ticks and labels."""
+    """Give all plots of a figure the same size, with space between them for ticks and labels."""
     figure, rows, columns, least, *_ = grid
     figure.align_ylabels(figure.axes)
     over = np.zeros((4, max(rows, columns)))  # left, right, bottom, top [inch], by column or by row
@@ -195,7 +195,9 @@ def _arrange(grid: _Grid, *, final: bool = False) -> None:
 
 
 def _overhang(axes: Axes, grid: _Grid, *, final: bool) -> tuple[float, float, float, float]:
-    """Return the extent of ticks and texts beyond the axes [pixel]: left, right, bottom and top.
+    """Return how far ticks and labels extend beyond the four sides of a plot [pixel].
+
+    The sides are left, right, bottom and top.
 
     Texts that will be broken to fit do not count along the side that they must fit. The positions of labels follow
     Matplotlib's rule; asking Matplotlib would take five times as long.
@@ -217,7 +219,8 @@ def _overhang(axes: Axes, grid: _Grid, *, final: bool) -> tuple[float, float, fl
 
 
 def _tick_boxes(axis: Any, grid: _Grid) -> list[Any]:
-    """Return the boxes of the visible tick labels [pixel]; their sizes are measured once."""
+    """Return the boxes of the visible tick labels of an axis [pixel]."""
+    # Sizes are measured only once.
     side, axes = "xy".index(axis.axis_name), axis.axes
     along: Any = (axes.get_xaxis_transform, axes.get_yaxis_transform)[side]()
     if axis not in grid.labels:
@@ -255,7 +258,7 @@ def _touch(boxes: list[Any], side: int) -> bool:
 
 
 def _wrap_labels(axes: Axes, renderer: Any) -> bool:
-    """Break labels and titles that are longer than the axes; return whether any changed."""
+    """Break axis labels and titles that are longer than the plot; return whether any label changed."""
     texts = (axes.xaxis.label, _title(axes), axes.yaxis.label)
     before = [text.get_text() for text in texts]
     for text, side in zip(texts, (0, 0, 1), strict=True):
@@ -264,7 +267,7 @@ def _wrap_labels(axes: Axes, renderer: Any) -> bool:
 
 
 def _write_list(axes: Axes, names: list[Name], renderer: Any) -> tuple[float, list[Artist]]:
-    """Write a list of names above a panel, each after a line sample; return its height [pt] and the new artists."""
+    """Write a list of names with line samples above a plot; return its height [pt] and the new texts."""
     dots = axes.figure.dpi / 72
     x, rows, placed = 0.0, [0.0], []
     for name in names:
@@ -302,7 +305,7 @@ def _write_list(axes: Axes, names: list[Name], renderer: Any) -> tuple[float, li
 
 
 def _break(text: Text, words: str, room: float, side: int, renderer: Any, *, hyphens: bool = False) -> None:
-    """Break a text into the fewest lines that fit into `room` [pixel], across or upward; its unit is not broken."""
+    """Break a text into the fewest lines that fit into `room` [pixel], without breaking its unit."""
     head, bracket, unit = words.partition("[")
     whole = head + bracket + unit.replace(" ", "\u00a0")
     for width in range(len(whole) + 1, 7, -1):

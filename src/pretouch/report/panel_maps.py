@@ -29,7 +29,7 @@ _CROWDED: Final = 0.6  # of the plane
 
 
 def draw_map(axes: Axes, shown: Map) -> None:
-    """Draw shades and contour lines in the background."""
+    """Draw a map of a quantity in the background of a plot, with shades and contour lines."""
     axes.patch.set(facecolor=BLOCKED, edgecolor=QUIET, hatch="////", linewidth=0)  # visible where there is no value
     values = np.ma.masked_invalid(shown.values)
     low, high = float(values.min()), float(values.max())
@@ -44,7 +44,8 @@ def draw_map(axes: Axes, shown: Map) -> None:
 
 
 def number_contours(axes: Axes) -> None:
-    """Write the values of contour lines on them, far from other lines if possible; everything else must be final."""
+    """Write values on the contour lines of a map, if possible far from other lines."""
+    # Everything else in the plot must be final.
     contours = [c for c in axes.collections if isinstance(c, ContourSet) and not c.filled]
     lines = [(level, run) for c in contours for level, runs in zip(c.levels, c.allsegs, strict=True) for run in runs]
     paths = [inside(axes, dense_points(np.asarray(axes.transData.transform(run)))) for _, run in lines]
@@ -65,7 +66,7 @@ def number_contours(axes: Axes) -> None:
 
 
 def _levels(values: FloatArray) -> FloatArray:
-    """Choose contour levels: equally spaced, or by quantiles if most values lie between two such levels."""
+    """Choose contour levels with equal spacing, or by quantiles if most values are close together."""
     low, high = float(values.min()), float(values.max())
     even = np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
     if np.histogram(values, even)[0].max() < _CROWDED * values.size:

@@ -36,7 +36,7 @@ _SPAN_KINDS: Final = ("blocked", "missing", "used")
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Curve(Value):
-    """One curve of a panel, or one set of points.
+    """One curve of a plot, or one set of points.
 
     Args:
         x: horizontal coordinates, shape (N,), in the unit of the panel's x label.
@@ -89,7 +89,7 @@ class Curve(Value):
         check_style(self.style, who)
 
     def columns(self) -> Iterator[tuple[str, FloatArray]]:
-        """Yield the name and the numbers of each column that is not None."""
+        """Yield name and numbers of each column of the curve, such as x and y."""
         for name in ("x", "y", "low", "high"):
             column = getattr(self, name)
             if column is not None:
@@ -97,7 +97,7 @@ class Curve(Value):
 
     @property
     def known(self) -> Any:
-        """Return which points are finite in x and y, shape (N,)."""
+        """Return which points of the curve have finite x and y."""
         return np.isfinite(np.asarray(self.x, float)) & np.isfinite(np.asarray(self.y, float))
 
     def __repr__(self) -> str:
@@ -106,7 +106,7 @@ class Curve(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark(Value):
-    """One highlighted point of a panel, such as an optimum.
+    """One highlighted point of a plot, such as an optimum.
 
     Args:
         x: horizontal coordinate, in the unit of the panel's x label.
@@ -136,7 +136,9 @@ class Mark(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span(Value):
-    """A range of the horizontal axis over the whole height of a panel, with its name inside.
+    """A range of the horizontal axis that is hatched or shaded over the whole height of a plot.
+
+    Its name is written inside the range.
 
     Args:
         start: lower end, in the unit of the panel's x label.
@@ -167,7 +169,9 @@ class Span(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Map(Value):
-    """A quantity over the plane of a panel: labeled contour lines, hatched where it has no value.
+    """A map of a quantity over two axes, drawn with labeled contour lines.
+
+    Missing values are hatched.
 
     Args:
         x: coordinates of its columns, shape (N,), N >= 2, in the unit of the panel's x label.
@@ -197,7 +201,7 @@ class Map(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Panel(Value):
-    """One pair of axes with its curves, or its map.
+    """One plot: a pair of axes with its curves, or with a map.
 
     Args:
         x_label: label of the horizontal axis, with its unit in brackets: `distance l [mm]`, or `[1]` for pure numbers.

@@ -35,7 +35,7 @@ _CHOSEN: Final = {
 
 @check_arguments
 def pareto(front: ParetoFront) -> Figure:
-    """Draw a Pareto front, the parameters along it, and its distance from the physical bound.
+    """Draw a Pareto front, the parameters along the front, and its distance from the physical bound.
 
     Args:
         front: a front with points.
@@ -60,7 +60,7 @@ def pareto(front: ParetoFront) -> Figure:
 
 @check_arguments
 def admittance(design: AdmittanceDesign) -> Figure:
-    """Draw the best objective over the admittance, on the grid of `design_admittance`.
+    """Draw the best objective as a function of the admittance, on the grid of `design_admittance`.
 
     Args:
         design: a design of gain and admittance, with at least one feasible admittance.
@@ -112,7 +112,7 @@ def admittance(design: AdmittanceDesign) -> Figure:
 
 
 def _plane(front: ParetoFront, i: int, k: int) -> Panel:
-    """Make the panel of the front over two quantities, with dominated points in the background."""
+    """Return the plot of a Pareto front over two quantities, with dominated points in the background."""
     names = front.quantities[i], front.quantities[k]
     across, up = (_scale(name, _all_values(front, name)) for name in names)
     x, y = front.of(names[0]) / across.factor, front.of(names[1]) / up.factor
@@ -139,7 +139,7 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
 
 
 def _bound(front: ParetoFront) -> Panel:
-    """Make the panel of the excursion over the contact speed, compared with the physical bound."""
+    """Return the plot of the excursion versus the contact speed, compared with the physical bound."""
     c = front.comparison
     if c is None or front.result is None:
         raise InvalidInputError("front: found one without a physical bound")
@@ -174,7 +174,7 @@ def _bound(front: ParetoFront) -> Panel:
 
 
 def _parameters(front: ParetoFront) -> Iterator[Panel]:
-    """Make a panel for each parameter along the front."""
+    """Yield a plot of each free parameter along the Pareto front."""
     name = front.quantities[0]
     scale = _scale(name, front.of(name))
     x = front.of(name) / scale.factor
@@ -215,12 +215,12 @@ def _scale(name: str, values: FloatArray) -> Scale:
 
 
 def _is_curve(front: ParetoFront) -> bool:
-    """Return whether the front is a curve of ordered points."""
+    """Return whether a Pareto front is a curve, so that its points can be connected by a line."""
     return len(front.quantities) == 2 or front.free == ("gain",)
 
 
 def _dominated(front: ParetoFront, i: int, k: int) -> FloatArray:
-    """Return some of the dominated points that were computed, within the limits of the plot."""
+    """Return a selection of the dominated points, within the limits of the plot."""
     extent = np.ptp(front.values, axis=0)
     extent = np.where(extent > 0, extent, 1.0)
     limits = [float(_all_values(front, front.quantities[j]).max()) for j in (i, k)]
@@ -230,7 +230,7 @@ def _dominated(front: ParetoFront, i: int, k: int) -> FloatArray:
 
 
 def _broken(front: ParetoFront, values: FloatArray) -> FloatArray:
-    """Insert NaN between the pieces of the front, so that no line connects them."""
+    """Insert NaN between the pieces of a Pareto front, so that no line connects the pieces."""
     return np.insert(values, np.flatnonzero(np.diff(front.piece)) + 1, np.nan)
 
 

@@ -29,7 +29,9 @@ _ROBUST, _NOMINAL, _NONE = 0, 1, 2  # palette indices: a gain has the same style
 
 @check_arguments
 def robust(design: RobustDesign) -> Figure:
-    """Draw the measure over the gain, and the distribution of the objective at the robust and the nominal gain.
+    """Draw the risk measure versus the gain, and the distribution of the objective at two gains.
+
+    These are the robust and the nominal gain.
 
     Args:
         design: a design of any status.
@@ -46,7 +48,7 @@ def robust(design: RobustDesign) -> Figure:
 
 @check_arguments
 def outcome(design: RobustDesign) -> Figure:
-    """Draw the distributions of contact quantities over fresh encounters.
+    """Draw the distributions of contact quantities over many fresh encounters.
 
     Args:
         design: a design of any status.
@@ -68,7 +70,7 @@ def outcome(design: RobustDesign) -> Figure:
 
 @check_arguments
 def price(design: RobustDesign) -> Figure:
-    """Draw the value of knowing one input exactly.
+    """Draw how much the objective would improve if one uncertain input were known exactly.
 
     Args:
         design: a design with a gain.
@@ -87,13 +89,14 @@ def price(design: RobustDesign) -> Figure:
 
 
 def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
-    """Return the compared gains: name, palette index and outcomes of each."""
+    """Return name, color and results of each gain that a robust design compares."""
     styles = {design.nominal_name: _NOMINAL, "no mitigation": _NONE}
     return [(name, styles.get(name, _ROBUST), run) for name, run in design.compared.items()]
 
 
 def _measure_panel(design: RobustDesign) -> Panel:
-    """Make the panel of the measure over the gain; values far above the minimum are not drawn."""
+    """Return the plot of the risk measure of the objective versus the gain."""
+    # Values far above the minimum are not drawn.
     sign, label, logarithmic = gain_axis(design.bounds, design.number)
     curve = design.trade_off
     nominal = _nominal_objective(design, curve.gain)
@@ -124,7 +127,7 @@ def _measure_panel(design: RobustDesign) -> Panel:
 
 
 def _nominal_objective(design: RobustDesign, gains: FloatArray) -> FloatArray:
-    """Return the objective of the nominal encounter, infinite without contact."""
+    """Return the objective of the nominal encounter for many gains; infinite without contact."""
     ensemble = design.problem.ensemble
     options: dict[str, Any] = {"method": ensemble.method, "horizon": ensemble.horizon}
     contact = ensemble.law.contact(design.scenario, design.sensor, gains, **options)
@@ -144,7 +147,7 @@ def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: F
 
 
 def _kind(design: RobustDesign) -> str:
-    """Return the name of the nominal encounter: "ideal" if encounters are evaluated on a loop."""
+    """Return the name of the nominal encounter in labels: `ideal` for a sampled loop, else `nominal`."""
     return "ideal" if design.on_evaluator else "nominal"
 
 
@@ -161,7 +164,7 @@ def _quantities(design: RobustDesign) -> list[str]:
 
 
 def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, RobustOutcomes]]) -> Panel:
-    """Make the panel of a quantity with its limit."""
+    """Return the plot of the distribution of one quantity, with its limit."""
     columns = [(label, style, run.magnitude(name)) for label, style, run in runs]
     required = next((r for r in design.limits if r.constraint.quantity == name), None)
     limit = None if required is None else (required.constraint.limit, required.probability)
@@ -169,7 +172,7 @@ def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, R
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
-    """Yield the panels of the best gain and of the loss over one input."""
+    """Yield plots of the best gain, and of the robust gain's loss, versus the value of one input."""
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"

@@ -29,7 +29,7 @@ def share_panel(
     positions: Mapping[str, float] | None = None,
     levels: Mapping[str, float] | None = None,
 ) -> Panel:
-    """Make a panel of empirical cumulative distributions: the share of runs in which a quantity is below a value.
+    """Return a plot of cumulative distributions: the share of runs in which a quantity is below a value.
 
     Args:
         columns: name, palette index and values in SI of each curve; a run without a value is NaN or infinite, and its
@@ -70,7 +70,9 @@ def outcome_panel(
     of: str = "runs",
     marks: Callable[[Scale], Sequence[Mark]] = lambda _: (),
 ) -> Panel:
-    """Make a panel of the distribution of a quantity with its limit; curves of negligible values are not drawn.
+    """Return a plot of the distribution of a quantity, with the limit of the quantity.
+
+    Curves of negligible values are not drawn.
 
     Args:
         name: name of the quantity in `pretouch._core.vocabulary`.
@@ -102,7 +104,7 @@ def outcome_panel(
 
 
 def _share_curve(name: str, style: int, values: FloatArray, end: float) -> Curve:
-    """Return the step curve: the share is k / n after the k-th of n runs; runs without a value are never reached."""
+    """Return the empirical cumulative distribution of values as a step curve."""
     ordered = np.sort(values[np.isfinite(values)])
     if not len(ordered):
         return Curve(x=[0.0, end], y=[0.0, 0.0], label=name, style=style)

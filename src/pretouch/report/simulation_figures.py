@@ -31,7 +31,7 @@ _FIRST: Final = 1.6  # times the duration of the impact: how long a persistent c
 
 
 class _TimeSeries(NamedTuple):
-    """A run: its name, its palette index, and its quantities in SI, each over its own time [s]."""
+    """A simulated or predicted run with its name, its color and its time series in SI units."""
 
     label: str
     style: int
@@ -40,7 +40,7 @@ class _TimeSeries(NamedTuple):
 
 @check_arguments
 def simulation(encounter: SimulatedEncounter) -> Figure:
-    """Draw a run on the loop, the prediction, and the run without mitigation.
+    """Draw a simulated encounter, its prediction, and the same encounter without mitigation.
 
     Args:
         encounter: a result of `simulate_encounter`, with any status.
@@ -71,7 +71,7 @@ _FORCE: Final = ("contact_force", "contact force", "N")
 
 
 def _shown_until(encounter: SimulatedEncounter) -> float:
-    """Return the end of the time axis [s]: after the contacts, or after the smallest distance."""
+    """Return the end of the time axis [s], shortly after contact or after the smallest distance."""
     run = encounter.run
     others: tuple[ContactResult | SimulationResult | None, ...] = (encounter.prediction, encounter.unmitigated)
     times = [t for t in map(_contact_time, others) if t is not None]
@@ -86,7 +86,7 @@ def _shown_until(encounter: SimulatedEncounter) -> float:
 
 
 def _contact_time(result: ContactResult | SimulationResult | None) -> float | None:
-    """Return the time of contact [s], None without one."""
+    """Return the time of contact [s]; None without contact."""
     if isinstance(result, SimulationResult):
         return float(result.time) if result.touched else None
     return None if result is None or not result.reached.all() else float(result.end.time)
@@ -97,7 +97,8 @@ def _loop_series(encounter: SimulatedEncounter) -> _TimeSeries:
 
 
 def _unmitigated_series(encounter: SimulatedEncounter) -> _TimeSeries:
-    """Return the run without mitigation until its first contact; the contact panel shows the rest."""
+    """Return the time series of the run without mitigation, until its first contact."""
+    # The contact panel shows the rest.
     run, trace = encounter.unmitigated, encounter.unmitigated_trace
     columns = _columns_of(encounter, run, trace)
     until = run.time if run.touched else run.end_time
@@ -108,7 +109,7 @@ def _unmitigated_series(encounter: SimulatedEncounter) -> _TimeSeries:
 def _columns_of(
     encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return the quantities of a run; contacts have additional samples between the control steps."""
+    """Return the quantities of a run as time series, with more samples during contact."""
     time, course = trace.time, trace.contact_course
     touch = (run.time, 0.0, run.relative_velocity, 0.0) if run.touched else None
     extra = course if len(course) else np.array([touch] if touch else np.empty((0, 4)))
@@ -126,19 +127,20 @@ def _columns_of(
 
 
 def _held_columns(trace: LoopTrace) -> dict[str, FloatArray]:
-    """Return the quantities that are constant over a control period; NaN before the first reading."""
+    """Return the quantities that are constant over a controller period; NaN before the first reading."""
     reading = trace.reading.copy()
     reading[: int((reading != 0.0).argmax()) if (reading != 0.0).any() else 0] = np.nan
     return {"virtual_force": trace.virtual_force, "reading": reading}
 
 
 def _held(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
-    """Return the samples of a zero-order hold."""
+    """Return the samples of a zero-order hold as a step curve."""
     return np.column_stack([time, time + period]).ravel(), np.repeat(values, 2)
 
 
 def _relative_velocity(encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace) -> FloatArray:
-    """Return l' at each step; after a contact that may move the obstacle, its velocity is a difference quotient."""
+    """Return the relative velocity at each step, also after a contact that moves the obstacle."""
+    # The obstacle's velocity is then a difference quotient.
     obstacle_velocity = encounter.scenario.obstacle.velocity_at(trace.time)
     contact = encounter.loop.contact
     moved = trace.time > run.time if contact is not None and np.isfinite(contact.obstacle_mass) else None
@@ -163,7 +165,7 @@ _SOLVED: Final = ("distance", "relative_velocity", "virtual_force")
 def _panel(
     encounter: SimulatedEncounter, runs: list[_TimeSeries], which: tuple[str, str, str], clock: Scale, end: float
 ) -> Panel:
-    """Make a panel over time; only the first panel has the names of the curves."""
+    """Return the plot of one quantity over time; only the first plot names the curves."""
     name, label, unit = which
     shown = [(c, *_window(*c.columns[name], end)) for c in runs if name in c.columns]
     shown = [(c, t, v) for c, t, v in shown if np.isfinite(v).any()]
@@ -188,7 +190,7 @@ def _largest(values: FloatArray) -> float:
 
 
 def _window(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
-    """Cut a time series at the end of the plot, and reduce its points, keeping the extremes."""
+    """Cut a time series at the end of the plot, and reduce its points without losing extremes."""
     kept = time <= end
     time, values = time[kept], np.where(np.isfinite(values[kept]), values[kept], np.nan)
     if len(time) <= MOST_POINTS:
@@ -201,7 +203,7 @@ def _window(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArra
 
 
 def _marks(encounter: SimulatedEncounter, name: str, clock: Scale, scale: Scale, end: float) -> Iterator[Mark]:
-    """Yield marks at the detection, with its distance, and at the contacts, with their speeds."""
+    """Yield marks at detection and contact, labeled with distance or speed."""
     run, detection = encounter.run, encounter.detection
     if name == "distance" and detection is not None and detection.time <= end:
         text = f"detected at {scale.text(detection.distance)}"
@@ -224,7 +226,7 @@ def _marks(encounter: SimulatedEncounter, name: str, clock: Scale, scale: Scale,
 
 
 def _positions(encounter: SimulatedEncounter, clock: Scale, end: float) -> dict[str, float]:
-    """Return the moments of detection and contact on the loop, if they are within the plot."""
+    """Return the times of detection and contact in the simulated run, if they are visible in the plot."""
     run, detection = encounter.run, encounter.detection
     moments = {}
     if detection is not None and 0.01 * end < detection.time <= end:
@@ -235,7 +237,7 @@ def _positions(encounter: SimulatedEncounter, clock: Scale, end: float) -> dict[
 
 
 def _impact_panel(encounter: SimulatedEncounter) -> Panel:
-    """Make the panel of the force of the first contact, with the gain and without mitigation."""
+    """Return the plot of the force of the first contact, with the gain and without mitigation."""
     runs = [
         ("no mitigation", _NONE, encounter.unmitigated, encounter.unmitigated_trace),
         ("on the loop", _LOOP, encounter.run, encounter.trace),
@@ -261,7 +263,7 @@ def _impact_panel(encounter: SimulatedEncounter) -> Panel:
 
 
 def _impact_end(trace: LoopTrace) -> float:
-    """Return the end of the plot of the first contact [s]: after it, or after the impact of a persistent contact."""
+    """Return the time [s] at which the plot of the first contact ends."""
     samples, first = _first_contact(trace), trace.contacts[0]
     if np.isfinite(first[4]):
         return float(_AIR * first[5])
@@ -271,7 +273,7 @@ def _impact_end(trace: LoopTrace) -> float:
 
 
 def _impact(trace: LoopTrace, end: float) -> tuple[FloatArray, FloatArray]:
-    """Return time since the first touch [s] and force of the first contact [N], which is 0 before and after it."""
+    """Return time [s] and force [N] of the first contact; the force is 0 before and after the contact."""
     samples, first = _first_contact(trace), trace.contacts[0]
     time = np.concatenate([[-_BEFORE * end, 0.0], samples[:, 0] - first[0]])
     force = np.concatenate([[0.0, 0.0], samples[:, 3]])

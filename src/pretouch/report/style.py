@@ -80,13 +80,13 @@ _SETTINGS: Final[dict[str, Any]] = {
 
 
 class Scale(NamedTuple):
-    """The unit in which a quantity is shown: divide SI by `factor` to get numbers in `unit`."""
+    """The unit in which a quantity is displayed, with the factor between this unit and the SI unit."""
 
     factor: float
     unit: str
 
     def text(self, value: float, digits: int = 3, largest: float = 1.0) -> str:
-        """Format an SI value in this unit; a value that is negligible compared with `largest` is 0."""
+        """Format an SI value in the display unit; a value that is negligible compared with `largest` is 0."""
         shown = 0.0 if abs(value) < NEGLIGIBLE * abs(largest) else value / self.factor
         size = digits - 1 - math.floor(math.log10(abs(shown))) if shown and math.isfinite(shown) else 0
         number = "0" if not shown else f"{shown:.{size}f}" if 0 <= size <= 6 else f"{shown:.{digits}g}"
@@ -117,7 +117,7 @@ _LONGEST_IN_UNIT: Final = {"m": 1.0, "s": 1.0, "m/s": 0.1, "N": 0.1, "N*s": 1.0,
 
 
 def scale_for(unit: str, largest: float) -> Scale:
-    """Choose the display unit for numbers up to a largest magnitude.
+    """Choose the unit in which numbers up to a largest magnitude are displayed, such as mm or ms.
 
     Args:
         unit: SI unit.
@@ -140,7 +140,7 @@ def scale_for(unit: str, largest: float) -> Scale:
 
 
 def gain_axis(bounds: tuple[float, float], number: LawNumber, *, magnitude: bool = False) -> tuple[float, str, bool]:
-    """Return the sign with which gains are shown, the label of the axis, and whether it is logarithmic."""
+    """Return the sign with which gains are plotted, the label of the gain axis, and whether it is logarithmic."""
     low, high = bounds
     name = "virtual force gain" if number.name == "gain" else f"virtual {number.name}"
     sign = "\u2212" if high <= 0 else ""
@@ -149,7 +149,7 @@ def gain_axis(bounds: tuple[float, float], number: LawNumber, *, magnitude: bool
 
 
 def minus(text: str) -> str:
-    """Replace hyphens by minus signs, for numbers in figures."""
+    """Replace the hyphens in a number by minus signs, for figures."""
     return text.replace("-", "\u2212")
 
 
@@ -171,7 +171,7 @@ def minus_signs(text: str) -> str:
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Apply pretouch's Matplotlib settings temporarily, and restore the user's settings."""
+    """Use pretouch's Matplotlib settings temporarily, and restore the user's settings afterwards."""
     from matplotlib import rc_context, rcParams, rcParamsDefault  # noqa: PLC0415
 
     plain = {k: v for k, v in rcParamsDefault.items() if k.split(".")[0] in _GROUPS and rcParams[k] != v}
@@ -185,7 +185,7 @@ _WIDE: Final = 0.6  # of the figure: wider panels stand one below the other
 
 
 def draw_svg(figure: Figure, name: str) -> str:
-    """Draw a figure as an SVG element for an HTML page; the output is reproducible.
+    """Draw a figure as an SVG element for an HTML page, with reproducible output.
 
     Args:
         figure: the figure.
@@ -213,7 +213,8 @@ def draw_svg(figure: Figure, name: str) -> str:
 
 
 def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
-    """Return the panels of a figure that has several columns: x, y (from the top), width and height of each [pt]."""
+    """Return the position and the size [pt] of each plot in a figure with several columns."""
+    # x, y (from the top), width and height
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - loaded with Matplotlib
 
     canvas: Any = FigureCanvasAgg(figure)
@@ -239,7 +240,7 @@ def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
 
 
 def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
-    """Make an axis logarithmic from low to high, with few ticks written as plain numbers."""
+    """Make an axis logarithmic between two limits, with few ticks written as plain numbers."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator  # noqa: PLC0415
 
     locator = FixedLocator(log_ticks(low, high)) if high > 4 * low else MaxNLocator(5)
@@ -253,7 +254,7 @@ def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
 
 
 def _tick(value: float, _: int | None = None) -> str:
-    """Format a tick in about five characters: 0.001, 0.3, 1000, 3e\u22124."""
+    """Format the number at a tick in about five characters, such as 0.001 or 3e−4."""
     text = f"{value:g}"
     if len(text) <= 5 and "e" not in text:
         return minus(text)
@@ -262,7 +263,7 @@ def _tick(value: float, _: int | None = None) -> str:
 
 
 def log_ticks(low: float, high: float, most: int = 7) -> list[float]:
-    """Choose up to `most` round numbers between two positive numbers.
+    """Choose a limited number of round numbers between two positive numbers, for ticks.
 
     Args:
         low: lower end > 0.
@@ -290,7 +291,7 @@ def log_ticks(low: float, high: float, most: int = 7) -> list[float]:
 
 
 def span(values: FloatArray, pad: float = 0.06) -> tuple[float, float]:
-    """Return limits that contain all finite values, with a margin."""
+    """Return axis limits that contain all finite values, with a margin."""
     import numpy as np  # noqa: PLC0415
 
     finite = values[np.isfinite(values)]

@@ -35,7 +35,7 @@ _SYMBOLS: Final = {
 
 @check_arguments
 def verdict(verdict: Verdict) -> Figure:
-    """Draw the distributions of the simulated runs, compared with the prediction and the limits.
+    """Draw the distributions of simulated runs, compared with the prediction and the limits.
 
     Args:
         verdict: a verdict with a gain.
@@ -58,7 +58,7 @@ def verdict(verdict: Verdict) -> Figure:
 
 
 def _quantities(verdict: Verdict) -> list[str]:
-    """Return the quantities to draw: the most important ones, and those with a limit."""
+    """Return the quantities to draw: the most important ones, and all quantities with a limit."""
     compared = [c.name for c in verdict.comparisons]
     forces = [name for name in ("impact_force", "peak_force") if name in compared]
     names = ["relative_velocity", *forces, "largest_excursion", "time"]
@@ -68,7 +68,7 @@ def _quantities(verdict: Verdict) -> list[str]:
 
 
 def _outcome_panel(verdict: Verdict, name: str) -> Panel | None:
-    """Make the panel of a quantity; None if no run has a value."""
+    """Return the plot of the distribution of one quantity; None if no run has a value."""
     columns = [
         ("without mitigation", _WITHOUT, _magnitudes(verdict, name, verdict.unmitigated, 0.0)),
         ("with the gain", _WITH, _magnitudes(verdict, name, verdict.mitigated, verdict.gain)),
@@ -86,7 +86,7 @@ def _limit_of(verdict: Verdict, name: str) -> LimitCheck | None:
 
 
 def _magnitudes(verdict: Verdict, name: str, result: SimulationResult | None, gain: float | None) -> FloatArray:
-    """Return |quantity| of every run, NaN without contact."""
+    """Return the magnitude of a quantity in every run; NaN without contact."""
     if result is None or gain is None:
         return np.empty(0)
     values = np.abs(simulated_quantity(name, result, gain, verdict.loop, verdict.design.impact))
@@ -94,7 +94,7 @@ def _magnitudes(verdict: Verdict, name: str, result: SimulationResult | None, ga
 
 
 def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
-    """Yield marks of the predicted values at 50 % of the runs, to compare them with the median."""
+    """Yield marks of predicted values at 50 % of the runs, for comparison with the median of the runs."""
     compared = verdict.comparison(name)
     check = _limit_of(verdict, name)
     if compared is not None:
@@ -108,7 +108,7 @@ def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
 
 
 class _Shown(NamedTuple):
-    """A run to draw: name, style, time, distance, relative velocity, and whether it ends in contact."""
+    """A run to draw, with its name, its style and its time series."""
 
     label: str
     style: int
@@ -121,7 +121,7 @@ class _Shown(NamedTuple):
 
 @check_arguments
 def verdict_run(verdict: Verdict) -> Figure:
-    """Draw the median and the worst run, by speed at contact, and the prediction.
+    """Draw the median run and the worst run by contact speed, compared with the prediction.
 
     Args:
         verdict: a verdict with a gain.
@@ -149,7 +149,7 @@ def verdict_run(verdict: Verdict) -> Figure:
 
 
 def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
-    """Return the runs to draw: name, palette index and number; the worst run is drawn first, in the background."""
+    """Return name, color and number of the runs to draw: the worst run first, in the background."""
     touched = np.flatnonzero(result.touched)
     if not len(touched):
         return [("first run", _WITH, 0)]
@@ -162,7 +162,7 @@ def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
 
 
 def _shown_until(verdict: Verdict, result: SimulationResult, predicted: ContactResult) -> float:
-    """Return the end of the plot of runs without contact [s]."""
+    """Return the time [s] at which the plot of a run without contact ends."""
     distance, speed = float(verdict.scenario.distance), abs(float(verdict.scenario.relative_velocity))
     times = [distance / speed] if speed > 0 else []
     times += [float(predicted.end.time)] if predicted.reached.all() else []
@@ -171,7 +171,7 @@ def _shown_until(verdict: Verdict, result: SimulationResult, predicted: ContactR
 
 
 def _run_until_contact(verdict: Verdict, index: int, label: str, style: int, end: float) -> _Shown:
-    """Return a run until its first contact, whose moment may lie between two control steps."""
+    """Return a run until its first contact, which may lie between two controller steps."""
     result: Any = verdict.mitigated
     trace, touched = result.trace(index), bool(result.touched[index])
     kept = trace.time < (result.time[index] if touched else end)
@@ -199,7 +199,7 @@ def _predicted(verdict: Verdict, predicted: ContactResult, gain: float, end: flo
 
 
 def _run_panel(shown: list[_Shown], name: str, label: tuple[str, str], clock: Scale) -> Panel:
-    """Make the panel of a quantity over time until contact; only the first panel has the names of the runs."""
+    """Return the plot of one quantity over time until contact; only the first plot names the runs."""
     values: list[FloatArray] = [getattr(s, name) for s in shown]
     scale = scale_for(label[1], max(float(np.nanmax(np.abs(v))) for v in values))
     first = name == "distance"

@@ -28,7 +28,7 @@ _AROUND: Final = 1.4  # margin of a logarithmic axis, as a factor
 
 @check_arguments
 def verdict_stability(verdict: Verdict) -> Figure:
-    """Draw the strongest stable gain at each distance, and the verified gain.
+    """Draw the strongest stable gain at each distance, compared with the verified gain.
 
     Args:
         verdict: a verdict with a stability check.
@@ -73,7 +73,7 @@ def _weakest_place(check: StabilityCheck, scale: Scale) -> Mark:
 
 @check_arguments
 def verdict_gain(verdict: Verdict) -> Figure:
-    """Draw the objective over the gain, in continuous time and on the loop.
+    """Draw the objective as a function of the gain, in continuous time and on the sampled loop.
 
     Args:
         verdict: a verdict; without a gain, or without changes, only the objective in continuous time is drawn.
@@ -111,7 +111,7 @@ def verdict_gain(verdict: Verdict) -> Figure:
 
 
 class _Part(NamedTuple):
-    """An objective over the gain, and which gains meet all limits."""
+    """An objective as a function of the gain, and which gains meet all limits."""
 
     label: str
     style: int
@@ -120,7 +120,7 @@ class _Part(NamedTuple):
     kept: BoolArray
 
     def curves(self, sign: float, top: float) -> Iterator[Curve]:
-        """Yield a thin grey curve if some gains miss a limit, and a colored curve of the others."""
+        """Yield a thin grey curve for gains that miss a limit, and a colored curve for all other gains."""
         values = np.where(np.isfinite(self.objective) & (self.objective <= 1.02 * top), self.objective, np.nan)
         kept = np.where(self.kept, values, np.nan)
         both = np.isfinite(kept).any()
@@ -144,7 +144,7 @@ def _objectives(verdict: Verdict) -> Iterator[_Part]:
 
 
 def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
-    """Yield marks at the ideal optimum, the verified gain and the best gain on the loop."""
+    """Yield marks at the ideal optimum, the verified gain, and the best gain on the sampled loop."""
     design, loss, number = verdict.design, verdict.loss, verdict.law.number
     if design.gain is not None and design.objective is not None:
         text = f"ideal {number.plot_text(design.gain)}"
@@ -161,7 +161,7 @@ def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
 
 
 def _stable_until(verdict: Verdict, sign: float) -> dict[str, float]:
-    """Return the gains with gain margin 2 and at the stability limit, if they are within the plot."""
+    """Return the gains at the stability limit and at a gain margin of 2, if they are within the plot."""
     check, loss = verdict.stability, verdict.loss
     low, high = verdict.design.bounds
     if check is None or loss is None:

@@ -126,7 +126,7 @@ class SensorChain:
 
     @property
     def period(self) -> float:
-        """The time between two readings [s]."""
+        """The time between two sensor readings [s]."""
         return 1.0 / self.rate
 
     @property
@@ -135,7 +135,8 @@ class SensorChain:
         return self.exposure / 2 + self.delay
 
     def numbers(self) -> tuple[float, ...]:
-        """Return the fields of pretouch_chain in native/core/pretouch.h; booleans are 0 or 1."""
+        """Return the parameters of the sensor chain in the order of the compiled core."""
+        # The structure is pretouch_chain in native/core/pretouch.h; booleans are 0 or 1.
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
             *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),
@@ -144,7 +145,7 @@ class SensorChain:
         )
 
     def rows(self) -> Iterator[Row]:
-        """Yield the rows of a report: names and values of the parameters, without optional ones that are zero."""
+        """Yield table rows with the parameters of the sensor chain, except optional ones that are zero."""
         yield "readings", f"{format_quantity(self.rate, 'Hz')}, one every {format_quantity(self.period, 's')}"
         start = f"after {format_quantity(self.phase, 's')} in every run"
         yield "first exposure", "at a random time within the period, in each run" if self.random_phase else start
@@ -175,7 +176,7 @@ class SensorChain:
 
 @check_arguments
 def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: float = 0.0) -> SensorChain:
-    """Return a chain with the noise, misfit, offset, resolution and saturation of a fitted calibration.
+    """Return a sensor chain with the noise, misfit, offset, resolution and saturation of a calibration.
 
     Args:
         fit: a fit by `fit_sensor` or `rank_models`; its noise is that of a single reading.
@@ -204,7 +205,7 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
-    """The timing of a sampled loop: one reading per period, and a force that follows it after a delay.
+    """Timing of a sampled loop: rate of sensor readings, delay of the force, and duration of the force.
 
     Args:
         rate: readings per second 1/T > 0 [Hz].
@@ -256,17 +257,17 @@ class LoopTiming:
 
     @property
     def period(self) -> float:
-        """The time between two readings T [s]."""
+        """The time T between two sensor readings [s]."""
         return 1.0 / self.rate
 
     @property
     def holding(self) -> float:
-        """The time for which the force of one difference acts [s]."""
+        """The time for which the force computed from two readings acts [s]."""
         return self.period if self.hold is None else self.hold
 
     @property
     def filters(self) -> tuple[tuple[float, ...], ...]:
-        """All filter sections that a reading passes, including the smoothing as the last one."""
+        """All filter sections that a reading passes, with the smoothing filter as the last one."""
         if self.smoothing == 0:
             return tuple(self.sections)
         kept = math.exp(-self.holding / self.smoothing)
@@ -275,7 +276,7 @@ class LoopTiming:
 
 @check_arguments
 def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool = False) -> LoopTiming:
-    """Return the timing of a loop with this chain and this controller.
+    """Return the timing of a sampled loop from its sensor chain and its controller.
 
     A new reading waits for the next step of the controller. If the ratio of both rates is an integer, this wait is the
     same for all readings of a run. It follows from the chain's phase; with a random phase it is any time up to a
@@ -324,7 +325,7 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
 
 
 def _waits(chain: SensorChain, period: float) -> tuple[float, float]:
-    """Return the longest and the shortest time that readings wait for the next step of the controller [s]."""
+    """Return the longest and the shortest time [s] that a reading waits for the next controller step."""
     step = min(period, chain.period)  # a newer reading replaces one that still waits
     ratio = max(chain.period, period) / step
     deviation = abs(ratio - round(ratio))

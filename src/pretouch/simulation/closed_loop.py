@@ -34,7 +34,7 @@ _TOLERANCE: Final = 1e-6  # relative change of the drag at which this iteration 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoop:
-    """A sampled loop without its encounter and gain: sensor chain, law, robot and contact.
+    """A sampled loop without encounter and gain: sensor chain, controller, robot and contact force.
 
     Called with a scenario, a sensor and gains, it solves encounters like `find_contact`. So `design_gain` and
     `design_robust_gain` accept it as the argument `evaluate`. With the law and the chain of the example of `simulate`,
@@ -88,7 +88,7 @@ class ClosedLoop:
         whole(self.first_run, "first_run", 0, 2**62)
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike) -> ContactResult:
-        """Run encounters until contact.
+        """Simulate encounters until contact.
 
         The i-th encounter of the scenario has the noise of run `first_run` + i, the same with every gain.
 
@@ -105,7 +105,7 @@ class ClosedLoop:
         return self._until_contact(scenario, (sensor,), gain)
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> ContactResult:
-        """Run encounters until contact, with a different curve for each along the last axis; see `__call__`."""
+        """Simulate encounters until contact, each with its own sensor curve."""
         return self._until_contact(scenario, tuple(sensors), gain, each=True)
 
     def _until_contact(
@@ -126,18 +126,19 @@ class ClosedLoop:
 
     @property
     def continuous(self) -> ContinuousLaw | None:
-        """The law in continuous time that its controller samples; None if the controller has none."""
+        """The law in continuous time that the controller samples; None if the controller has none."""
         own = getattr(getattr(self.law, "law", self.law), "continuous", None)
         return None if own is None else continuous_law(own)
 
     def after(self, runs: int) -> ClosedLoop:
-        """Return the same loop with the noise of its first encounter shifted by a number of runs."""
+        """Return the same loop, but with the sensor noise of later runs."""
+        # The noise of the first encounter is shifted by `runs`.
         return replace(self, first_run=self.first_run + runs)
 
     def run(
         self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike, *, runs: int | None = None
     ) -> SimulationResult:
-        """Run encounters, each with one gain.
+        """Simulate encounters, each with one gain.
 
         Args:
             scenario: the encounter, or an array of them.
@@ -151,7 +152,7 @@ class ClosedLoop:
         return result_of(self.encounters(scenario, (sensor,), gain, runs))
 
     def run_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> SimulationResult:
-        """Run encounters, with a different curve for each along the last axis; see `run`."""
+        """Simulate encounters, each with its own sensor curve."""
         return result_of(self.encounters(scenario, tuple(sensors), gain, None, each=True))
 
     def stability_limit(self, scenario: Scenario, sensor: SensorModel, value: float | None = None) -> GainLimit:
@@ -191,7 +192,7 @@ class ClosedLoop:
     def stable_bounds(
         self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel, margin: float
     ) -> tuple[float, float]:
-        """Restrict bounds of the gain to keep a gain margin to instability; refuse bounds without such a gain."""
+        """Narrow the bounds of the gain to gains with a required gain margin; raise an error if there are none."""
         strongest = 0.0
         for _ in range(
             _ROUNDS
@@ -220,7 +221,8 @@ class ClosedLoop:
         *,
         each: bool = False,
     ) -> Loop:
-        """Build the loop of encounters, with one sensor or one for each along the last axis; None: the law's gain."""
+        """Build the loop for an array of encounters, with one sensor or a separate sensor for each."""
+        # If `gain` is None, the law keeps its own gain.
         law = self.continuous
         gains = np.asarray(0.0 if gain is None else finite(gain, "gain", "" if law is None else law.number.unit))
         try:
@@ -256,12 +258,12 @@ class ClosedLoop:
         )
 
     def _laws(self, gains: FloatArray) -> tuple[tuple[SampledLaw, ...], IntArray]:
-        """Return a law for every distinct gain, and the index of the law of each gain."""
+        """Return a controller for every distinct gain, and the index of the controller of each gain."""
         distinct, law_of = np.unique(gains, return_inverse=True)
         return tuple(self.law.with_value(float(g)) for g in distinct), law_of.reshape(gains.shape)
 
     def _check_admittance(self, scenario: Scenario) -> None:
-        """Refuse an encounter whose admittance differs from that of the law, if the law has one."""
+        """Raise an error if the encounter has another admittance than the controller."""
         admittance = getattr(self.law, "admittance", None)
         for name in _ADMITTANCE:
             in_scenario, in_law = getattr(scenario.admittance, name), getattr(admittance, name, None)
@@ -281,7 +283,8 @@ Row = tuple[str, Cell]
 
 
 def loop_section(loop: ClosedLoop, *first: Row) -> PageSection:
-    """Return the section of a page that describes a loop; `first` are rows that precede it."""
+    """Return the report section that describes a sampled loop."""
+    # The rows `first` precede the loop's own rows.
     parts = (
         ("Sensor chain", loop.chain.rows()),
         ("Controller", law_rows(loop.law)),
@@ -293,7 +296,7 @@ def loop_section(loop: ClosedLoop, *first: Row) -> PageSection:
 
 
 def loop_sentences(loop: ClosedLoop) -> Iterator[str]:
-    """Yield a sentence in plain text for each part of a loop."""
+    """Yield a plain-text sentence for each part of a sampled loop, such as sensor and robot."""
     yield f"Sensor: {_joined(loop.chain.rows())}; noise is normal and independent between readings."
     yield f"Controller: {_joined(law_rows(loop.law))}."
     extra = () if loop.contact is None else (("followed for", Measured(loop.follow_time, "s")),)
@@ -307,7 +310,7 @@ def _joined(rows: Iterable[Row]) -> str:
 
 
 def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
-    """Yield the rows on the noise and the duration of runs."""
+    """Yield table rows with the seed of the noise and the duration of the runs."""
     yield "seed of the noise", str(loop.seed)
     yield "longest time until contact", Measured(loop.horizon, "s")
     if loop.contact is not None:
@@ -315,14 +318,14 @@ def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
 
 
 def law_rows(law: SampledLaw) -> Iterable[Row]:
-    """Return the parameters of a controller without its gain; for any other law, its name and period."""
+    """Return table rows with the parameters of a controller, or with name and period of another law."""
     if isinstance(law, Controller):
         return law.rows()
     return ("law", type(law).__name__), ("period", Measured(law.period, "s"))
 
 
 def contact_rows(contact: ContactModel | None) -> Iterator[Row]:
-    """Yield the parameters of a contact force, or a row that there is none."""
+    """Yield table rows with the parameters of a contact force, or a row that says that there is none."""
     if contact is None:
         yield "contact", "no contact force: a run ends at the touch"
     else:

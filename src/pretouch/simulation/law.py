@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 
 @runtime_checkable
 class SampledLaw(Protocol):
-    """Interface of a law in the loop: `pretouch.control.Controller` has it, and so does any value with these members.
+    """Interface of a sampled law, such as `pretouch.control.Controller`, that the simulated loop can run.
 
     Attributes:
         period: time between two steps [s].
@@ -19,17 +19,17 @@ class SampledLaw(Protocol):
 
     @property
     def period(self) -> float:
-        """The time between two steps [s]."""
+        """The time between two controller steps [s]."""
 
     @property
     def step(self) -> Any:
-        """The step of the law: a Python function or a compiled one."""
+        """The function that computes one controller step, written in Python or compiled."""
 
     def parameters(self) -> Any:
-        """Return the numbers of the law; for a compiled step a NumPy array or a ctypes structure."""
+        """Return the parameters of the law; for a compiled step, a NumPy array or a ctypes structure."""
 
     def start(self, *, position: float, velocity: float) -> Any:
-        """Return the state of the law for a plant at rest or in motion relative to its reference [m, m/s].
+        """Return the initial state of the law, for position [m] and velocity [m/s] relative to the reference.
 
         For a compiled step, the state is a NumPy array or a ctypes structure, which is copied for each run.
         """

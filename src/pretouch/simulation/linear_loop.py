@@ -42,7 +42,9 @@ _DENSE: Final = 300  # periods of delay up to which all eigenvalues are computed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearLoop:
-    """The linear open loop, opened at the damping d, over the period from the start of one exposure to the next.
+    """The linearized open loop, discretized over one sensor period.
+
+    The loop is opened at the damping d. The period lasts from the start of one exposure to the next.
 
     Args:
         timing: the timing of the loop.
@@ -63,7 +65,9 @@ class LinearLoop:
     modes: _Complex
 
     def response(self, angle: _Complex | FloatArray) -> _Complex:
-        """Return P(exp(i omega T)) [m/(N s)], the open-loop response from force to difference quotient of readings.
+        """Return the open-loop frequency response P(z) from force to difference quotient of readings [m/(N s)].
+
+        It is evaluated at z = exp(i omega T).
 
         The angles omega T, shape (k,), are real in (0, pi] on the unit circle and complex elsewhere. If
         1 + d P(z) = 0, z is an eigenvalue of the closed loop.
@@ -91,7 +95,7 @@ class LinearLoop:
 
     @property
     def remembered(self) -> int:
-        """The largest number of periods after a reading for which its force has an effect."""
+        """The largest number of periods after which the force of a reading still has an effect."""
         return self.lag + len(self.feedthrough)
 
     def _advance(self, state: FloatArray, damping: float, pushes: FloatArray, feedthrough: FloatArray) -> FloatArray:
@@ -109,7 +113,8 @@ class LinearLoop:
 
 
 def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing: LoopTiming) -> LinearLoop:
-    """Discretize the open loop of a plant exactly: x' = A x + B F, output C x, with B and C of shape (n,)."""
+    """Discretize the open loop of a linear plant exactly, over one sensor period."""
+    # The plant is x' = A x + B F with the output C x; B and C have the shape (n,).
     n, exposure, period = len(push), timing.exposure, timing.period
     block = np.zeros((n + 2, n + 2))  # the state, the integral of the reading, a constant force
     block[:n, :n], block[n, :n], block[:n, n + 1] = system, output, push
@@ -161,7 +166,7 @@ def _exponentials(matrices: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossover:
-    """An eigenvalue that leaves the unit circle.
+    """Damping and frequency at which an eigenvalue of the sampled loop leaves the unit circle.
 
     Args:
         angle: omega T of the oscillation.
@@ -175,7 +180,7 @@ class Crossover:
 
 
 def first_crossover(loop: LinearLoop) -> Crossover | None:
-    """Find the smallest damping that makes the loop unstable; None if there is none."""
+    """Find the smallest damping that makes the loop unstable; None if no damping does."""
     fastest = float(np.abs(loop.modes).max())
     for mode in loop.modes[loop.modes.real > _UNDAMPED * fastest]:
         return Crossover(angle=_aliased_angle(mode), damping=0.0, growth=float(mode.real))
@@ -193,7 +198,7 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
 
 
 def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Crossover | None]:
-    """Return the loop with the worst delay of the range, which allows the least damping, and its first crossover."""
+    """Find the delay that allows the least damping, and return its loop and stability limit."""
     # The worst delay is nearly always the longest. Near a weakly damped mode, the limit has minima over the delay.
     tried: dict[float, tuple[LinearLoop, Crossover | None]] = {}
 
@@ -218,7 +223,9 @@ def _damping(candidate: tuple[LinearLoop, Crossover | None]) -> float:
 
 
 def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float) -> float:
-    """Return the spectral radius at a damping d [N s/m], without the eigenvalue 1 of a `free` position.
+    """Return the spectral radius of the closed loop at a damping d [N s/m].
+
+    The eigenvalue 1 of a `free` position is excluded.
 
     If forces act for more than 300 periods after their readings, the matrix is too large. Then it is the modulus of the
     eigenvalue near the crossover at the angle `near`, or NaN without a crossover.
@@ -237,7 +244,9 @@ def _aliased_angle(mode: complex) -> float:
 
 
 def _growth_of_mode(loop: LinearLoop, pole: float) -> float:
-    """Return ln |z| of the eigenvalue that starts at an undamped mode z_0, for a damping that moves it by 1e-6.
+    """Return the growth rate ln |z| of an undamped mode z_0 for a very small damping.
+
+    The damping moves the eigenvalue by 1e-6.
 
     With z = z_0 exp(i e) and Q(e) = (exp(i e) - 1) P(z), which is finite at z_0, 1 + d P = 0 is exp(i e) = 1 - d Q(e).
     """
@@ -256,7 +265,7 @@ def _growth_of_mode(loop: LinearLoop, pole: float) -> float:
 
 
 def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
-    """Return the modulus of the eigenvalue near exp(i angle), for a damping near its crossover, by Newton's method."""
+    """Return the magnitude of the eigenvalue near a crossover of the unit circle, by Newton's method."""
     at, step = complex(angle), 1e-6 * angle
     with np.errstate(all="ignore"):  # where two eigenvalues meet, Newton's method may diverge
         for _ in range(5):
@@ -266,7 +275,8 @@ def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
 
 
 def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
-    """Return the angles at which the imaginary part of P rises through 0, at least those of the smallest dampings."""
+    """Return the angles at which the imaginary part of the open-loop response rises through zero."""
+    # Only the angles of the smallest dampings are complete.
     rising = (
         _sign_changes(response)
         & np.signbit(response.imag[:-1])
@@ -286,7 +296,7 @@ def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, p
 
 
 def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Complex]:
-    """Return angles from nearly 0 to pi between which the phase of P changes little, and P at these angles.
+    """Return samples of the open-loop response, so dense that the phase changes little between them.
 
     Angles at which P is too small for the smallest damping are not refined.
     """
@@ -315,12 +325,12 @@ def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, 
 
 
 def _sign_changes(response: _Complex) -> BoolArray:
-    """Return between which neighbors the imaginary part changes its sign."""
+    """Return the intervals between samples in which the imaginary part of the response changes sign."""
     return np.asarray(np.signbit(response.imag[1:]) != np.signbit(response.imag[:-1]))
 
 
 def _is_relevant(response: _Complex) -> BoolArray:
-    """Return between which neighbors P may be as large as at the crossover of the smallest damping."""
+    """Return the intervals in which the open-loop response may be as large as at the stability limit."""
     size = np.abs(response)
     crossing = _sign_changes(response) & (response.real[1:] < 0) & (response.real[:-1] < 0)
     largest = np.minimum(size[1:], size[:-1])[crossing].max(initial=0.0)
@@ -328,7 +338,8 @@ def _is_relevant(response: _Complex) -> BoolArray:
 
 
 def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
-    """Return between which neighbors an undamped mode lies, where P changes its sign without a crossover."""
+    """Return the intervals of angles that contain an undamped mode."""
+    # There, P changes its sign without a crossover.
     contains = np.zeros(len(angle) - 1, dtype=bool)
     for pole in poles:
         contains |= (angle[:-1] < pole) & (pole <= angle[1:])
@@ -338,7 +349,7 @@ def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
 def zero_between(
     function: Callable[[float], float], first: tuple[float, float], second: tuple[float, float], tolerance: float
 ) -> float:
-    """Find a zero between two points with values of opposite signs, to a tolerance; the function may jump."""
+    """Find a zero between two points whose values have opposite signs; the function may jump."""
     # Chandrupatla's method: inverse quadratic interpolation, or bisection if it is unreliable (T. R. Chandrupatla,
     # Advances in Engineering Software 28 (1997) 145). SciPy's brentq would take 0.1 s to load.
     (b, at_b), (a, at_a), part = first, second, 0.5

@@ -60,7 +60,9 @@ _MODEL: Final = """
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class WitnessTrace(Value):
-    """Time series of one encounter in MuJoCo, one element per step of MuJoCo; each array has the shape (n,).
+    """Time series of one encounter that was simulated in MuJoCo.
+
+    Each array has one element per step of MuJoCo, shape (n,).
 
     Args:
         time: t [s].
@@ -88,7 +90,9 @@ class WitnessTrace(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WitnessResult(Value):
-    """What `witness_encounter` returns; the quantities are those of `SimulationResult`.
+    """Result of `witness_encounter`: one encounter simulated in MuJoCo.
+
+    The quantities are those of `SimulationResult`.
 
     Args:
         status: contact, horizon, or unresolved if MuJoCo warned.
@@ -126,7 +130,9 @@ def witness_encounter(
     horizon: float = HORIZON,
     follow_time: float = FOLLOW,
 ) -> WitnessResult:
-    """Run one encounter in MuJoCo, with the law called from Python, to compare with `simulate`.
+    """Simulate one encounter in MuJoCo, for comparison with the result of `simulate`.
+
+    The law is called from Python.
 
     The model has two bodies, each on a slide, without gravity and friction between them. MuJoCo integrates it by its
     semi-implicit Euler method, with its own contact. The sensor is ideal: it is read at each step of the law, without
@@ -178,7 +184,10 @@ def witness_encounter(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Slides:
-    """One encounter for MuJoCo; `parts` is the number of its steps in a period of the law."""
+    """One encounter, prepared for MuJoCo as two bodies that slide along one axis.
+
+    `parts` is the number of MuJoCo steps in a period of the law.
+    """
 
     scenario: Scenario
     law: SampledLaw
@@ -191,7 +200,7 @@ class _Slides:
 
     @property
     def step(self) -> float:
-        """The step of MuJoCo [s]."""
+        """The time step of MuJoCo [s]."""
         return self.law.period / self.parts
 
     @property
@@ -201,12 +210,12 @@ class _Slides:
 
     @property
     def reduced_mass(self) -> float:
-        """The reduced mass of both bodies [kg]."""
+        """The reduced mass of robot and obstacle [kg]."""
         return 1 / (1 / self.drive[0] + 1 / self.obstacle_mass)
 
     @property
     def text(self) -> str:
-        """The model in MuJoCo's XML format."""
+        """The model of robot and obstacle in MuJoCo's XML format."""
         spring, damper = self.contact.stiffness / self.reduced_mass, self.contact.damping / self.reduced_mass
         masses = {"mass": self.drive[0], "obstacle_mass": self.obstacle_mass}
         return _MODEL.format(step=self.step, stiffness=spring, damping=damper, impedance=_IMPEDANCE, **masses)
@@ -225,7 +234,8 @@ def _check_step(slides: _Slides) -> None:
 
 
 def _reading_of(sensor: SensorModel) -> Callable[[float], float]:
-    """Return a function from distance to xi: 0 beyond the curve, and constant below its start and in contact."""
+    """Return the sensor output as a function of the distance."""
+    # The output is 0 beyond the curve, and constant below its start and in contact.
     low, high = sensor.valid_range
     return lambda distance: 0.0 if distance > high else math.exp(float(sensor.log_output(max(distance, low))))
 
@@ -262,7 +272,8 @@ def _result(rows: FloatArray, warned: bool, slides: _Slides) -> WitnessResult:
 
 
 def _run(slides: _Slides) -> tuple[FloatArray, bool]:
-    """Return a row per step of MuJoCo, with the columns of `WitnessTrace`, and whether MuJoCo warned."""
+    """Simulate an encounter in MuJoCo; return a row per time step, and whether MuJoCo warned."""
+    # The rows have the columns of `WitnessTrace`.
     mujoco = require("mujoco", extra="mujoco")
     e, law, model = slides, slides.law, mujoco.MjModel.from_xml_string(slides.text)
     data = mujoco.MjData(model)
@@ -310,7 +321,8 @@ def _run(slides: _Slides) -> tuple[FloatArray, bool]:
 def _drive(
     slides: _Slides, s: float, target: tuple[float, ...], state: tuple[float, float, float]
 ) -> tuple[float, float]:
-    """Return the force on the robot at the fraction s of a period, and the force of its servo; see `PlantModel`."""
+    """Return the force of the robot's drive and of its servo at a moment within a controller period."""
+    # `PlantModel` states the equation of motion.
     period, (x, v, lagging) = slides.law.period, state
     _, stiffness, reference_damping, own_damping, ahead, servo, coulomb, friction_speed = slides.drive
     x_0, v_0, x_1, v_1, a_v = target

@@ -115,7 +115,9 @@ class _Loop(Structure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loop(Value):
-    """The complete description of the runs of a loop, from which any run can be repeated; `shape` is that of the runs.
+    """Everything that determines simulated runs, so that every run can be repeated.
+
+    `shape` is the shape of the array of runs.
 
     Each run has one of the `sensors`, one of the `laws` (which share a period and a step), and the noise of the run
     with the index in `noise_of`.
@@ -139,7 +141,7 @@ class Loop(Value):
 def run_loop(
     loop: Loop, which: IntArray, rows: int = 0, *, touches: int = TOUCHES, course_rows: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Run some encounters of a loop, on all cores if the law is compiled.
+    """Simulate selected encounters in the compiled loop, on all cores if the law is compiled.
 
     Args:
         loop: the loop.
@@ -179,7 +181,8 @@ def run_loop(
 
 
 def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> tuple[_Loop, _PythonStep | None]:
-    """Return the native structure of some encounters of a loop, with the output arrays of `run_loop`."""
+    """Fill the structures of the compiled loop with the inputs of selected encounters."""
+    # The structure contains the output arrays of `run_loop`.
     scenes, period = _columns(loop, _scene_of(loop.scenario))[which], loop.laws[0].period
     course = loop.scenario.obstacle.course
     stretches = _columns(loop, [number for s in course for number in (s.until, s.acceleration)])[which]
@@ -210,7 +213,7 @@ def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> 
 
 
 def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _PythonStep | None]:
-    """Return the native structure with the parameters and initial states of the laws of some encounters."""
+    """Fill the structure of the compiled loop with parameters and initial states of the control laws."""
     used_laws, law_of = np.unique(loop.law_of.ravel()[which], return_inverse=True)
     starts = np.column_stack([used_laws[law_of.ravel()], scenes[:, (0, 1)] - scenes[:, (5, 6)]])
     distinct, start_of = np.unique(starts, axis=0, return_inverse=True)
@@ -240,7 +243,7 @@ def _scene_of(s: Scenario) -> tuple[Any, ...]:
 
 
 def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
-    """Broadcast columns to the runs of a loop and stack them, shape (n, columns)."""
+    """Broadcast columns of inputs to all runs of a loop and stack them in one matrix."""
     rows = np.empty((*loop.shape, len(columns)))
     for i, column in enumerate(columns):
         rows[..., i] = column
@@ -248,7 +251,7 @@ def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
 
 
 def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, float, float]]:
-    """Return the table of each curve that is used, up to the farthest distance that may occur."""
+    """Return a table for each sensor curve in use, up to the farthest distance that may occur."""
     sensor_of, distance = loop.sensor_of.ravel(), np.broadcast_to(loop.scenario.distance, loop.shape).ravel()
     curves = []
     for index in indices:
@@ -262,7 +265,7 @@ def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, floa
 
 @cache_by_curve(1024)  # the number of sensor samples of a robust design on a loop, or of a verdict
 def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
-    """Tabulate ln xi up to a distance [m], with equal steps so fine that cubics between them are accurate to 1e-12.
+    """Tabulate the log output ln xi so finely that cubic interpolation is accurate to 1e-12.
 
     Returns:
         Values of ln xi and its slopes times the step, shape (n, 2); the first distance and the step [m].
@@ -282,7 +285,10 @@ def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, f
 
 
 class _PythonStep:
-    """Adapter for a step in Python: it holds the parameters and states, and the compiled loop has their indices."""
+    """Adapter through which the compiled loop calls a control law that is written in Python.
+
+    It holds parameters and states; the compiled loop has their indices.
+    """
 
     def __init__(self, step: Any, parameters: list[Any], states: list[Any]) -> None:
         self._law, self._parameters, self._states, self._state = step, parameters, states, None
@@ -318,7 +324,8 @@ def _to_sample(raw: RawSample) -> Sample:
 
 
 def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -> FloatArray:
-    """Copy parameters or states of a compiled step to rows aligned to 8 bytes; for a Python step, return indices."""
+    """Copy parameters or states of control laws to a matrix for the compiled loop."""
+    # For a Python step, the matrix has indices. Rows are aligned to 8 bytes.
     if python_step is not None:
         return np.arange(len(parts), dtype=np.float64)[:, None]
     places = [location(part, name) for part in parts]
@@ -335,5 +342,6 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
 
 
 def contact_step(contact: tuple[float, ...], inverse_mass: float, speed: float) -> float:
-    """Return the step of a contact [s], 1/50 of its time scale, for 1 / reduced mass [1/kg] and initial speed."""
+    """Return the integration step during contact [s], 1/50 of the time scale of the contact."""
+    # `inverse_mass` is 1 / reduced mass [1/kg], and `speed` the initial speed.
     return float(_contact_step(byref(_Contact(*contact)), inverse_mass, speed))

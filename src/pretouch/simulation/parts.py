@@ -16,7 +16,9 @@ from .chain import SensorChain
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorPart:
-    """A commercial sensor with its chain, as a starting point: a calibration determines its noise better.
+    """A commercial sensor with the sensor chain that its data sheet describes.
+
+    The chain is a starting point: a calibration determines the noise better.
 
     Args:
         name: name of the part.
@@ -39,7 +41,7 @@ class SensorPart:
 
 @check_arguments
 def sensor_part(name: str) -> SensorPart:
-    """Look up a sensor part by its name.
+    """Look up a commercial sensor by its name.
 
     Args:
         name: a key of PARTS: "RPR-220", "VCNL4010", "VCNL4040", "VL53L5CX-4x4" or "VL53L5CX-8x8".

@@ -43,7 +43,7 @@ _MOST_BUFFERED: Final = 1_000_000  # most undelivered readings
 
 
 def check_loop(loop: Loop) -> Loop:
-    """Return a loop with checked numbers; refuse invalid values, and runs with too many steps."""
+    """Check the numbers of a simulated loop and return the loop; raise an error for too many steps."""
     checked_numbers(loop.plant, loop.plant.coefficients(), COEFFICIENTS)
     if loop.contact is not None:
         checked_numbers(loop.contact, loop.contact.numbers(), CONTACT_NUMBERS)
@@ -63,7 +63,7 @@ def check_loop(loop: Loop) -> Loop:
 
 
 def refuse_too_many_runs(count: int) -> None:
-    """Refuse too many runs, before memory is allocated for them."""
+    """Raise an error for too many runs, before memory is allocated for them."""
     if count > MOST_RUNS:
         size = 8 * count * (len(RESULT_COLUMNS) + TOUCHES * len(CONTACT_COLUMNS))
         raise InvalidInputError(
@@ -73,7 +73,7 @@ def refuse_too_many_runs(count: int) -> None:
 
 
 def _refuse_endless_runs(loop: Loop) -> None:
-    """Refuse a loop with too many steps or undelivered readings in a single run."""
+    """Raise an error if a single run would have too many controller steps or sensor readings."""
     period, chain = loop.laws[0].period, loop.chain
     _refuse(loop.horizon, period, "loop horizon", f"a controller with a period of {_time(period)}")
     _refuse(loop.horizon, 1 / chain.rate, "loop horizon", f"a sensor with {chain.rate:g} readings per second")
@@ -107,14 +107,14 @@ def _time(seconds: float) -> str:
 
 
 def whole(value: Any, name: str, least: int, most: int) -> int:
-    """Return a whole number; refuse other values and numbers out of range."""
+    """Return an integer after checking that it lies in the allowed range."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
         raise InvalidInputError(f"{name}: found {value!r}, expected a whole number from {least} to {most}")
     return int(value)
 
 
 def runs_of(value: Any) -> int:
-    """Return a number of runs; refuse other values and too many runs."""
+    """Return a number of runs after checking that it is a positive integer and not too large."""
     refuse_too_many_runs(runs := whole(value, "runs", 1, 2**63))
     return runs
 
@@ -124,7 +124,9 @@ _COURSE: Final = 8192  # steps in contact that a trace records: about fifty rebo
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LoopTrace(Value):
-    """Time series of one run, one element per step of the law; each array has the shape (n,).
+    """Time series of one simulated run, with one element per controller step.
+
+    Each array has the shape (n,).
 
     Args:
         time: t_k [s].
@@ -167,7 +169,7 @@ class LoopTrace(Value):
 
 @dataclass(frozen=True, repr=False)
 class SimulationResult(Value):
-    """Result of `simulate`, for one run or an array of runs: floats for one run, arrays of one shape otherwise.
+    """Result of `simulate`: floats for one run, or arrays of one shape for an array of runs.
 
     Args:
         columns: the quantities by name, each of the shape of the runs.
@@ -223,11 +225,11 @@ class SimulationResult(Value):
 
     @property
     def touched(self) -> BoolArray:
-        """Which runs reached contact, of the shape of the runs."""
+        """Which of the simulated runs reached contact."""
         return np.asarray(self.columns["status"] == ContactStatus.CONTACT)
 
     def trace(self, index: int | tuple[int, ...] = ()) -> LoopTrace:
-        """Run one encounter of an array again, with the same noise, and record its time series.
+        """Simulate one run of an array again, with the same noise, and record its time series.
 
         Args:
             index: index of the run in the array.
@@ -254,7 +256,7 @@ class SimulationResult(Value):
 
 
 def result_of(loop: Loop) -> SimulationResult:
-    """Run all encounters of a loop, and return their results."""
+    """Simulate all encounters of a loop and return their results."""
     shape = loop.shape
     refuse_too_many_runs(math.prod(shape))
     out, touches, _, _ = run_loop(loop, np.arange(math.prod(shape)))

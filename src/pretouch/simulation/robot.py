@@ -37,7 +37,7 @@ Row = tuple[str, Cell]
 
 
 class PlantModel(ABC):
-    """How the robot's contact surface follows the virtual object, and how a contact force moves it.
+    """Model of how the robot's contact surface follows the virtual object and yields to a contact force.
 
     The equation of motion is m x'' = f - friction(x') - F_contact, where f follows k (x_v - x) + d_v x_v' - d_x x' +
     m_f x_v'' at the servo's rate. A user-defined plant implements `coefficients`.
@@ -50,10 +50,11 @@ class PlantModel(ABC):
 
     @abstractmethod
     def coefficients(self) -> tuple[float, ...]:
-        """Return m, k, d_v, d_x, m_f, the rate of the servo (0: no lag), Coulomb friction and friction speed, in SI."""
+        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
+        # The order is m, k, d_v, d_x, m_f, rate of the servo (0: no lag), Coulomb friction, friction speed.
 
     def rows(self) -> Iterator[Row]:
-        """Yield the rows of a report on the robot: names and values; by default, all coefficients."""
+        """Yield table rows with the parameters of the robot; by default, all coefficients."""
         yield "robot", type(self).__name__
         for (label, unit), value in zip(_WORDS.values(), self.coefficients(), strict=True):
             yield label, Measured(value, unit)
@@ -61,7 +62,9 @@ class PlantModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdealPlant(PlantModel):
-    """The plant coincides with the virtual object, x = x_v, as the letter assumes (Section II).
+    """An ideal robot without mass, which follows the virtual object exactly as the letter assumes (Section II).
+
+    The position of the plant is that of the virtual object, x = x_v.
 
     It has no physical mass and no contact force, so a run ends at contact.
     """
@@ -69,17 +72,17 @@ class IdealPlant(PlantModel):
     kind: ClassVar[str] = "ideal"
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return the coefficients in the order of COEFFICIENTS, in SI."""
+        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
         return (0.0,) * len(COEFFICIENTS)
 
     def rows(self) -> Iterator[Row]:
-        """Yield the rows of a report on the robot."""
+        """Yield table rows with the parameters of the robot."""
         yield "robot", "ideal: it follows the virtual object exactly and has no mass"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpedancePlant(PlantModel):
-    """A mass that follows the virtual object by an impedance controller, with friction and a servo of finite bandwidth.
+    """A robot mass behind an impedance controller, with friction and a force servo of finite bandwidth.
 
     Args:
         mass: the *physical* reflected mass at the contact point m > 0 [kg], not the virtual mass M_a.
@@ -118,7 +121,7 @@ class ImpedancePlant(PlantModel):
             )
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return the coefficients in the order of COEFFICIENTS, in SI."""
+        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
         rate = 0.0 if math.isinf(self.bandwidth) else 2 * math.pi * self.bandwidth
         own_damping = self.damping + (self.viscous_friction if rate == 0 else 0.0)
         ahead = self.mass if self.feedforward else 0.0
@@ -128,7 +131,7 @@ class ImpedancePlant(PlantModel):
         return (self.mass, self.stiffness, self.damping, own_damping, ahead, rate, *friction)
 
     def rows(self) -> Iterator[Row]:
-        """Yield the rows of a report on the robot."""
+        """Yield table rows with the parameters of the robot."""
         yield "robot", "a mass behind an impedance controller"
         yield "physical mass m", Measured(self.mass, "kg")
         yield "stiffness K_c", Measured(self.stiffness, "N/m")
@@ -141,7 +144,9 @@ class ImpedancePlant(PlantModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionPlant(PlantModel):
-    """A position-controlled robot: a second-order lag behind the virtual object, x'' = w^2 (x_v - x) - 2 zeta w x'.
+    """A position-controlled robot, which follows the virtual object with a second-order lag.
+
+    The equation of motion is x'' = w^2 (x_v - x) - 2 zeta w x'.
 
     It follows a steady motion with a delay of 2 zeta / w. A contact force acts on its mass and the stiffness m w^2.
 
@@ -169,12 +174,12 @@ class PositionPlant(PlantModel):
             )
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return the coefficients in the order of COEFFICIENTS, in SI."""
+        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
         omega = 2 * math.pi * self.bandwidth
         return (self.mass, self.mass * omega**2, 0.0, 2 * self.damping_ratio * omega * self.mass, 0.0, 0.0, 0.0, 1.0)
 
     def rows(self) -> Iterator[Row]:
-        """Yield the rows of a report on the robot."""
+        """Yield table rows with the parameters of the robot."""
         yield "robot", "position-controlled: a second-order lag"
         yield "physical mass m", Measured(self.mass, "kg")
         yield "bandwidth", Measured(self.bandwidth, "Hz")
@@ -182,7 +187,7 @@ class PositionPlant(PlantModel):
 
 
 def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, ...]) -> tuple[float, ...]:
-    """Return the numbers of a plant or a contact model; refuse invalid ones of a user-defined class."""
+    """Return the numbers of a robot model or contact model after checking that they are finite."""
     if len(values) != len(names) or not all(map(math.isfinite, values)):
         raise InvalidInputError(
             f"{type(model).__name__}: found {values}, expected {len(names)} finite numbers: {', '.join(names)}"
@@ -223,7 +228,7 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
 
 
 def plant_step(plant: PlantModel, period: float) -> float:
-    """Return the integration step of a plant [s], an integer fraction of the controller's period."""
+    """Return the integration step of a robot model [s], an integer fraction of the controller's period."""
     mass, stiffness, _, own_damping, _, servo, coulomb, friction_speed = plant.coefficients()
     if mass == 0:
         return period
@@ -235,7 +240,9 @@ def plant_step(plant: PlantModel, period: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactModel(ABC):
-    """A normal contact force F(d, d') >= 0 as a function of the depth d = -l.
+    """Model of the normal contact force as a function of the depth of contact and its rate of change.
+
+    The force is F(d, d') >= 0 with the depth d = -l.
 
     Args:
         obstacle_mass: mass of the obstacle [kg]; infinite if it is driven and does not yield. A finite mass has the
@@ -252,16 +259,17 @@ class ContactModel(ABC):
 
     @abstractmethod
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
+        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
+        # The fourth number says whether damping grows with depth.
 
     def rows(self) -> Iterator[Row]:
-        """Yield the rows of a report on the force and the obstacle: names and values."""
+        """Yield table rows with the parameters of the contact force and of the obstacle."""
         yield from self.force_rows()
         driven = math.isinf(self.obstacle_mass)
         yield "obstacle", "driven: it does not yield" if driven else f"of {format_quantity(self.obstacle_mass, 'kg')}"
 
     def force_rows(self) -> Iterator[Row]:
-        """Yield the rows of a report on the force: names and values; by default, the coefficients of the loop."""
+        """Yield table rows with the parameters of the contact force; by default, all coefficients."""
         stiffness, damping, exponent, grows, _ = self.numbers()
         yield "contact", type(self).__name__
         yield "stiffness", Measured(stiffness, "N/m^n")
@@ -271,7 +279,9 @@ class ContactModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HuntCrossley(ContactModel):
-    """F = k d^n (1 + a d'): damping grows with depth, so that the force starts and ends at 0.
+    """Contact force with damping that grows with the depth, after Hunt and Crossley.
+
+    The force F = k d^n (1 + a d') starts and ends at 0.
 
     After K. H. Hunt, F. R. E. Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl.
     Mech. 42 (1975) 440-445, where a = 3/2 alpha and the restitution is e = 1 - alpha v for slow impacts. For any speed
@@ -300,11 +310,11 @@ class HuntCrossley(ContactModel):
             raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
+        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
         return self.stiffness, self.dissipation * self.stiffness, self.exponent, True, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:
-        """Yield the rows of a report on the force."""
+        """Yield table rows with the parameters of the contact force."""
         yield "contact", "Hunt and Crossley: F = k d^n (1 + a d')"
         yield "stiffness k", Measured(self.stiffness, "N/m^n")
         yield "exponent n", Measured(self.exponent)
@@ -313,7 +323,9 @@ class HuntCrossley(ContactModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpringDamper(ContactModel):
-    """F = max(0, k d + c d'), the Kelvin-Voigt contact; with c > 0, the force jumps at the touch.
+    """Contact force of a spring and a damper in parallel, the Kelvin-Voigt model.
+
+    It is F = max(0, k d + c d'). With c > 0, the force jumps at the touch.
 
     The force never pulls; its restitution without pull is that of T. Schwager, T. Poeschel, "Coefficient of
     restitution and linear-dashpot model revisited", Granular Matter 9 (2007) 465-469.
@@ -334,11 +346,11 @@ class SpringDamper(ContactModel):
     damping: float = quantity("N*s/m", 0.0, sign="nonnegative")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
+        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
         return self.stiffness, self.damping, 1.0, False, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:
-        """Yield the rows of a report on the force."""
+        """Yield table rows with the parameters of the contact force."""
         yield "contact", "spring and damper: F = max(0, k d + c d')"
         yield "stiffness k", Measured(self.stiffness, "N/m")
         yield "damping c", Measured(self.damping, "N*s/m")

@@ -31,7 +31,9 @@ _FASTEST: Final = 1e6  # Hz: no proximity sensor is faster, and long forces woul
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DampingLimit(Value):
-    """The largest damping d, such as D_p g, with which the sampled loop is stable, at any distance.
+    """The largest damping of the virtual force with which the sampled loop is stable.
+
+    The damping d, such as D_p g, does not depend on the distance.
 
     Args:
         damping: the limit [N s/m]; infinite if no damping makes the loop unstable. It is 0 if every damping does,
@@ -53,7 +55,7 @@ class DampingLimit(Value):
 
     @property
     def is_certified(self) -> bool:
-        """Whether the eigenvalues confirm that the loop is stable below the limit and not above it."""
+        """Whether eigenvalues confirm that the loop is stable below the limit and unstable above it."""
         if self.damping == 0:
             return self.radius_above > 1
         return self.radius_below < 1 < self.radius_above or math.isinf(self.damping)
@@ -61,7 +63,7 @@ class DampingLimit(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainLimit(Value):
-    """The strongest gain of a law with which the loop is stable, at each distance.
+    """The strongest gain of a law with which the sampled loop is stable, at each distance.
 
     Args:
         distance: l [m], shape (n,).
@@ -78,16 +80,18 @@ class GainLimit(Value):
 
     @property
     def strongest(self) -> float:
-        """The strongest gain that is stable at every distance: the smallest limit in magnitude [N s for a damper]."""
+        """The strongest gain that is stable at every distance, such as D_p [N s]."""
         return float(self.gain[np.abs(self.gain).argmin()])
 
     @property
     def critical_distance(self) -> float:
-        """The distance [m] with the smallest limit."""
+        """The distance [m] at which the strongest stable gain is smallest in magnitude."""
         return float(self.distance[np.abs(self.gain).argmin()])
 
     def allowed(self, margin: float = 2.0) -> float:
-        """Return the largest gain magnitude with a gain margin: the limit for a `Constraint(name="gain")`.
+        """Return the largest gain magnitude that keeps a gain margin to instability.
+
+        It is the limit for a `Constraint(name="gain")`.
 
         Args:
             margin: gain margin, the factor by which the gain can grow until the loop is unstable, > 1; 2 is the usual
@@ -104,7 +108,7 @@ class GainLimit(Value):
         return abs(self.strongest) / margin
 
     def bounds(self, *, margin: float = 2.0, weakest: float = -1e-3) -> tuple[float, float]:
-        """Return bounds of the gain that keep the margin of `allowed`; refuse empty bounds."""
+        """Return bounds of the gain that keep a gain margin; raise an error if no gain does."""
         n, unit = self.law.number, pretty_unit(self.law.number.unit)
         strongest = n.sign * self.allowed(margin)
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
@@ -116,7 +120,7 @@ class GainLimit(Value):
 
 
 def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
-    """Return ascending distances from contact to the farthest start [m], within the valid range of the curve."""
+    """Return distances from contact to the farthest start [m], within the valid range of the sensor."""
     low, high = sensor.valid_range
     first = max(low, 0.0)
     return np.linspace(first, max(min(farthest, high), first), _PLACES)
@@ -125,7 +129,7 @@ def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
 def passage(
     law: ContinuousLaw, scenario: Scenario, sensor: SensorModel, value: float, farthest: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Return the distances of an encounter [m], and the predicted l' there [m/s] if the damping depends on it."""
+    """Return the distances that an encounter passes [m], and relative velocities if damping depends on them."""
     if law.degree == 1:
         return passed_distances(sensor, farthest), None
     motion = law.motion(scenario, sensor, value)
@@ -134,7 +138,7 @@ def passage(
 
 @check_arguments
 def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:
-    """Find the largest damping d, as D_p g, for which the loop of admittance L(1), sampler, delay and hold is stable.
+    """Find the largest damping d, such as D_p g, at which the sampled loop with admittance L(1) is stable.
 
     The linear loop is discretized exactly. Its eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and
     negative. The phase crossover of P with the smallest d is the limit, and the eigenvalues of the closed loop below
@@ -225,7 +229,8 @@ def gain_limit(
 def _linearize(
     law: ContinuousLaw, sensor: SensorModel, admittance: Admittance, distance: ArrayLike, relative_velocity: Any
 ) -> tuple[FloatArray, FloatArray, Admittance]:
-    """Return distances [m], the damping of the gain 1 there, and the active admittance; refuse unknown damping."""
+    """Return the damping that a law has with a gain of 1, at each distance [m]."""
+    # The active admittance is returned as well. A law with unknown damping is refused.
     distances = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
     slope = np.abs(np.asarray(sensor.log_slope(distances)))
     velocity = math.nan if relative_velocity is None else np.asarray(finite(relative_velocity, "relative_velocity"))
@@ -258,7 +263,7 @@ def lowest_rate(
     law: ContinuousLaw = DAMPER,
     relative_velocity: ArrayLike | None = None,
 ) -> float:
-    """Find the lowest sensor rate such that a gain is stable at this and every higher rate, at every distance.
+    """Find the sensor rate above which a gain is stable at every rate and every distance.
 
     The limit on the gain does not always grow with the rate: it has local minima. A gain near a minimum is unstable
     between two rates, and stable again below the lower one; the result is the upper one. So the lowest rate jumps when
@@ -317,7 +322,7 @@ def lowest_rate(
 
 
 def _last_change(spare: Callable[[float], float], top: float) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return the ends, with values, of the highest interval below `top` in which a function becomes negative.
+    """Return the highest interval below `top` in which a function becomes negative.
 
     If a minimum between three points of the scan may be negative, it is searched for.
     """

@@ -24,7 +24,8 @@ ENCOUNTER_INPUTS: Final = {"gain", *SCENARIO_INPUTS}
 
 
 def inputs_of(task: Task) -> dict[str, str]:
-    """Return every input that may be an axis, with its SI unit; `gain` only for a task without an objective."""
+    """Return every input that a sweep may vary, with its SI unit."""
+    # `gain` may vary only for a task without an objective.
     units = {"gain": task.law.number.unit, **SCENARIO_INPUTS, **sensor_inputs(task.sensor)}
     if task.impact is not None:
         units |= {f"impact.{f.name}": _IMPACT_UNITS.get(f.name, "") for f in fields(task.impact)}
@@ -73,7 +74,7 @@ Axes: TypeAlias = Mapping[str, ArrayLike | Mapping[str, ArrayLike]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis(Value):
-    """One dimension of the grid.
+    """One dimension of the grid of a sweep: one input, or several inputs with paired values.
 
     Args:
         name: name of the dimension: an input, or a custom name such as `sample`.
@@ -90,16 +91,16 @@ class Axis(Value):
 
     @property
     def looped(self) -> bool:
-        """Whether the solver is called once per value, as for a parameter of the sensor."""
+        """Whether each value of this axis needs its own call of the solver, as for sensor parameters."""
         return any(name not in ENCOUNTER_INPUTS for name in self.columns)
 
     def at(self, which: slice | FloatArray | Any) -> Axis:
-        """Return the axis with a selection of its values."""
+        """Return the sweep axis with a selection of its values."""
         return replace(self, columns={name: values[which] for name, values in self.columns.items()})
 
 
 def make_axes(axes: Axes, task: Task) -> tuple[Axis, ...]:
-    """Check the axes of a user; raise InvalidInputError if one is not an input of the task, or has no values."""
+    """Check the axes of a sweep and return them; raise an error for unknown inputs or missing values."""
     if not axes:
         raise InvalidInputError(
             'axes: found none, expected input names and values, such as {"obstacle.velocity": [-0.3, -0.2]}'
@@ -135,7 +136,7 @@ def _values(name: str, values: Any, units: Mapping[str, str]) -> FloatArray:
 
 
 def _unit(name: str, units: Mapping[str, str], option: str) -> str:
-    """Return the unit of an input; raise InvalidInputError with similar names if it is unknown."""
+    """Return the unit of an input; for an unknown input, raise an error that suggests similar names."""
     if name not in units:
         similar = [key for key in units if key.rpartition(".")[2] == name]
         near = sorted(similar, key=lambda n: not n.startswith("obstacle.")) or get_close_matches(name, units, n=1)
@@ -145,7 +146,7 @@ def _unit(name: str, units: Mapping[str, str], option: str) -> str:
 
 
 def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
-    """Parse an axis of the command line: the name of an input and its values.
+    """Parse an axis that is given on the command line: the name of an input and its values.
 
     Args:
         text: `NAME=START:STOP:COUNT`, `NAME=START:STOP:COUNT:log` or `NAME=VALUE,VALUE,...`; values with units, or bare

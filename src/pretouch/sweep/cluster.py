@@ -20,7 +20,7 @@ _TIMEOUT: Final = "10 s"
 
 @contextmanager
 def connected(dask: Any) -> Iterator[Any]:
-    """Connect to a scheduler.
+    """Connect to a Dask scheduler and yield the client.
 
     Args:
         dask: the address of a scheduler, such as `tcp://10.0.0.1:8786`, or a `distributed.Client`, which is not closed.
@@ -47,12 +47,15 @@ def connected(dask: Any) -> Iterator[Any]:
 
 
 def worker_count(client: Any) -> int:
-    """Return the number of threads of a cluster; at least 1, even if no worker is connected yet."""
+    """Return the number of threads of a Dask cluster; at least 1, even if no worker is connected yet."""
     return max(1, int(sum(client.nthreads().values())))
 
 
 def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[BlockRecord], None]) -> None:
-    """Compute blocks on the workers of a cluster, which must have access to the store at the same path."""
+    """Compute blocks of encounters on the workers of a Dask cluster.
+
+    The workers must have access to the store at the same path.
+    """
     distributed = require("distributed", extra="dask")
     # a task, not scattered data: after the loss of a worker it is computed again
     opened = client.submit(_open, str(store.path.resolve()), store.plan, pure=False)
@@ -72,13 +75,14 @@ def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[B
 
 
 def _open(path: str, plan: Plan) -> ZarrStore:
-    """Open the store on a worker, so that the plan is sent once and not with every block."""
+    """Open the stored sweep on a Dask worker."""
+    # So the plan is sent once and not with every block.
     _check_folder(Path(path))
     return ZarrStore(path, plan)
 
 
 def _run(store: ZarrStore, block: int) -> BlockRecord:
-    """Compute a block on a worker, unless a lost worker has finished it."""
+    """Compute a block of encounters on a Dask worker, unless the block is already finished."""
     _check_folder(store.path)  # without shared storage, zarr would create a new folder here
     if store.finished()[block]:
         return BlockRecord(encounters=store.size(block), repeated=True)

@@ -40,7 +40,8 @@ _PROBES: Final = 17
 
 
 def attributes_of(plan: Plan) -> dict[str, Any]:
-    """Return the attributes of a dataset: all inputs, versions and the seed (-1 for none)."""
+    """Return the attributes of a dataset: all inputs of the sweep, software versions and the seed."""
+    # The seed is -1 if there is none.
     versions = {package: version(package) for package in _PACKAGES}
     inputs = _inputs_of(plan)
     names = ", ".join(plan.dims)
@@ -54,7 +55,8 @@ def attributes_of(plan: Plan) -> dict[str, Any]:
 
 
 def _inputs_of(plan: Plan) -> dict[str, Any]:
-    """Return all inputs of a sweep for JSON, in SI; columns of values are given by their ends and a hash."""
+    """Return all inputs of a sweep for JSON, in SI units."""
+    # Columns of values are represented by their ends and a hash.
     task = plan.task
     parts = ("admittance", "obstacle", "plant", "reference")
     return {
@@ -74,7 +76,8 @@ def _inputs_of(plan: Plan) -> dict[str, Any]:
 
 
 def differing_parts(attributes: dict[str, Any], plan: Plan) -> str:
-    """Return the names of inputs in which the attributes of a dataset differ from a plan; else seed or version."""
+    """Return the names of the inputs in which a stored dataset differs from a planned sweep."""
+    # If all inputs are equal, the result is "seed or version of pretouch".
     try:
         stored = json.loads(attributes["inputs"])
     except (KeyError, ValueError, TypeError):
@@ -84,7 +87,7 @@ def differing_parts(attributes: dict[str, Any], plan: Plan) -> str:
 
 
 def _sensor(sensor: SensorModel) -> dict[str, Any]:
-    """Return the parameters of a curve and a hash of sampled values, since a curve may be a user's functions."""
+    """Return the parameters of a sensor curve and a hash of its values, which identify a custom curve."""
     low, high = sensor.valid_range
     distances = np.linspace(low, min(high, low + _FARTHEST), _SAMPLES)
     samples = np.stack([sensor.log_output(distances), sensor.log_slope(distances)])
@@ -97,7 +100,7 @@ def _sensor(sensor: SensorModel) -> dict[str, Any]:
 
 
 def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, Any]:
-    """Return the terms of an objective; for a custom objective, its name and a hash of its values at some contacts."""
+    """Return the terms of an objective, or the name of a custom objective and a hash of its values."""
     if not isinstance(objective, CustomObjective):
         return asdict(objective)
     with np.errstate(all="ignore"):
@@ -106,10 +109,10 @@ def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, An
 
 
 class _Probes:
-    """Pseudorandom contacts, at which different objectives have different values."""
+    """Pseudorandom contacts for telling different custom objectives apart by their values."""
 
     def column(self, name: str) -> FloatArray:
-        """Return different numbers for each quantity."""
+        """Return reproducible pseudorandom numbers for a quantity at contact."""
         seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
         size = np.random.default_rng(seed).uniform(0.01, 1.0, _PROBES)
         return -size if name == "relative_velocity" else size
@@ -125,7 +128,7 @@ def _digest(value: dict[str, Any]) -> str:
 
 
 def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
-    """Make a dataset from result arrays of the shape of the grid; without results it has only the axes."""
+    """Make a dataset from results on the grid of a sweep; without results, the dataset has only axes."""
     xarray = require("xarray")
     coords: dict[str, Any] = {}
     units = inputs_of(plan.task)
@@ -145,7 +148,7 @@ _ENGINE = "h5netcdf"
 
 
 def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
-    """Write a dataset as NetCDF, with one variable in memory at a time.
+    """Write a dataset to a NetCDF file, with only one variable in memory at a time.
 
     Raises:
         OutputExistsError: the file exists and `overwrite` is false.
@@ -178,7 +181,9 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
 
 
 class _DeferringFile(io.RawIOBase):
-    """A new file that stores the first write error and ignores later writes, so that the error is raised at the end.
+    """A new file that stores the first write error and raises it at the end.
+
+    It ignores later writes.
 
     Without it, HDF5 crashes the process if it cannot write its buffers when it closes a file.
     """
@@ -189,7 +194,7 @@ class _DeferringFile(io.RawIOBase):
         self._failure: OSError | None = None
 
     def check(self) -> None:
-        """Wait until everything is on the disk; raise the first write error."""
+        """Wait until all data are on the disk, and raise the first write error if there was one."""
         if self._failure is None:
             os.fsync(self._file.fileno())
         else:
@@ -211,7 +216,7 @@ class _DeferringFile(io.RawIOBase):
         return self._file.seek(offset, whence)
 
     def readinto(self, buffer: Any, /) -> int | None:
-        """Read; data after a write error are read as zeros."""
+        """Read bytes into a buffer; after a write error, missing data are read as zeros."""
         count = self._file.readinto(buffer)
         if self._failure is not None:
             view = memoryview(buffer).cast("B")
@@ -245,7 +250,7 @@ class _DeferringFile(io.RawIOBase):
 
 
 def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
-    """Open a NetCDF file of a sweep, lazily; None if the file is not a sweep of pretouch."""
+    """Open a NetCDF file of a sweep lazily; return None if pretouch did not write the file."""
     xarray = require("xarray")
     require(_ENGINE)
     try:
@@ -262,7 +267,7 @@ def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
 
 
 def is_intact(dataset: xr.Dataset, plan: Plan) -> bool:
-    """Return whether all variables can be read and have the shape of the plan, and all statuses are valid."""
+    """Return whether a dataset can be read completely, fits the planned sweep and has only valid statuses."""
     try:
         codes = dataset[STATUS].values
         shapes = {dataset[name].shape for name in (STATUS, *plan.results)}

@@ -27,7 +27,8 @@ Columns: TypeAlias = dict[str, NDArray[Any]]
 
 
 def evaluate(plan: Plan, region: Region) -> Columns:
-    """Return status and results of a region of the grid, in its shape; NaN without a contact or an optimum."""
+    """Return status and results of a part of the grid; results are NaN without contact or optimum."""
+    # Each array has the shape of the region.
     axes = [axis.at(part) for axis, part in zip(plan.axes, region, strict=True)]
     shape = tuple(map(len, axes))
     looped = [k for k, axis in enumerate(axes) if axis.looped]
@@ -48,7 +49,7 @@ def evaluate(plan: Plan, region: Region) -> Columns:
 
 
 def _values(axes: Sequence[Axis]) -> Columns:
-    """Shape the inputs of encounters along the dimensions of their axes, so that they broadcast."""
+    """Return the inputs of the encounters as arrays along the dimensions of their axes."""
     values: Columns = {}
     for k, axis in enumerate(axes):
         shape = tuple(-1 if i == k else 1 for i in range(len(axes)))
@@ -57,7 +58,7 @@ def _values(axes: Sequence[Axis]) -> Columns:
 
 
 def _columns(task: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Solve encounters that have the same sensor and other inputs that are not arrays."""
+    """Compute contacts or optimal gains in one call of the solver, for arrays of inputs."""
     position = values.get("obstacle.position", np.full((1,) * len(plan.axes), task.scenario.obstacle.position))
     changed = {name: value for name, value in values.items() if name != "gain"}
     scenario = scenario_with(task.scenario, {**changed, "obstacle.position": position})
@@ -91,7 +92,7 @@ _TRIAL: Final = 32  # a chunk is 32 times as large as the trial that measures th
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlockRecord:
-    """Duration of a block.
+    """Number of encounters in a block of a sweep, and the time spent on the block.
 
     Args:
         encounters: number of encounters.
@@ -108,7 +109,7 @@ class BlockRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress(Value):
-    """Progress of a sweep.
+    """Progress of a sweep: finished encounters and elapsed time.
 
     Args:
         finished: number of encounters that are stored, including those of earlier runs.
@@ -128,12 +129,14 @@ class Progress(Value):
 
     @property
     def remaining(self) -> float:
-        """Estimated remaining time [s] at the speed of this run; NaN until it has computed something."""
+        """Estimated remaining time [s] at the speed of this run; NaN until encounters are computed."""
         return (self.total - self.finished) * self.seconds / self.computed if self.computed else float("nan")
 
 
 def chunks_per_block(plan: Plan, *, workers: int = 1) -> int:
-    """Choose the number of chunks per block from the duration of a trial; results do not depend on this number.
+    """Choose how many chunks of the grid form a block of work, from the duration of a trial.
+
+    The results of the sweep do not depend on this number.
 
     Args:
         plan: the sweep. The trial also detects mistakes in it before the work begins.
@@ -156,7 +159,7 @@ def chunks_per_block(plan: Plan, *, workers: int = 1) -> int:
 
 
 def run_block(plan: Plan, store: Store, block: int) -> BlockRecord:
-    """Compute and store a block; while a chunk is written, the next one is computed."""
+    """Compute and store a block of encounters; computing and writing overlap."""
     computing = writing = 0.0
 
     def write(region: Region, columns: Columns) -> float:

@@ -38,7 +38,7 @@ _CHUNK: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
-    """A grid of encounters and the results to compute for each.
+    """A planned sweep: a grid of encounters and the results to compute for each of them.
 
     Args:
         task: the task with the values of all inputs that are not on an axis.
@@ -56,41 +56,43 @@ class Plan:
 
     @property
     def designs(self) -> bool:
-        """Whether gains are designed; otherwise contacts are computed for given gains."""
+        """Whether the sweep designs gains; otherwise it computes contacts for given gains."""
         return self.task.objective is not None
 
     @property
     def dims(self) -> tuple[str, ...]:
-        """The names of the dimensions."""
+        """The names of the dimensions of the grid."""
         return tuple(axis.name for axis in self.axes)
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The lengths of the dimensions."""
+        """The lengths of the dimensions of the grid."""
         return tuple(map(len, self.axes))
 
     @property
     def size(self) -> int:
-        """The number of encounters."""
+        """The number of encounters of the sweep."""
         return math.prod(self.shape)
 
     @property
     def chunk_grid(self) -> tuple[int, ...]:
-        """The number of chunks along each dimension."""
+        """The number of chunks along each dimension of the grid."""
         return tuple(-(-n // c) for n, c in zip(self.shape, self.chunk, strict=True))
 
     @property
     def chunk_count(self) -> int:
-        """The number of chunks."""
+        """The number of chunks into which the grid is divided."""
         return math.prod(self.chunk_grid)
 
     def region(self, index: int) -> Region:
-        """Return the region of a chunk; chunks are numbered along the last dimension first."""
+        """Return the part of the grid that a chunk covers."""
+        # Chunks are numbered along the last dimension first.
         place = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
         return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in place)
 
     def thinned(self, most: int) -> Plan:
-        """Return a plan of one chunk with at most `most` encounters: a few evenly spaced values of each axis."""
+        """Return a small plan with a few evenly spaced values of each axis, as a trial."""
+        # It has one chunk with at most `most` encounters.
         axes: list[tuple[int, Axis]] = []
         room = most
         for position, axis in sorted(enumerate(self.axes), key=lambda item: len(item[1])):
@@ -104,7 +106,8 @@ class Plan:
 def make_plan(
     task: Task, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
 ) -> Plan:
-    """Check a request, and divide it into chunks of at most `chunk_size` encounters; None for a default size."""
+    """Check the request for a sweep and divide its grid into chunks of limited size."""
+    # `chunk_size` is the largest number of encounters of a chunk; None for a default size.
     if task.scenario.shape != ():
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {task.scenario.shape}, expected one encounter; pass "
@@ -143,7 +146,9 @@ def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
 
 
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """Divide a grid: take the last axes whole, and divide the first axis that does not fit into equal parts.
+    """Return the shape of equal parts of a grid, each with a limited number of encounters.
+
+    The last axes are taken whole, and the first axis that does not fit is divided.
 
     Returns:
         The shape of a part, with at most `most` encounters.
@@ -163,7 +168,7 @@ def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
 
 
 def _check_values(plan: Plan) -> None:
-    """Check all values before the sweep starts."""
+    """Check all values of the axes before the sweep starts."""
     scenario = plan.task.scenario
     first = {n: float(v[0]) for axis in plan.axes for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS}
     positions = {name: first[name] for name in ("obstacle.position", "plant.position") if name in first}
@@ -184,7 +189,7 @@ def _check_values(plan: Plan) -> None:
 
 
 def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
-    """Set the inputs that are the same in one call of the solver to their values at an index of these axes."""
+    """Return the task with the values at one index of the sweep axes, for inputs that cannot be arrays."""
     for axis, i in zip(axes, index, strict=True):
         for name, values in axis.columns.items():
             if name not in ENCOUNTER_INPUTS:

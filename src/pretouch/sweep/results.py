@@ -44,7 +44,8 @@ _DEFAULT_DESIGNS: Final = ("gain", "objective", "relative_velocity")
 
 
 def check_results(results: Sequence[str] | None, *, designs: bool, impact: ImpactModel | None) -> tuple[str, ...]:
-    """Check the names of results and return them without the status; None gives a default selection."""
+    """Check the names of requested results; without a request, return a default selection."""
+    # The status is not among the returned names.
     if results is None:
         return _DEFAULT_DESIGNS if designs else _DEFAULT_CONTACTS
     names = (results,) if isinstance(results, str) else tuple(results)
@@ -60,7 +61,7 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
 
 
 def read(name: str, result: ContactResult, impact: Any) -> Any:
-    """Return a contact quantity of a result in SI; values without contact are not masked here."""
+    """Return a quantity at contact in SI units, without masking encounters that have no contact."""
     if name in ALWAYS:
         return getattr(result, name)
     if name in ContactState.names():
@@ -69,7 +70,7 @@ def read(name: str, result: ContactResult, impact: Any) -> Any:
 
 
 def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) -> dict[str, Any]:
-    """Return the attributes of a variable: name in words and unit, or the meanings of statuses.
+    """Return the attributes of a dataset variable, such as its name in words and its unit.
 
     Returns:
         Attributes that follow the CF conventions.
@@ -94,7 +95,7 @@ _MOST_READ: Final = 10**7  # encounters, up to which the ranges of results are c
 
 
 def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
-    """Return a sweep as an object for JSON, in SI; with up to 10,000 encounters it contains all values."""
+    """Return a sweep as a JSON object in SI units, with all values for up to 10,000 encounters."""
     status = dataset[STATUS]
     size = int(np.prod(status.shape))
     axes = {}
@@ -123,7 +124,7 @@ def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def sweep_as_text(dataset: xr.Dataset) -> str:
-    """Write a summary of a sweep as text."""
+    """Return a summary of a sweep as text."""
     size = int(np.prod(dataset[STATUS].shape))
     statuses = ", ".join(f"{count:,} {word}" for word, count in counts(dataset).items() if count)
     lines = [f"{size:,} encounters: {statuses}", ""]
@@ -142,7 +143,7 @@ def sweep_as_text(dataset: xr.Dataset) -> str:
 
 
 def counts(dataset: xr.Dataset) -> dict[str, int]:
-    """Return the number of encounters with each status."""
+    """Return the number of encounters with each status, such as `contact`."""
     words = dataset[STATUS].attrs["flag_meanings"].split()
     numbers = np.bincount(np.asarray(dataset[STATUS].values).ravel(), minlength=len(words))
     return dict(zip(words, map(int, numbers), strict=True))

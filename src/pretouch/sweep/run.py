@@ -49,7 +49,7 @@ def sweep(
     seed: int | None = None,
     progress: Callable[[Progress], object] | None = None,
 ) -> xr.Dataset:
-    """Compute contacts or optimal gains over a grid of inputs: every combination of the values of all axes.
+    """Compute contacts or optimal gains for every combination of input values on a grid.
 
     On one machine the compiled kernels use all cores. With an output, finished blocks are stored: if a sweep is
     interrupted, the same call resumes it and computes only the missing blocks.
@@ -122,7 +122,7 @@ def sweep(
 
 
 def _sweep_task(task: Task, axes: Axes) -> Task:
-    """Return the task of the sweep: without an objective if there are gains, otherwise with stable bounds."""
+    """Return the task of a sweep: without an objective if gains are given, otherwise with stable bounds."""
     names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
     if task.gain is not None or "gain" in names or task.objective is None:
         gain = None if task.gain is None else finite(task.gain, "gain", task.law.number.unit)
@@ -133,7 +133,7 @@ def _sweep_task(task: Task, axes: Axes) -> Task:
 
 @with_file_location
 def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
-    """Return the stable bounds; refuse a stability margin if an axis changes the stability limit."""
+    """Return the bounds of stable gains; raise an error if an axis changes the stability limit."""
     moving = [name for name in names if name.startswith(_MOVE_THE_LIMIT)]
     if moving and task.stability_margin is not None:
         raise InvalidInputError(
@@ -146,7 +146,8 @@ def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
 def _complete(
     store: S, progress: Callable[[Progress], object] | None, run_blocks: Callable[..., None] | None = None
 ) -> S:
-    """Compute the remaining blocks, in this process unless `run_blocks` is given, and report progress."""
+    """Compute the remaining blocks of encounters of a sweep and report progress."""
+    # They are computed in this process unless `run_blocks` is given.
     start, finished = time.perf_counter(), store.intact()
     before = sum(store.size(int(block)) for block in np.flatnonzero(finished))
     at = Progress(finished=before, total=store.plan.size, seconds=0.0)
@@ -183,7 +184,8 @@ def _to_zarr(
     progress: Any,
     then: Callable[[ZarrStore], object] = lambda _: None,
 ) -> ZarrStore:
-    """Start or resume a sweep in a Zarr folder; call `then` while the folder is still locked."""
+    """Start or resume a sweep whose results are stored in a Zarr folder."""
+    # `then` is called while the folder is still locked.
     require("zarr")
     with nullcontext() if dask is None else connected(dask) as client:
         while True:
@@ -210,7 +212,7 @@ def _holds(target: Path, plan: Plan) -> bool:
 
 
 def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> xr.Dataset:
-    """Compute into a temporary Zarr folder next to the file; then write the file and remove the folder."""
+    """Compute a sweep into a temporary Zarr folder, write the NetCDF file, and remove the folder."""
     # Equal sweeps may run at the same time: all compute into the folder, the first to finish writes the file, and the
     # last removes the folder.
     folder = target.with_name(f"{target.name}.unfinished{_ZARR}")
@@ -237,7 +239,7 @@ def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress
 
 
 def _is_written(plan: Plan, target: Path) -> bool:
-    """Return whether a file holds the complete sweep of a plan."""
+    """Return whether a NetCDF file contains the complete results of the planned sweep."""
     dataset = open_netcdf(target)
     if dataset is None:
         return False
@@ -246,7 +248,7 @@ def _is_written(plan: Plan, target: Path) -> bool:
 
 
 def _finished(plan: Plan, target: Path, *, overwrite: bool) -> xr.Dataset | None:
-    """Open the file of an equal sweep; None if there is none, or it may be replaced; refuse any other file."""
+    """Open the output file if it contains the same sweep; raise an error if it must not be replaced."""
     if not target.exists():
         return None
     dataset = open_netcdf(target)

@@ -46,7 +46,7 @@ _MOST_CHECKED: Final = 2_000  # chunks that are checked before a sweep is resume
 
 
 def refuse_beyond_memory(plan: Plan) -> None:
-    """Refuse a sweep whose results do not fit into memory, before anything is computed."""
+    """Raise an error, before anything is computed, if the results of a sweep do not fit into memory."""
     bytes_each = 1 + 8 * len(plan.results)
     if plan.size * bytes_each > _MOST_BYTES:
         raise InvalidInputError(
@@ -57,7 +57,7 @@ def refuse_beyond_memory(plan: Plan) -> None:
 
 
 class Store:
-    """Stores the results of chunks, and records which blocks of chunks are finished.
+    """Storage for the results of a sweep, which records the finished blocks of encounters.
 
     Args:
         plan: the sweep.
@@ -69,38 +69,38 @@ class Store:
         self.plan, self.chunks_per_block, self._arrays = plan, chunks_per_block, arrays
 
     def regions(self, block: int) -> list[Region]:
-        """Return the chunks of a block."""
+        """Return the parts of the grid that a block covers, one for each chunk."""
         first = block * self.chunks_per_block
         return [self.plan.region(i) for i in range(first, min(first + self.chunks_per_block, self.plan.chunk_count))]
 
     def size(self, block: int) -> int:
-        """Return the number of encounters of a block."""
+        """Return the number of encounters in a block."""
         return sum(math.prod(part.stop - part.start for part in region) for region in self.regions(block))
 
     def finished(self) -> BoolArray:
-        """Return which blocks are finished at this moment."""
+        """Return which blocks of encounters are finished at this moment."""
         return np.asarray(self._arrays[LEDGER][:] == 1)
 
     def intact(self) -> BoolArray:
-        """Return which blocks are finished and undamaged."""
+        """Return which blocks of encounters are finished and undamaged."""
         return self.finished()
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a region, which must consist of whole chunks."""
+        """Store the results of a part of the grid, which must consist of whole chunks."""
         for name, column in columns.items():
             self._arrays[name][region] = column
 
     def finish(self, block: int) -> None:
-        """Record a block as finished, after its data are written."""
+        """Record that a block of encounters is finished, after its results are written."""
         self._arrays[LEDGER][block] = 1
 
     def dataset(self) -> xr.Dataset:
-        """Return all results as a dataset."""
+        """Return all results of the sweep as a dataset."""
         return make_dataset(self.plan, {name: a for name, a in self._arrays.items() if name != LEDGER})
 
 
 class MemoryStore(Store):
-    """Results in memory."""
+    """Storage of a sweep in memory."""
 
     def __init__(self, plan: Plan, chunks_per_block: int) -> None:
         arrays = {name: np.empty(plan.shape) for name in plan.results}
@@ -110,7 +110,7 @@ class MemoryStore(Store):
 
 
 class ZarrStore(Store):
-    """Results in a Zarr folder, to which several processes may write at the same time.
+    """Storage of a sweep in a Zarr folder, to which several processes may write at the same time.
 
     Args:
         path: the folder, made by `create`.
@@ -154,7 +154,7 @@ class ZarrStore(Store):
         super().__init__(plan, per_block, arrays)
 
     def intact(self) -> BoolArray:
-        """Return which blocks are finished, with chunks of the right size and valid statuses; reset the others."""
+        """Return which blocks of encounters are finished and undamaged; mark damaged blocks as unfinished."""
         intact = self.finished()
         for block in np.flatnonzero(intact) if self.plan.chunk_count <= _MOST_CHECKED else ():
             intact[block] = all(map(self._is_intact, self.regions(int(block))))
@@ -180,18 +180,18 @@ class ZarrStore(Store):
         return bool(np.isin(codes, meanings).all())
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a region, which must consist of whole chunks."""
+        """Store the results of a part of the grid, which must consist of whole chunks."""
         with self._explaining():
             super().write(region, columns)
 
     def finish(self, block: int) -> None:
-        """Record a block as finished, after its data are written."""
+        """Record that a block of encounters is finished, after its results are written."""
         with self._explaining():
             super().finish(block)
 
     @contextmanager
     def _explaining(self) -> Iterator[None]:
-        """Convert an OSError to an InvalidInputError with a message."""
+        """Convert errors of the operating system to an `InvalidInputError` that explains how to resume."""
         try:
             yield
         except OSError as error:
@@ -202,7 +202,7 @@ class ZarrStore(Store):
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], plan: Plan, chunks_per_block: int) -> ZarrStore:
-        """Create the folder atomically, with axes, attributes and an empty ledger.
+        """Create the Zarr folder of a sweep atomically, with axes, attributes and no results.
 
         Args:
             path: the folder; its parent must exist, and the path must be free.
@@ -257,14 +257,14 @@ class ZarrStore(Store):
         return cls(path, plan)
 
     def dataset(self) -> xr.Dataset:
-        """Open the dataset lazily."""
+        """Open the results of the sweep lazily as a dataset."""
         xarray = require("xarray")
         dataset: xr.Dataset = xarray.open_zarr(str(self.path), chunks=None)
         return dataset[[STATUS, *self.plan.results]]
 
 
 def _attributes(path: Path) -> dict[str, Any] | None:
-    """Return the attributes of the folder of a sweep; None if it is not one."""
+    """Return the attributes of the folder of a sweep; None if the folder contains no sweep."""
     zarr = require("zarr")
     if not (path / "zarr.json").is_file():
         return None
@@ -276,12 +276,12 @@ def _attributes(path: Path) -> dict[str, Any] | None:
 
 
 def is_sweep(path: Path) -> bool:
-    """Return whether a folder is a sweep that pretouch wrote."""
+    """Return whether a folder contains a sweep that pretouch wrote."""
     return _attributes(path) is not None
 
 
 def replace_sweep(path: Path) -> None:
-    """Remove a sweep of pretouch; refuse to remove anything else, or a sweep that is being written."""
+    """Remove a stored sweep; raise an error if the path holds something else or is being written to."""
     if not is_sweep(path):
         raise OutputExistsError(
             f"{path}: is not a sweep of pretouch and is not removed; choose another name for the output"
@@ -291,7 +291,7 @@ def replace_sweep(path: Path) -> None:
 
 
 def remove_unused(path: Path) -> bool:
-    """Remove the folder of a sweep; return False if another process writes to it, which then removes it."""
+    """Remove the folder of a sweep; return False if another process is writing to the folder."""
     lock = _locked(path, exclusive=True)
     if lock is None:
         return not path.exists()
@@ -306,7 +306,7 @@ def remove_unused(path: Path) -> bool:
 
 @contextmanager
 def in_use(path: Path) -> Iterator[bool]:
-    """Lock a folder against removal by other processes; yield False if it does not exist any more."""
+    """Lock a folder against removal by other processes; yield False if the folder no longer exists."""
     lock = _locked(path, exclusive=False)
     try:
         yield lock is not None
@@ -319,7 +319,7 @@ _NO_LOCKS: Final = -1  # instead of a lock, on systems without locks
 
 
 def _locked(path: Path, *, exclusive: bool) -> int | None:
-    """Lock a folder, exclusively or shared; None if another process holds a lock, or the folder does not exist."""
+    """Lock a folder, exclusively or shared; return None if the lock is not available."""
     if sys.platform == "win32":
         return _NO_LOCKS if path.exists() else None
     try:

@@ -34,7 +34,7 @@ _IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities tha
 
 
 def foreseen_impact(task: Task) -> ImpactModel | None:
-    """Return the impact model of the prediction: the task's, else the lossless contact stiffness of the loop."""
+    """Return the impact model for the prediction: from the task, or lossless with the loop's contact stiffness."""
     contact, mass = task.loop.contact, task.loop.plant.coefficients()[0]
     if task.impact is not None or contact is None or mass == 0:  # an ideal robot has no mass and no contact force
         return task.impact
@@ -44,13 +44,16 @@ def foreseen_impact(task: Task) -> ImpactModel | None:
 
 
 def predicted_contact(task: Task, gain: float) -> ContactResult:
-    """Predict the nominal encounter with a gain, in continuous time with a perfect sensor."""
+    """Predict the nominal encounter with a gain, in continuous time and with a perfect sensor."""
     return task.law.contact(task.scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Draws:
-    """Random encounters; encounter i always has the i-th noise sequence."""
+    """Random encounters, each with its own sequence of sensor noise.
+
+    Encounter i always has the i-th noise sequence.
+    """
 
     task: Task  # with the nominal encounter and sensor curve
     scenarios: Scenario  # shape () or (runs,)
@@ -59,21 +62,22 @@ class Draws:
 
     @property
     def compared(self) -> int:
-        """Number of runs on which changes and other gains are compared."""
+        """Number of runs on which changes of the loop and other gains are compared."""
         return min(self.task.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
 
     @property
     def speed(self) -> FloatArray:
-        """|x_o'| of each encounter at the start [m/s]."""
+        """Speed of the obstacle at the start of each encounter [m/s]."""
         return self._each(np.abs(self.scenarios.obstacle.velocity))
 
     @property
     def distance(self) -> FloatArray:
-        """The distance of each encounter at the start [m]."""
+        """Distance at the start of each encounter [m]."""
         return self._each(self.scenarios.distance)
 
     def run(self, loop: ClosedLoop, gain: ArrayLike, count: int | None = None) -> SimulationResult:
-        """Run the first `count` encounters (all if None) on a loop with a gain; several gains have the shape (m, 1)."""
+        """Simulate all encounters, or the first `count` encounters, with one or several gains."""
+        # Several gains have the shape (m, 1).
         n = self.task.runs if count is None else count
         several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
         if not self.sensors:
@@ -81,7 +85,7 @@ class Draws:
         return loop.run_each(several, self.sensors[:n], gain)
 
     def predicted(self, gain: float) -> FloatArray:
-        """Predict |l'| at contact of each encounter in continuous time [m/s]; NaN without contact."""
+        """Predict the contact speed of each encounter in continuous time [m/s]; NaN without contact."""
         result = predicted_contact(self.task, gain) if self.ensemble is None else self.ensemble.contacts(gain)
         return self._each(np.where(result.reached, np.abs(result.end.relative_velocity), np.nan))
 
@@ -90,7 +94,8 @@ class Draws:
 
 
 def draw_encounters(task: Task) -> Draws:
-    """Draw independent encounters with the seed of the loop; exact confidence bounds need independent encounters."""
+    """Draw independent random encounters with the seed of the loop."""
+    # Exact confidence bounds need independent encounters.
     if not task.uncertainty:
         obstacle = task.scenario.obstacle
         alike = replace(obstacle, position=np.full(task.runs, obstacle.position))
@@ -107,7 +112,7 @@ def draw_encounters(task: Task) -> Draws:
 
 
 class Requirement(NamedTuple):
-    """A condition that must hold in a share of the runs."""
+    """A condition, such as a limit, that must hold in a required share of the runs."""
 
     name: str  # name of a limit, or `contact`
     held: BoolArray  # the runs in which the condition holds
@@ -115,18 +120,18 @@ class Requirement(NamedTuple):
 
     @property
     def standing(self) -> float:
-        """Ratio of the share of runs that meet it to the required share, at most 1."""
+        """Share of the runs that meet the condition, divided by the required share; at most 1."""
         return min(float(self.held.mean()) / self.probability, 1.0) if len(self.held) else 1.0
 
     @property
     def is_met(self) -> bool:
-        """Whether enough runs meet it."""
+        """Whether enough runs meet the condition."""
         return self.standing >= 1 - _ROUNDING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopOutcomes:
-    """Outcome of one gain on one loop over many runs."""
+    """Results of one gain on one loop over many runs."""
 
     result: SimulationResult
     objective: FloatArray  # objective of each run; infinite without contact
@@ -137,22 +142,25 @@ class LoopOutcomes:
 
     @property
     def standing(self) -> float:
-        """Score, at most 1: the lowest of requirements, stability and softness."""
+        """Score of the gain, at most 1: the lowest of the scores for limits, stability and softer contact."""
         return min(self.softness, self.stable, *(r.standing for r in self.requirements))
 
     @property
     def stable(self) -> float:
-        """The gain margin, at most 1; 1 if it is not known."""
+        """Score for stability: the gain margin, but at most 1; also 1 if the margin is not known."""
         return 1.0 if self.margin is None else min(self.margin, 1.0)
 
     @property
     def worst(self) -> Requirement:
-        """The requirement that is missed most, or the first if all are met."""
+        """The requirement that is missed most often, or the first one if all are met."""
         return min(self.requirements, key=lambda r: r.standing)
 
     @property
     def softness(self) -> float:
-        """Unmitigated speed / speed if contact is harder with the gain; 0.99 if the gain has no effect; else 1."""
+        """Score for softer contact: 1 if the gain makes contact softer, and less than 1 if it does not.
+
+        It is unmitigated speed / speed if contact is harder with the gain, and 0.99 if the gain has no effect.
+        """
         effect = self.effect
         if effect is None or not (effect.is_harder or effect.is_absent):
             return 1.0
@@ -176,7 +184,8 @@ class LoopOutcomes:
 
 
 def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
-    """Return the status by limits, effect and gain margin alone, ignoring prediction, sensor speed and calibration."""
+    """Return the status of a verdict from limits, contact speed and gain margin alone."""
+    # Prediction, sensor speed and calibration are ignored.
     effect, margin = outcomes.effect, outcomes.margin
     if not outcomes.is_kept or outcomes.stable < 1:
         return VerdictStatus.DOES_NOT_HOLD
@@ -190,14 +199,14 @@ def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopProblem:
-    """Encounters and reference runs by which gains and loops are evaluated."""
+    """The encounters on which gains and loops are compared, with reference runs without mitigation."""
 
     draws: Draws
     predicted: BoolArray  # which of the encounters end in contact in continuous time
     unmitigated: SimulationResult  # runs with gain 0 on the unchanged loop; changed loops are compared with them, too
 
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
-        """Return a loop that ends at contact, unless objective or limits need the forces after it."""
+        """Return a loop whose runs end at contact, unless objective or limits need the forces after contact."""
         task = self.draws.task
         custom = isinstance(task.goal, CustomObjective)
         needed = {constraint.quantity for constraint in task.limits}
@@ -206,17 +215,17 @@ class LoopProblem:
         return loop if custom or needed & _IN_CONTACT else replace(loop, follow_time=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
-        """Run the first `count` encounters (all if None) with a gain, and evaluate each."""
+        """Simulate all encounters, or the first `count` encounters, with one gain and evaluate each run."""
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
     def appraise_each(self, gains: FloatArray) -> list[LoopOutcomes]:
-        """Run the compared encounters with each of several gains, shape (m,), and evaluate all runs."""
+        """Simulate the same encounters with each of several gains and evaluate all runs."""
         loop = self.compared(self.draws.task.loop)
         runs = self.draws.run(loop, gains[:, None], self.draws.compared)
         return [self.appraised(part_of(runs, i), loop, gain) for i, gain in enumerate(gains.tolist())]
 
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
-        """Evaluate runs of the first encounters, given the loop and the gain of these runs."""
+        """Evaluate simulated runs, given the loop and the gain of these runs."""
         limits, touched = limits_of(self.draws.task.constraints), result.touched
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
         requirements = (
@@ -248,7 +257,7 @@ class LoopProblem:
 
 
 def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
-    """Return some of the runs along the first axis, without traces."""
+    """Return a selection of the runs along the first axis, without time series."""
     columns = {name: column[which] for name, column in result.columns.items()}
     return SimulationResult(columns, result.contact_list[which], result.trace_of)
 
@@ -256,7 +265,7 @@ def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
 def simulated_quantity(
     name: str, result: SimulationResult, gain: float, loop: ClosedLoop, impact: ImpactModel | None
 ) -> FloatArray:
-    """Return a quantity of objectives and limits, or `peak_force`, of every run; NaN if a needed contact is missing."""
+    """Return a quantity of every run by its name; NaN if the quantity needs a contact that did not happen."""
     if name == "gain":
         return np.full(result.shape, gain)
     model: Any = impact  # not None if needed: the ideal design refuses objectives that lack physical properties
@@ -272,7 +281,7 @@ def simulated_quantity(
 
 @dataclass(frozen=True, slots=True)
 class _Runs(Value):
-    """Quantities of simulated runs, in the form that a ContactState needs."""
+    """Quantities of simulated runs under the names that a `ContactState` uses."""
 
     result: SimulationResult
     gain: float
@@ -280,5 +289,5 @@ class _Runs(Value):
     impact: ImpactModel | None
 
     def column(self, name: str) -> FloatArray:
-        """Return a quantity of every run."""
+        """Return one quantity of every run by its name."""
         return simulated_quantity(name, self.result, self.gain, self.loop, self.impact)

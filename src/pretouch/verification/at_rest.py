@@ -33,7 +33,7 @@ _PLACES: Final = 2001  # number of distances from contact to _FARTHEST
 
 
 def creep_in_words(task: Task, gain: float) -> Iterator[str]:
-    """Yield how far noise moves a robot at rest near an object, and which floor would keep it still."""
+    """Yield a sentence on how far noise moves a robot at rest near an object, and which floor prevents this."""
     law = task.loop.law
     if not isinstance(law, Controller) or not gain:
         return
@@ -58,12 +58,13 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
 
 
 def _rest(law: Controller) -> float:
-    """Return the simulated time at rest [s]."""
+    """Return the time for which a robot at rest is simulated [s]."""
     return float(f"{min(_REST, _STEPS * law.period):.3g}")
 
 
 def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> float | None:
-    """Return a floor that keeps a robot at rest still, or None; with the present floor, it moves by `moved` [m]."""
+    """Return a signal floor that keeps a robot at rest still despite noise; None if none is found."""
+    # With the present floor, the robot moves by `moved` [m].
     below = floor = law.conditioning.floor
     far = moved
     for _ in range(_TRIES):
@@ -81,7 +82,7 @@ def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> floa
 
 
 def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[float, float]:
-    """Return the distance at which noise moves a robot at rest most [m], and the 95 % bound of that drift [m].
+    """Return the distance at which noise moves a robot at rest most [m], and a 95 % bound of the motion [m].
 
     The largest of 59 runs exceeds the 95 % quantile with a confidence of 95 %, since 0.95^59 = 0.048. Separate runs
     find the worst distances. The robot follows the virtual object exactly.
@@ -108,7 +109,8 @@ def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[floa
 
 
 def _places(task: Task, law: Controller, floor: float, deviations: FloatArray) -> FloatArray:
-    """Return the farthest distance [m] at which the mean reading exceeds a floor by each number of noise deviations."""
+    """Return the farthest distance [m] at which the mean reading exceeds a floor, for several noise margins."""
+    # A noise margin is a number of standard deviations of the noise.
     sensor, chain = task.sensor, task.loop.chain
     low, high = sensor.valid_range
     places = np.linspace(max(low, 0.0), min(high, _FARTHEST), _PLACES)

@@ -72,7 +72,7 @@ class CalibrationCheck(Value):
 
     @property
     def reason(self) -> str:
-        """Why the calibration is not good enough, and what to measure, as one clause."""
+        """Why the calibration is not good enough, and what to measure, in one clause."""
         named = (
             (
                 self.harder_count,
@@ -89,7 +89,7 @@ class CalibrationCheck(Value):
 
     @property
     def text(self) -> str:
-        """The result in sentences."""
+        """The result of the check in sentences."""
         if self.is_good_enough:
             kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
             wider = "" if self.witness is None else f" ({self.witness.text})"
@@ -111,20 +111,23 @@ class CalibrationCheck(Value):
         return f" (contact at {low} to {high} on 90 % of them, {predicted})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything that JSON can hold, in SI."""
+        """Return the results of the check as one JSON object, in SI units."""
         open_ends = {"decisive": self.decisive or None, "remedy": self.remedy or None}
         return {"is_good_enough": self.is_good_enough, **asdict(self), **open_ends}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
-    """Speed at contact and quantity / limit on each of several sensors; NaN and infinite without contact."""
+    """Contact speed and ratios quantity / limit of one gain on each of several sensors.
+
+    Speeds are NaN and ratios infinite without contact.
+    """
 
     speed: FloatArray
     ratios: FloatArray
 
     def failures(self, predicted: _Outcome) -> tuple[BoolArray, BoolArray, BoolArray]:
-        """Return for each sensor whether contact is missing, contact is harder, and a limit is missed."""
+        """Return for each sensor whether contact is missing, contact is harder, or a limit is missed."""
         missing = np.isnan(self.speed)
         allowed = np.maximum(1.0, (1 + _ROOM) * predicted.ratios[0])
         return (
@@ -134,13 +137,13 @@ class _Outcome:
         )
 
     def badness(self, predicted: _Outcome) -> tuple[int, float]:
-        """Return the number of failing sensors and, to rank equal numbers, the 95 % quantile of the speed."""
+        """Return the number of sensors that fail, and a quantile of the contact speed to rank equal numbers."""
         failing = int(np.any(self.failures(predicted), axis=0).sum())
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
 
 def check_calibration(task: Task, report: CalibrationReport, gain: float) -> CalibrationCheck | None:
-    """Run the nominal encounter with a gain on sensors that are compatible with the readings of the calibration."""
+    """Simulate the nominal encounter on other sensors that the readings of the calibration allow."""
     if report.curves is None or report.offset is None:  # too few readings to draw other curves
         return None
     chain = _without_noise(task.loop.chain)
@@ -172,20 +175,22 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
 
 
 def _without_noise(chain: SensorChain) -> SensorChain:
-    """Return a chain that is the same in every run, except for its misfit."""
+    """Return the sensor chain without noise, so that every run is the same except for the misfit."""
     return replace(
         chain, noise=0.0, relative_noise=0.0, distance_noise=0.0, jitter=0.0, dropout=0.0, random_phase=False
     )
 
 
 def _mount(drawn: DrawnCurve, task: Task) -> DrawnCurve:
-    """Extend and recess a drawn curve like the fitted one; the chain has the controller's offset."""
+    """Mount a randomly drawn sensor curve with the recess and the range of the fitted curve."""
+    # The sensor chain already has the controller's offset.
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
 
 
 def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve, ...]) -> _Outcome:
-    """Run the nominal encounter once on each sensor, the i-th with the misfit of the i-th run."""
+    """Simulate the nominal encounter once on each of several sensors."""
+    # The i-th sensor has the misfit of the i-th run.
     own = 0.0 if task.calibration is None or task.calibration.offset is None else task.calibration.offset.value
     limits = [limit for limit in task.limits if limit.name != "gain"]
     speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
@@ -204,7 +209,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
 
 
 def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, predicted: _Outcome) -> str:
-    """Return the largest source of error, from runs without the misfit, without the offset error, and without both."""
+    """Return the largest source of error in the calibration: misfit, offset, or curve."""
     # Offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
     # offset is nearest to the fitted one show the uncertainty that remains if the offset is known.
     report: Any = task.calibration
@@ -223,7 +228,7 @@ def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Ou
 
 
 def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
-    """Return what to measure, in words."""
+    """Return in words what to measure so that the calibration becomes good enough."""
     window, recess = report.window, getattr(task.sensor, "recess", 0.0)
     if decisive == "offset":
         again = "more " if report.offset is not None and report.offset.kind == "measured" else ""
@@ -249,5 +254,5 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
 
 
 def _lower(sentence: str) -> str:
-    """Return a sentence as a clause, without its period."""
+    """Return a sentence as a clause, with a lower-case first letter and without a period."""
     return f"{sentence[:1].lower()}{sentence[1:].removesuffix('.')}"

@@ -47,7 +47,7 @@ def compare_quantities(
     runs: tuple[SimulationResult, SimulationResult],
     foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
-    """Compare the runs with the prediction for the nominal encounter: magnitudes with the gain and without."""
+    """Compare simulated and predicted quantities of contact, with the gain and without mitigation."""
     contact, impact = task.loop.contact, foreseen_impact(task)
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
     if contact is not None and any(np.any(r.peak_force > (1 + _ROUNDING) * r.impact_force) for r in runs):
@@ -63,7 +63,7 @@ def compare_quantities(
 
 
 def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
-    """Return the spread of a quantity over the counted runs; None if there are none."""
+    """Return mean, quantiles and maximum of a quantity over selected runs; None without such runs."""
     some = values[counted]
     if not len(some):
         return None
@@ -74,7 +74,7 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
 
 
 def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, gain: float) -> tuple[LimitCheck, ...]:
-    """Return how often each limit is met in the runs with a gain, and the prediction for the nominal encounter."""
+    """Return how often each limit is met in the runs, and the value predicted for the nominal encounter."""
     checks, impact = [], foreseen_impact(task)
     for required, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
         constraint = required.constraint
@@ -122,7 +122,8 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
 
 
 def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
-    """Return the assumptions of a verdict in sentences; `compared` is the number of runs that compare changes."""
+    """Return the assumptions of a verdict in sentences."""
+    # `compared` is the number of runs that compare changes.
     loop, runs = task.loop, task.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
     first = f" in the first {compared} of them" if compared < runs else ""
@@ -141,7 +142,7 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
 
 
 def _force(task: Task) -> Iterator[str]:
-    """Yield how the impact force is predicted."""
+    """Yield a sentence on how the impact force is predicted."""
     if task.loop.contact is None:
         if task.impact is not None:
             yield "The impact force is computed by the impact model from the simulated speed at contact."
@@ -162,7 +163,7 @@ def cautions_of(
     design: GainDesign,
     gain: float,
 ) -> tuple[str, ...]:
-    """Return the warnings of a verdict, from the runs with the gain and without."""
+    """Return the warnings of a verdict, from simulated runs with the gain and without mitigation."""
     loop = draws.task.loop
     return (
         *(() if design.gain is not None else (f"The ideal design has no gain. {design.headline.removesuffix('.')}.",)),
@@ -224,7 +225,7 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
 
 
 def _why_late(loop: ClosedLoop, late: float) -> str:
-    """Return whether the sensor or the floor causes a late detection, in words."""
+    """Return a clause that says whether the sensor or the signal floor causes a late detection."""
     chain = loop.chain
     phase = chain.period / 2 if chain.random_phase else chain.phase
     wait = phase + chain.exposure + chain.delay + loop.law.period / 2
@@ -235,7 +236,7 @@ def _why_late(loop: ClosedLoop, late: float) -> str:
 
 
 def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:
-    """Yield a warning if a push makes the largest force of the whole contact larger with mitigation than without."""
+    """Yield a warning if a push after the impact makes the largest contact force larger with mitigation."""
     contact, both = loop.contact, result.touched & unmitigated.touched
     if contact is None or not both.any():
         return
@@ -282,7 +283,7 @@ def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
 
 
 def _stale(result: SimulationResult) -> float:
-    """Return the share of controller steps with an overdue reading, after the first detection."""
+    """Return the share of controller steps after detection at which a sensor reading was overdue."""
     late = count = 0
     for i in range(min(result.shape[0], _TRACED)):
         flags = result.trace(i).flags.astype(np.int64)

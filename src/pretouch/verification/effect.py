@@ -32,7 +32,7 @@ _LEAST_SPEED: Final = 1e-9  # m/s: smaller speeds are not divided by
 
 
 class VerdictStatus(StrEnum):
-    """Status of a verdict. `meaning` explains it in a sentence."""
+    """Status of a verdict: holds, holds narrowly, does not hold, or no gain."""
 
     HOLDS = "holds"
     HOLDS_NARROWLY = "holds-narrowly"
@@ -55,7 +55,7 @@ class VerdictStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect(Value):
-    """Effect of a gain on the speed at contact, over the runs that end in contact with the gain.
+    """Effect of a gain on the contact speed, over all runs that end in contact.
 
     If the same run ends without contact at gain 0, its unmitigated speed counts as 0.
 
@@ -86,18 +86,21 @@ class Effect(Value):
 
     @property
     def is_harder(self) -> bool:
-        """Whether contact is harder with the gain: on average or in most runs, by more than two standard errors."""
+        """Whether the gain makes contact significantly harder, on average or in most runs.
+
+        Significant means more than two standard errors.
+        """
         half = self.runs / 2
         return self.difference > self._chance or self.harder_count > half + SIGNIFICANT * math.sqrt(half / 2)
 
     @property
     def is_softer(self) -> bool:
-        """Whether contact is softer with the gain, by more than two standard errors and rounding."""
+        """Whether the gain makes contact softer by more than two standard errors."""
         return -self.difference > self._chance
 
     @property
     def is_absent(self) -> bool:
-        """Whether the gain has no effect: contact is not harder, and softer by less than 1 %."""
+        """Whether the gain has no effect, that is, contact is softer by less than 1 % and not harder."""
         return not self.is_harder and self.difference > -EFFECT * self.unmitigated
 
     @property
@@ -107,11 +110,11 @@ class Effect(Value):
 
     @property
     def excess(self) -> float | None:
-        """Relative excess of the mean speed over the predicted one; None if no contact is predicted."""
+        """Fraction by which the mean contact speed exceeds the prediction; None if no contact is predicted."""
         return self.reached / self.predicted - 1 if self.predicted and self.reached is not None else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the effect as one JSON object, in SI."""
+        """Return the effect as one JSON object, in SI units."""
         derived = {name: getattr(self, name) for name in ("is_harder", "is_absent", "excess")}
         return {**asdict(self), **derived}
 
@@ -124,7 +127,7 @@ class Effect(Value):
 def effect_of(
     result: SimulationResult, unmitigated: SimulationResult, foreseen: FloatArray | None = None
 ) -> Effect | None:
-    """Return the effect of a gain on the first encounters; None if no run ends in contact with the gain."""
+    """Compare contact speeds with the gain and without mitigation; None if no run ends in contact."""
     n, some = result.shape[0], result.touched
     if not some.any():
         return None
@@ -147,14 +150,14 @@ def effect_of(
 
 
 def chase_in_words(number: LawNumber, gain: float | None) -> Iterator[str]:
-    """Yield a warning if the sign of a gain drives the robot toward the object."""
+    """Yield a warning if the gain has the wrong sign, so that the robot chases the object."""
     if gain is not None and number.sign * gain < 0:
         text = f"{number.equals(gain)} makes the robot chase the object"
         yield f"{text}: mitigating {number.name}s are {number.mitigating}"
 
 
 def mean_and_error(values: FloatArray) -> tuple[float, float]:
-    """Return the mean of independent runs and its standard error; NaN for both if a value is infinite."""
+    """Return the mean over independent runs and its standard error; NaN if a value is infinite."""
     if not len(values) or not np.isfinite(values).all():
         return math.nan, math.nan
     error = float(np.std(values, ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else math.nan
@@ -162,7 +165,7 @@ def mean_and_error(values: FloatArray) -> tuple[float, float]:
 
 
 def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield warnings if a gain drives the robot toward the object, or makes contact harder than without mitigation."""
+    """Yield warnings if a gain makes the robot chase the object, or makes contact harder."""
     yield from (f"{text}." for text in chase_in_words(number, gain))
     speed, before = _speeds(run, free)
     if speed > before * (1 + _SHOWN):
@@ -173,7 +176,7 @@ def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: S
 
 
 def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield a warning if the gain has no effect on contact; none for the gain 0."""
+    """Yield a warning if the gain has no effect on the contact speed; no warning for a gain of 0."""
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
         text = f"The {number.name} has no effect in this run: contact is at {_text(speed)}"
@@ -181,14 +184,14 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
 
 
 def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:
-    """Return the speeds at contact with the gain and without [m/s], 0 without contact."""
+    """Return the contact speeds with the gain and without mitigation [m/s]; 0 without contact."""
     speed, before = (abs(one.relative_velocity) if one.touched else 0.0 for one in (run, free))
     return speed, before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSpeed(Value):
-    """Speed at contact on the loop, compared with an infinitely fast sensor; both without noise.
+    """The contact speed compared with an infinitely fast sensor, both without noise.
 
     Args:
         rate: readings per second of the loop [Hz].
@@ -216,7 +219,7 @@ class SensorSpeed(Value):
 
     @property
     def text(self) -> str:
-        """Whether the sensor is fast enough, in one sentence."""
+        """A sentence that says whether the sensor is fast enough."""
         enough = "fast enough" if self.is_fast_enough else "too slow"
         speed, fast = format_quantity(self.speed, "m/s", 3), format_quantity(self.fast, "m/s", 3)
         text = f"The sensor is {enough}: with {self.rate:.6g} readings per second, contact is at {speed} on average; "
@@ -230,18 +233,18 @@ class SensorSpeed(Value):
         return f"{size} in 95 % of the runs"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as one JSON object, in SI."""
+        """Return the comparison as one JSON object, in SI units."""
         return {**asdict(self), "is_fast_enough": self.is_fast_enough}
 
 
 def without_noise(loop: ClosedLoop) -> ClosedLoop:
-    """Return a loop with ideal readings: without noise, jitter, quantization, dropouts and misfit."""
+    """Return the loop with ideal readings, without noise, jitter, quantization, dropouts and misfit."""
     quiet: dict[str, Any] = dict.fromkeys((*NOISES, *_FAULTS), 0.0)
     return replace(loop, chain=replace(loop.chain, **quiet), follow_time=0.0)
 
 
 def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
-    """Return a loop with an instant reading for every controller step; None for a law without a sensor rate."""
+    """Return the loop with an instant reading for every controller step; None if the law has no sensor rate."""
     law = loop.law
     if not isinstance(law, Controller):
         return None
@@ -252,7 +255,7 @@ def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
 def compare_with_fast_sensor(
     loop: ClosedLoop, run: Callable[[ClosedLoop], SimulationResult], quiet: SimulationResult, tolerance: float
 ) -> SensorSpeed | None:
-    """Compare runs without noise with those of an infinitely fast sensor; None if no run ends in contact in both."""
+    """Compare the contact speed with the speed for an infinitely fast sensor; None without contact."""
     fast = with_fast_sensor(without_noise(loop))
     if fast is None:
         return None

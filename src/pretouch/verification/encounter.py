@@ -91,7 +91,9 @@ Row = tuple[Cell, ...]
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SimulatedEncounter(Described, Value):
-    """Result of `simulate_encounter`: runs and predictions; comparisons are computed when first read.
+    """Result of `simulate_encounter`: simulated and predicted encounter, with the gain and without mitigation.
+
+    Comparisons are computed when they are first read.
 
     Args:
         scenario: the encounter.
@@ -125,22 +127,22 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def trace(self) -> LoopTrace:
-        """The course of the run with the gain."""
+        """Time series of the simulated run with the gain."""
         return self.run.trace()
 
     @cached_property
     def unmitigated_trace(self) -> LoopTrace:
-        """The course of the run with gain 0."""
+        """Time series of the simulated run without mitigation."""
         return self.unmitigated.trace()
 
     @cached_property
     def motion(self) -> Motion:
-        """The predicted motion with the gain, until contact, or until the end of the run without one."""
+        """The predicted motion with the gain, until contact or until the end of the simulated run."""
         return self._motion(self.gain, self.prediction, self.run)
 
     @cached_property
     def unmitigated_motion(self) -> Motion:
-        """The predicted motion with gain 0, until contact, or until the end of the run without one."""
+        """The predicted motion without mitigation, until contact or until the end of the simulated run."""
         return self._motion(0.0, self.unmitigated_prediction, self.unmitigated)
 
     def _motion(self, gain: float, prediction: ContactResult | None, run: SimulationResult) -> Motion:
@@ -151,17 +153,17 @@ class SimulatedEncounter(Described, Value):
 
     @property
     def has_contact_force(self) -> bool:
-        """Whether the loop has a contact model, so that the run continues after the first touch."""
+        """Whether the loop has a contact model, so that a run continues after the first touch."""
         return self.loop.contact is not None
 
     @cached_property
     def comparisons(self) -> tuple[QuantityComparison, ...]:
-        """The quantities of the contact on the loop and as predicted, with the gain and without."""
+        """Simulated and predicted quantities of the contact, with the gain and without mitigation."""
         runs, predictions = (self.run, self.unmitigated), (self.prediction, self.unmitigated_prediction)
         return compare_contacts(runs, predictions, self.impact, self.has_contact_force)
 
     def comparison(self, name: str) -> QuantityComparison:
-        """Return the comparison of one quantity, such as `relative_velocity`; raise an error if it is not compared."""
+        """Return the comparison of one quantity by its name, such as `relative_velocity`."""
         for found in self.comparisons:
             if found.name == name:
                 return found
@@ -170,34 +172,34 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def contacts(self) -> tuple[LoopContact, ...]:
-        """The contacts of the run with the gain, in order; repeated contacts are separate entries."""
+        """The contacts of the run with the gain in the order of time, including repeated contacts."""
         return contacts_of(self.run, self.has_contact_force)
 
     @cached_property
     def unmitigated_contacts(self) -> tuple[LoopContact, ...]:
-        """The contacts of the run with gain 0."""
+        """The contacts of the run without mitigation, in the order of time."""
         return contacts_of(self.unmitigated, self.has_contact_force)
 
     @cached_property
     def flags(self) -> tuple[ReportedFlag, ...]:
-        """The flags that the controller reported in the run with the gain, in order of time."""
+        """The flags that the controller reported during the run with the gain, in the order of time."""
         return flags_of(self.trace, self.loop.law.period, self.run.time)
 
     @cached_property
     def detection(self) -> Detection | None:
-        """Time and distance of the first detection; None if the object was never detected."""
+        """Time and distance at which the controller first detected the object; None without detection."""
         return detection_of(self.run, self.trace, self.sensor, self.scenario)
 
     @cached_property
     def headline(self) -> str:
-        """The contact on the loop, compared with the prediction and no mitigation, in one or two sentences."""
+        """The simulated contact in one or two sentences, compared with the prediction and with no mitigation."""
         compared = self.comparison("relative_velocity"), self.comparison("time")
         grows = self.grows_after_impact if self.has_contact_force else None
         return headline_of(self.run, self.unmitigated, self.prediction, compared, grows)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences to read before relying on the numbers, most important first."""
+        """Warnings to read before relying on the results, most important first."""
         parts = self.detection, self.flags, self.contacts, self.grows_after_impact
         both = self.law.number, self.gain, self.run, self.unmitigated
         return (
@@ -226,12 +228,12 @@ class SimulatedEncounter(Described, Value):
 
     @property
     def grows_after_impact(self) -> bool:
-        """Whether a push after the impact, or another contact, is stronger than the impact itself."""
+        """Whether a push after the impact, or a later contact, is stronger than the impact itself."""
         run = self.run
         return bool(self.has_contact_force and run.touched and run.peak_force > _PUSH * run.impact_force)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the encounter as one JSON object without the traces: numbers in SI, None for missing ones."""
+        """Return the encounter as one JSON object, in SI units and without time series."""
         loop = self.loop
         fields: dict[str, Any] = plain(
             {
@@ -266,12 +268,12 @@ class SimulatedEncounter(Described, Value):
 
 
 def _part_as_dict(part: object) -> dict[str, Any]:
-    """Return the fields of a part of the loop; a user-defined class may have none."""
+    """Return the model name and the fields of one part of the loop, such as the robot."""
     return {"model": type(part).__name__, **(plain(part) if is_dataclass(part) else {})}
 
 
 def encounter_page(encounter: SimulatedEncounter) -> Page:
-    """Return the report page of a simulated encounter, with any ending."""
+    """Return the report page of a simulated encounter."""
     e = encounter
     impact = ((f"predicted impact: {name}", cell) for name, cell in impact_rows(e.impact))
     return Page(

@@ -35,7 +35,10 @@ _OF_CONTACT: Final = ("impact_force", "peak_force", "impulse", "rebound_velocity
 
 @dataclass(frozen=True, slots=True)
 class QuantityComparison(Value):
-    """One quantity of an encounter, on the loop and as predicted, with the gain and without; None if not available."""
+    """One quantity of an encounter, simulated and predicted, with the gain and without mitigation.
+
+    Values are None if they are not available.
+    """
 
     name: str  # its name in SimulationResult and ContactState
     label: str  # its name in words
@@ -47,29 +50,29 @@ class QuantityComparison(Value):
 
     @property
     def values(self) -> tuple[float | None, ...]:
-        """The four values: loop and prediction with the gain, then loop and prediction without."""
+        """The four compared values: simulated and predicted, each with the gain and without mitigation."""
         return self.loop, self.predicted, self.loop_unmitigated, self.predicted_unmitigated
 
     @property
     def is_empty(self) -> bool:
-        """Whether none of the four is available."""
+        """Whether none of the four compared values is available."""
         return all(value is None for value in self.values)
 
     @property
     def difference(self) -> float | None:
-        """Loop - prediction, in SI."""
+        """The simulated value minus the predicted value, in SI units."""
         return None if self.loop is None or self.predicted is None else self.loop - self.predicted
 
     @property
     def relative_difference(self) -> float | None:
-        """Relative excess of the magnitude on the loop over the predicted one; None if not available."""
+        """Fraction by which the simulated magnitude exceeds the predicted magnitude; None if unknown."""
         if self.loop is None or not self.predicted:
             return None
         return abs(self.loop) / abs(self.predicted) - 1
 
     @property
     def difference_in_words(self) -> str:
-        """The difference with its unit and in percent; empty if it is not known."""
+        """Difference between simulation and prediction as text, with unit and percentage; empty if unknown."""
         share = self.relative_difference
         if self.difference is None:
             return ""
@@ -80,13 +83,16 @@ class QuantityComparison(Value):
         return text if share is None else f"{text} ({'+' if share > 0 else '-'}{percent(share)})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as one JSON object, in SI."""
+        """Return the comparison as one JSON object, in SI units."""
         return {**asdict(self), "difference": self.difference, "relative_difference": self.relative_difference}
 
 
 @dataclass(frozen=True, slots=True)
 class LoopContact(Value):
-    """One contact of a run; None for quantities that need a contact model."""
+    """One contact of a simulated run, with its forces if the loop has a contact model.
+
+    Quantities that need a contact model are None without one.
+    """
 
     time: float  # time of the touch [s]
     relative_velocity: float  # l' at the touch [m/s]
@@ -98,7 +104,7 @@ class LoopContact(Value):
 
 @dataclass(frozen=True, slots=True)
 class ReportedFlag(Value):
-    """A flag that the controller reported in a run."""
+    """A flag that the controller reported during a run, such as `force-limited`."""
 
     name: str  # such as `force-limited`
     meaning: str  # its meaning in words
@@ -108,13 +114,16 @@ class ReportedFlag(Value):
 
     @property
     def is_trouble(self) -> bool:
-        """Whether it reports faulty readings or limited forces or motions."""
+        """Whether the flag reports faulty readings, or limited forces or motions."""
         return self.meaning not in _NO_TROUBLE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detection(Value):
-    """First detection of the object. The prediction assumes detection at the start."""
+    """Time and distance at which the controller first detected the object.
+
+    The prediction assumes detection at the start.
+    """
 
     time: float  # time of the first detection [s]
     distance: float  # distance at the first detection [m]
@@ -126,7 +135,7 @@ class Detection(Value):
 
     @property
     def sentence(self) -> str:
-        """Time and distance of the first detection, in one sentence."""
+        """A sentence with time and distance of the first detection."""
         if self.time == 0:
             return f"The object was detected at the start, at {format_quantity(self.distance, 'm')}."
         text = f"The object was first detected after {format_quantity(self.time, 's', 3)}, at "
@@ -164,7 +173,7 @@ def compare_contacts(
     impact: ImpactModel | None,
     has_force: bool,
 ) -> tuple[QuantityComparison, ...]:
-    """Compare quantities of runs and predictions, with the gain and without."""
+    """Compare simulated and predicted quantities of contact, with the gain and without mitigation."""
     ends = [None if p is None or not p.reached.all() else p.end for p in predictions]
 
     def row(name: str, loop: Iterable[float], predicted: Iterable[float]) -> QuantityComparison:
@@ -200,7 +209,8 @@ def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ..
 
 
 def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
-    """Return the reported flags in order of time; `period` [s] is the controller period, `contact_time` may be NaN."""
+    """Return the flags that the controller reported, in the order of time."""
+    # `period` is the controller period [s]; `contact_time` may be NaN.
     flags = trace.flags.astype(np.int64)
     before = ~(trace.time >= contact_time)
     found = []
@@ -219,7 +229,7 @@ def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[Repo
 
 
 def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, scenario: Scenario) -> Detection | None:
-    """Return time and distance of the first detection; None if there is none."""
+    """Return time and distance at which the object was first detected; None without detection."""
     if math.isnan(run.detection_time):
         return None
     distance = float(trace.distance[int(np.abs(trace.time - run.detection_time).argmin())])
@@ -237,7 +247,7 @@ def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, s
 
 
 def run_as_dict(run: SimulationResult) -> dict[str, Any]:
-    """Return the quantities of a run, in SI, and how it ended."""
+    """Return the quantities of a run in SI units, and how the run ended."""
     return {"status": ContactStatus(run.status).label, **{name: getattr(run, name) for name in _RUN}}
 
 
@@ -248,7 +258,7 @@ def headline_of(
     compared: tuple[QuantityComparison, QuantityComparison],
     grows: bool | None,
 ) -> str:
-    """Return contact speed and time of a run, compared with prediction and no mitigation, in words."""
+    """Return speed and time of a simulated contact in words, compared with prediction and no mitigation."""
     text = _loop_clause(run, free)
     if predicted is None:
         text += "; no prediction, because the obstacle has a course"
@@ -287,7 +297,7 @@ def _speed_or_none(run: SimulationResult) -> str:
 
 
 def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
-    """Compare the speed and the time of the contact with the prediction, in words."""
+    """Return a comparison of contact speed and contact time with the prediction, in words."""
     share, late = speed.relative_difference, time.difference
     parts = []
     if share is not None:
@@ -300,7 +310,7 @@ def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
 
 
 def _force_sentence(run: SimulationResult, free: SimulationResult, grows: bool) -> str:
-    """Return the contact force with the gain and without mitigation, in words."""
+    """Return a sentence with the contact force, with the gain and without mitigation."""
     text = f" Impact force {_force(run.impact_force)}"
     text += f" instead of {_force(free.impact_force)} without mitigation" if free.touched else ""
     text += f", later up to {_force(run.peak_force)}" if grows else ""
@@ -354,7 +364,7 @@ def force_in_words(force: QuantityComparison) -> Iterator[str]:
 
 
 def ending_in_words(status: Any) -> str:
-    """Return how a run or a prediction ended in words, such as `no contact`."""
+    """Return how a simulated or predicted encounter ended in words, such as `no contact`."""
     return ContactStatus(status).label.replace("-", " ")
 
 

@@ -33,7 +33,7 @@ _DIGITS: Final = 12  # decimals of u = ln|D_p| that distinguish two gains
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LoopCurve(Value):
-    """The gains that were tried on the loop.
+    """Results of all gains that were tried on the sampled loop.
 
     Args:
         gain: the law's number, such as D_p [N s], ascending, shape (n,).
@@ -58,7 +58,7 @@ class LoopCurve(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss(Value):
-    """Cost of the verified gain compared with the best one for this loop.
+    """Objective of the verified gain, compared with the best gain for this loop.
 
     Args:
         predicted: the objective of the nominal encounter in continuous time; None without contact.
@@ -86,7 +86,7 @@ class Loss(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopChange(Value):
-    """One simulated change of the loop or the gain.
+    """Result of one simulated change of the loop or of the gain.
 
     Args:
         name: short name, such as `sensor-rate`.
@@ -117,7 +117,7 @@ class LoopChange(Value):
 
 
 class Verified(NamedTuple):
-    """The verified gain with its prediction, outcomes and stability, before changes are tried."""
+    """The verified gain with its prediction, simulated results and stability."""
 
     gain: float  # such as D_p [N s]
     predicted: ContactResult  # the nominal encounter with the gain in continuous time
@@ -131,7 +131,8 @@ class Verified(NamedTuple):
 def find_improvements(
     problem: LoopProblem, verified: Verified
 ) -> tuple[Loss, tuple[LoopChange, ...], tuple[LoopChange, ...]]:
-    """Return the cost of the verified gain, the tried changes (most helpful first) and the unchanged loop."""
+    """Find changes that improve the loop, and how much better the best gain is than the verified gain."""
+    # The results for the unchanged loop are returned as well.
     task, gain, runs = problem.draws.task, verified.gain, problem.draws.compared
     loop = task.loop
     search = _best_on_loop(problem, verified)
@@ -164,7 +165,7 @@ def find_improvements(
 
 
 def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
-    """Return candidate changes; they depend on the fastest change and the largest noise of ln xi in the encounter."""
+    """Return changes of the loop that may help, given the fastest approach and the largest noise."""
     draws, check, free = problem.draws, verified.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
     slope = np.abs(np.asarray(sensor.log_slope(verified.passed[0])))
@@ -179,7 +180,7 @@ def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
 
 
 def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | None) -> Loss:
-    """Compare the objective of every run with that of the best gain on the loop."""
+    """Compare the objective of the verified gain with the objective of the best gain on the loop."""
     predicted, ideal = verified.predicted, None
     if predicted.reached.all():
         speed = abs(task.scenario.obstacle.velocity)
@@ -202,7 +203,7 @@ def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | No
 
 
 class _Tried(NamedTuple):
-    """Summary of a gain that was tried."""
+    """Summary of the results of a gain that was tried on the loop."""
 
     gain: float  # the law's number, such as D_p [N s]
     objective: float  # the mean objective
@@ -213,7 +214,7 @@ class _Tried(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Search:
-    """Search for the best gain on the loop; every gain has the same encounters and noise."""
+    """Search for the best gain on the loop; every gain is simulated with the same encounters and noise."""
 
     problem: LoopProblem
     axis: GainAxis
@@ -221,7 +222,7 @@ class _Search:
     tried: dict[float, _Tried] = field(default_factory=dict)  # the tried gains by coordinate
 
     def merit(self, coordinate: FloatArray) -> FloatArray:
-        """Return the mean objective at coordinates u, infinite if a requirement is missed."""
+        """Return the mean objective at scaled values of the gain; infinite if a requirement is missed."""
         places = {round(u, _DIGITS): u for u in coordinate.tolist()}
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
@@ -233,24 +234,24 @@ class _Search:
         return np.array([one.objective if one.kept else math.inf for one in of])
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Return the merit as a Landscape for the scan."""
+        """Return the mean objective in the form that the scan of the gain expects."""
         return Landscape(objective=self.merit(coordinate), ratios=np.empty((0, len(coordinate))))
 
     @property
     def best(self) -> float | None:
-        """The best tried gain that meets the requirements; None if none does."""
+        """The best tried gain that meets all requirements; None if no tried gain does."""
         kept = [one for one in sorted(self.tried.values()) if one.kept]
         return min(kept, key=lambda one: one.objective).gain if kept else None
 
     @property
     def nearest(self) -> float | None:
-        """The tried gain with the highest score; None if none could be tried."""
+        """The tried gain with the highest score; None if no gain was tried."""
         tried = sorted(self.tried.values())
         return max(tried, key=lambda one: (one.standing, -one.objective)).gain if tried else None
 
     @property
     def curve(self) -> LoopCurve:
-        """All tried gains."""
+        """The results of all tried gains, in the order of the gain."""
         columns = np.array(sorted(self.tried.values()), dtype=np.float64).reshape(-1, len(_Tried._fields)).T
         gain, objective, standing, share, _ = columns
         runs = self.problem.draws.compared
@@ -258,7 +259,7 @@ class _Search:
 
 
 def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:
-    """Search the best gain on the loop; the verified and the ideal gain are among those tried."""
+    """Search for the best gain on the loop; verified and ideal gain are among the tried gains."""
     (low, high), limit = problem.draws.task.stable_bounds(), verified.limit
     margin, sign = None, problem.draws.task.law.number.sign
     if limit is not None:
@@ -278,7 +279,7 @@ def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:
 
 
 def _redesign(number: LawNumber, gain: float, loop_gain: float, margin: float | None) -> str:
-    """Return which gain to use instead, and its gain margin, in words."""
+    """Return a sentence that recommends another gain, with its gain margin."""
     stable = "" if margin is None or margin > _BEYOND else f" (gain margin {margin:.3g})"
     return f"Use {number.equals(loop_gain)} instead of {number.text(gain)}{stable}."
 
@@ -309,13 +310,13 @@ def _evaluate_change(
 
 
 def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requirement, Requirement]:
-    """Return the requirement that was missed most, before and after the change."""
+    """Return the requirement that was missed most before a change, with its results before and after."""
     worst = before.worst
     return worst, next(r for r in after.requirements if r.name == worst.name)
 
 
 def _add_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
-    """Return the sentence of a change, with the new gain margin if that is clearly smaller."""
+    """Return the recommendation for a change, and warn if the gain margin becomes clearly smaller."""
     if candidate.name == "gain" or before is None or after is None:  # for a gain, the sentence already has the margin
         return candidate.sentence
     if after > _BEYOND or after >= _FALL * before:
@@ -325,7 +326,7 @@ def _add_margin(candidate: Candidate, before: float | None, after: float | None)
 
 
 def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
-    """Return whether the requirement that was missed most is missed significantly less often."""
+    """Return whether a change makes the worst requirement fail significantly less often."""
     if after.standing <= before.standing:
         return False
     if before.stable <= before.standing:  # the margin was decisive; it does not depend on chance
@@ -339,7 +340,7 @@ def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
 
 
 def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, float | None]:
-    """Return the relative mean decrease of the objective, run by run, and its standard error."""
+    """Return the relative mean decrease of the objective over all runs, and its standard error."""
     whole, _ = mean_and_error(before)
     with np.errstate(invalid="ignore"):
         fall, error = mean_and_error(before - after)

@@ -30,7 +30,7 @@ _HELPS: Final = (
 
 
 def best_change_section(v: Verdict) -> PageSection | None:
-    """Describe the change that helps most, with the quantities before and after; None if no change was tried."""
+    """Return the report section on the change that helps most; None if no change was tried."""
     if not v.changes:
         return None
     best, rate = v.best_change, _rate_in_words(v)
@@ -47,7 +47,8 @@ def best_change_section(v: Verdict) -> PageSection | None:
 
 
 def _rate_in_words(v: Verdict) -> str:
-    """Return the sensor rate that the gain needs, in words, if its margin is below 2 and no change is enough."""
+    """Return a sentence with the sensor rate that the gain needs for a gain margin of 2."""
+    # The text is empty if the margin is at least 2, or if a change is enough.
     check, best = v.stability, v.best_change
     enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= USUAL_MARGIN)
     if check is None or check.margin >= USUAL_MARGIN or enough:
@@ -81,7 +82,7 @@ def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
 
 
 def _missed_most(v: Verdict) -> str:
-    """Return the requirement that is missed most, in words."""
+    """Return in words the requirement that is missed most often."""
     shares: list[tuple[float, str]] = []
     if v.reached is not None and v.reached.missing:
         shares.append((1 - v.reached.missing / round(v.reached.predicted * v.runs), "runs with the predicted contact"))
@@ -91,7 +92,7 @@ def _missed_most(v: Verdict) -> str:
 
 
 def changes_section(v: Verdict) -> PageSection | None:
-    """Describe every tried change, most helpful first; None if none was tried."""
+    """Return the report section on every tried change, most helpful first; None if no change was tried."""
     if not v.changes:
         return None
     n = v.compared_runs
@@ -104,7 +105,7 @@ def changes_section(v: Verdict) -> PageSection | None:
 
 
 def _rows_as_it_is(v: Verdict) -> Iterator[Row]:
-    """Yield rows of the unchanged loop, over the compared runs and over all runs."""
+    """Yield table rows for the unchanged loop, over the compared runs and over all runs."""
     for one, runs in zip(v.unchanged, (v.compared_runs, v.runs), strict=False):
         of = f", {runs} run{'' if runs == 1 else 's'}" if len(v.unchanged) > 1 else ""
         text = "Compare changes with this row." if runs == v.compared_runs else "Compare another gain with this row."
@@ -147,7 +148,8 @@ def _percent_with_error(value: float, error: float) -> str:
 
 
 def gain_section(v: Verdict) -> PageSection:
-    """Describe the objective over the gain, and compare the verified gain with the best one on this loop."""
+    """Return the report section that shows the objective as a function of the gain."""
+    # The verified gain is compared with the best gain on this loop.
     tried = v.loss is not None
     caption = "The objective of the nominal encounter in continuous time (ideal)"
     caption += ", and its mean over the runs on the loop for the tried gains" if tried else ""
@@ -193,7 +195,7 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
 
 
 def _best_gain_in_words(loss: Loss) -> str:
-    """Return which gains the search for the best one allowed, in words."""
+    """Return a label for the best gain on the loop that names its required gain margin."""
     if loss.sought_margin is None:
         return "best gain on this loop"
     if loss.sought_margin >= USUAL_MARGIN:
@@ -202,7 +204,7 @@ def _best_gain_in_words(loss: Loss) -> str:
 
 
 def _lacks_in_words(v: Verdict) -> str:
-    """Return which requirement the verified gain misses and the best one on the loop meets, in words."""
+    """Return in words which requirement the verified gain misses and the best gain on the loop meets."""
     check, loss = v.stability, v.loss
     if not all(limit.is_met for limit in v.limits):
         return "it misses a limit"

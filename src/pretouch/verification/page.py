@@ -68,7 +68,7 @@ _OF_THE_RUNS: Final = (
 
 
 def verdict_page(verdict: Verdict) -> Page:
-    """Describe a verdict of any status."""
+    """Return the report page of a verdict."""
     v = verdict
     return Page(
         kind="Does the gain hold on this loop?",
@@ -125,7 +125,7 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
 
 
 def _findings(v: Verdict) -> Iterator[str]:
-    """Yield the reasons for the status after the first one, and the limits that are met."""
+    """Yield further reasons for the status of a verdict, and the limits that are met."""
     yield from v.reasons[1:]
     for c in v.limits:
         if c.is_met and not any(c.statement in reason for reason in v.reasons):
@@ -226,7 +226,7 @@ def _between(spread: RunSpread, unit: str) -> str:
 
 
 def _reached(v: Verdict) -> str:
-    """Return how many runs end in contact, in words."""
+    """Return a sentence on how many runs end in contact."""
     if v.reached is None:
         return ""
     text = f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and happens in "

@@ -17,7 +17,7 @@ _ROUNDING: Final = 1e-9  # relative rounding error of a speed
 
 
 def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
-    """Return the status and the reasons why it is not `holds`, most serious first."""
+    """Return the status of a verdict and the reasons why it is not `holds`, most serious first."""
     missed, narrow = list(_failures(v)), list(_narrow_reasons(v))
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
@@ -25,7 +25,7 @@ def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
 
 
 def _failures(v: Verdict) -> Iterator[str]:
-    """Yield the reasons why a gain does not hold, most serious first."""
+    """Yield the reasons why a gain does not hold on the loop, most serious first."""
     stability, reached, calibration = v.stability, v.reached, v.calibration_check
     yield from chase_in_words(v.law.number, v.gain)
     if stability is not None and stability.margin < 1:
@@ -44,7 +44,7 @@ def _failures(v: Verdict) -> Iterator[str]:
 
 
 def _harm_reasons(v: Verdict) -> Iterator[str]:
-    """Yield reasons if contact is no softer than without mitigation: in the runs, without noise, or as predicted."""
+    """Yield reasons for a verdict if the gain does not make contact softer."""
     effect, quiet = v.effect, v.noiseless_effect
     if effect is not None and effect.is_harder:
         yield f"contact is harder than without mitigation{_harder(effect)}"
@@ -67,7 +67,7 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _harder(effect: Effect) -> str:
-    """Return by how much contact is harder on average, or in how many runs."""
+    """Return in words by how much contact is harder with the gain on average, or in how many runs."""
     if effect.difference <= 0:
         return f" in {effect.harder_count} of {effect.runs} runs"
     speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
@@ -76,7 +76,8 @@ def _harder(effect: Effect) -> str:
 
 
 def _limit_missed(check: LimitCheck, runs: int) -> str:
-    """Return which limit is exceeded, in which share of the runs, and the allowed share."""
+    """Return in words which limit is exceeded, and in which share of the runs."""
+    # The allowed share follows.
     limit = format_quantity(check.limit, check.unit)
     absent = "" if check.value is not None else " or no contact"
     share, allowed = (share_in_words(1 - x) for x in (check.held, check.required.probability))
@@ -85,7 +86,7 @@ def _limit_missed(check: LimitCheck, runs: int) -> str:
 
 
 def _narrow_reasons(v: Verdict) -> Iterator[str]:
-    """Yield the reasons why a gain holds only narrowly: what is close to failing, or not demonstrated."""
+    """Yield the reasons why a gain holds only narrowly, such as a small gain margin."""
     stability, reached = v.stability, v.reached
     yield from _harder_than_promised(v)
     if stability is None:
@@ -111,7 +112,8 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _harder_than_promised(v: Verdict) -> Iterator[str]:
-    """Yield reasons if contact is harder than predicted or than with a faster sensor, or not shown to be softer."""
+    """Yield reasons for a verdict if contact is harder than predicted, or not clearly softer."""
+    # Contact may also be harder than with a faster sensor.
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:
         reached, predicted = (format_quantity(x or 0.0, "m/s") for x in (effect.reached, effect.predicted))

@@ -26,7 +26,7 @@ from .stability import StabilityCheck
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSpread(Value):
-    """Spread of a quantity over the runs that end in contact.
+    """Mean, quantiles and maximum of a quantity over the runs that end in contact.
 
     Args:
         mean: the mean.
@@ -49,7 +49,9 @@ class RunSpread(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison(Value):
-    """One quantity, predicted and simulated, with and without mitigation; magnitudes in SI.
+    """One quantity of contact, predicted and simulated, with the gain and without mitigation.
+
+    Values are magnitudes in SI units.
 
     Args:
         name: the quantity.
@@ -72,7 +74,7 @@ class Comparison(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitCheck(Value):
-    """One limit on the loop.
+    """How often one limit is met on the sampled loop, compared with the required probability.
 
     Args:
         required: the constraint and the probability with which it must be met; 1 for every run.
@@ -94,12 +96,12 @@ class LimitCheck(Value):
 
     @property
     def name(self) -> str:
-        """Short name of the constraint, as in a scenario file."""
+        """Short name of the limited quantity, as in a scenario file."""
         return self.required.constraint.name
 
     @property
     def limit(self) -> float:
-        """The largest allowed magnitude, SI."""
+        """The largest allowed magnitude of the quantity, in SI units."""
         return self.required.constraint.limit
 
     @property
@@ -119,11 +121,11 @@ class LimitCheck(Value):
 
     @property
     def statement(self) -> str:
-        """The limit in words, such as `largest excursion <= 0.1 m`."""
+        """The limit as text, such as `largest excursion <= 0.1 m`."""
         return f"{self.label} <= {self.limit:g} {self.unit.replace('*', ' ')}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the check as one JSON object, in SI."""
+        """Return the results for the limit as one JSON object, in SI units."""
         names = ("name", "label", "limit", "unit", "is_met", "predicted", "held", "value", "margin", "source")
         told = {name: getattr(self, name) for name in names}
         return {**told, "probability": self.required.probability, "held_at_least": self.low}
@@ -131,7 +133,7 @@ class LimitCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reached(Value):
-    """How many runs end in contact.
+    """How many runs end in contact, compared with the prediction.
 
     Args:
         predicted: share of the drawn encounters with a contact in continuous time with a perfect sensor.
@@ -155,7 +157,7 @@ _HOLDS: Final = {
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Verdict(Described, Value):
-    """Verdict of `verify_gain`: whether a gain holds on a loop, and what would help.
+    """Result of `verify_gain`: whether a gain holds on the sampled loop, and which changes would help.
 
     Args:
         status: holds, holds-narrowly, does-not-hold or no-gain.
@@ -231,12 +233,12 @@ class Verdict(Described, Value):
 
     @property
     def law(self) -> ContinuousLaw:
-        """The law in continuous time that the loop samples."""
+        """The law in continuous time that the controller samples."""
         return self.design.problem.task.law
 
     @property
     def best_change(self) -> LoopChange | None:
-        """The change that helps most; None if no change helps significantly."""
+        """The change of loop or gain that helps most; None if no change helps significantly."""
         return next((change for change in self.changes if change.helps), None)
 
     @property
@@ -253,11 +255,11 @@ class Verdict(Described, Value):
         return f"{status}: {_speed(self.comparison('relative_velocity'))}{limits}."
 
     def comparison(self, name: str) -> Comparison | None:
-        """Return the comparison of a quantity by its name; None if there is none."""
+        """Return the comparison of simulated and predicted values of one quantity; None if there is none."""
         return next((c for c in self.comparisons if c.name == name), None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the verdict as one JSON object: numbers in SI, None for missing ones."""
+        """Return the verdict as one JSON object with numbers in SI units and None for missing numbers."""
         names = (
             *("status", "headline", "gain", "reasons", "runs", "compared_runs", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
@@ -283,7 +285,7 @@ class Verdict(Described, Value):
 
 
 def _speed(compared: Comparison | None) -> str:
-    """Return the mean speed at contact in words, with the gain and without mitigation."""
+    """Return the mean contact speed in words, with the gain and without mitigation."""
     if compared is None or compared.simulated is None:
         return "no run ends in contact"
     speed, free = format_quantity(compared.simulated.mean, "m/s", 3), compared.unmitigated

@@ -40,7 +40,7 @@ NOISES: Final = ("noise", "relative_noise", "distance_noise")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StabilityCheck(Value):
-    """Stability of a gain on a loop that is linearized at each distance of the encounter.
+    """Stability of a gain on the sampled loop, linearized at each distance of the encounter.
 
     Args:
         limit: the strongest stable gain at each distance.
@@ -65,22 +65,22 @@ class StabilityCheck(Value):
 
     @property
     def strongest(self) -> float:
-        """The strongest gain that is stable at every distance [N s]."""
+        """The strongest gain that is stable at every distance, such as D_p [N s]."""
         return self.limit.strongest
 
     @property
     def critical_distance(self) -> float:
-        """The distance at which the strongest stable gain is smallest [m]."""
+        """The distance [m] at which the strongest stable gain is smallest in magnitude."""
         return self.limit.critical_distance
 
     @property
     def frequency(self) -> float:
-        """Frequency of the oscillation at the stability limit [Hz]; NaN if there is none."""
+        """Frequency of the oscillation at the stability limit [Hz]; NaN if there is no oscillation."""
         return self.limit.damping.frequency
 
     @property
     def text(self) -> str:
-        """Whether the loop is stable, and the sensor rates that this needs."""
+        """Sentences on whether the loop is stable, and which sensor rate the gain needs."""
         if math.isinf(self.margin) and math.isfinite(self.strongest):
             n = self.limit.law.number
             strongest = n.text(self.strongest)
@@ -113,7 +113,7 @@ class StabilityCheck(Value):
         return text + f", with a gain margin of 2 from {self.lowest_rate_for_margin_2:.3g} Hz"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the check as one JSON object, in SI."""
+        """Return the stability check as one JSON object, in SI units."""
         own = (
             "margin",
             "strongest",
@@ -131,7 +131,7 @@ Passed: TypeAlias = tuple[FloatArray, FloatArray | None]
 
 
 def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit | None:
-    """Return the strongest stable gain at each distance of an encounter; None if damping or timing is unknown."""
+    """Return the strongest stable gain at each distance of an encounter; None if no limit can be computed."""
     law, own = loop.law, loop.continuous
     if not isinstance(law, Controller) or own is None or np.isnan(own.damping(1.0, -1.0, -1.0)):
         return None
@@ -140,7 +140,7 @@ def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit
 
 
 def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
-    """Return the gain margin; None if it is not known."""
+    """Return the gain margin of a gain; None if the margin is not known."""
     if limit is None or limit.law.number.sign * gain < 0:  # a gain of the wrong sign does not mitigate
         return None
     return math.inf if gain == 0 or math.isinf(limit.strongest) else abs(limit.strongest / gain)
@@ -149,7 +149,7 @@ def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
 def check_stability(
     loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, limit: GainLimit | None
 ) -> StabilityCheck | None:
-    """Return the stability of a gain on a loop over the distances of an encounter; None if it is not known."""
+    """Check the stability of a gain at all distances of an encounter; None if stability is not known."""
     law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
@@ -180,19 +180,20 @@ def _virtual_admittance(law: Controller) -> Admittance:
 
 
 def chain_at(chain: SensorChain, rate: float) -> SensorChain:
-    """Return a sensor chain with another rate [Hz]; exposure and jitter are reduced to fit the new period."""
+    """Return the sensor chain at another rate [Hz]; exposure and jitter shrink to fit the new period."""
     period = 1 / rate
     return replace(chain, rate=rate, exposure=min(chain.exposure, period), jitter=min(chain.jitter, period / 4))
 
 
 def told_period(controller: Controller) -> float:
-    """Return the sensor period that a controller is configured for [s]."""
+    """Return the sensor period [s] that is set in the controller."""
     told = controller.conditioning.sensor_period
     return controller.period if told is None else told
 
 
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:
-    """Return a controller with another sensor period [s], at least the controller period, which may change, too."""
+    """Return the controller with another sensor period [s] and, optionally, another controller period [s]."""
+    # The sensor period in its settings is at least the controller period.
     new_period = controller.period if period is None else period
     configured, c = max(sensor_period, new_period), controller.conditioning
     conditioning = replace(
@@ -205,7 +206,7 @@ def controller_at(controller: Controller, sensor_period: float, period: float | 
 
 
 def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
-    """Return a loop with another sensor rate [Hz]; a controller that would be slower runs at that rate."""
+    """Return the loop at another sensor rate [Hz]; the controller never runs slower than the sensor."""
     chain, law = chain_at(loop.chain, rate), loop.law
     if isinstance(law, Controller):
         sensor_period = told_period(law) * loop.chain.rate / rate
@@ -214,7 +215,7 @@ def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
 
 
 class Candidate(NamedTuple):
-    """A loop with one change."""
+    """A loop in which one thing was changed, with a sentence that recommends the change."""
 
     name: str  # short name of the change
     sentence: str  # what to do, with numbers
@@ -225,7 +226,8 @@ _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
 def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[Candidate]:
-    """Return loops with one change each, for |d ln xi / dt| up to `quickest` [1/s] and the noise `noise` of ln xi."""
+    """Return loops with one change each, such as a faster sensor or less noise."""
+    # |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that of ln xi.
     # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
     rate, candidates = wanted, []
     if rate is None:
@@ -244,7 +246,7 @@ def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float
 
 
 def _with(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
-    """Return a loop with other fields of its chain, its plant or the conditioning of its controller."""
+    """Return the loop with other values for sensor chain, robot or signal conditioning."""
     parts: dict[str, Any] = {"chain": loop.chain, "plant": loop.plant}
     parts_changed = {name: replace(part, **changes[name]) for name, part in parts.items() if name in changes}
     if "conditioning" in changes:

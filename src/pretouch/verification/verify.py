@@ -39,7 +39,9 @@ _NO_LOOP: Final = (
 @check_arguments
 @with_file_location
 def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
-    """Verify whether a gain designed in continuous time, by L(1) and L(2), holds on a loop, and find what would help.
+    """Verify whether a gain that was designed in continuous time, by L(1) and L(2), holds on the sampled loop.
+
+    Changes of the loop or the gain are tried to find out what would help.
 
     Args:
         task: the nominal encounter with the loop, the objective, and the bounds of the ideal design and of the best
@@ -95,7 +97,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
 
 
 def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
-    """Return the fields of a verdict, except status and reasons."""
+    """Return all fields of a verdict except its status and the reasons for it."""
     loop, sensor = task.loop, task.sensor
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
@@ -139,7 +141,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
 
 
 def _check_task(task: Task) -> Task:
-    """Check the inputs of a verdict; return the task without gains that lack the required gain margin."""
+    """Check the task of a verification, and narrow its bounds to gains with the required gain margin."""
     if task.scenario.shape != ():
         raise InvalidInputError(f"scenario: found encounters of shape {task.scenario.shape}, expected one")
     law: Any = _loop_of(task).law
@@ -167,7 +169,7 @@ def _check_task(task: Task) -> Task:
 
 
 def _loop_of(task: Task) -> ClosedLoop:
-    """Return the loop of a task; raise if it has none."""
+    """Return the sampled loop of a task; raise an error if the task has none."""
     if task.loop is None:
         raise InvalidInputError(_NO_LOOP)
     if not isinstance(task.loop, ClosedLoop):
@@ -185,7 +187,7 @@ def _loop_of(task: Task) -> ClosedLoop:
 
 
 def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
-    """Raise if the horizon of the loop ends before the predicted contact."""
+    """Raise an error if simulated runs would end before the predicted contact."""
     if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
         raise InvalidInputError(
             f"loop horizon: found {loop.horizon:g} s, but contact is predicted after "
@@ -194,7 +196,7 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
 
 
 def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
-    """Return why the stability of a gain is not assessed."""
+    """Return a sentence on why the stability of a gain is not assessed."""
     if known:
         return f"Stability is not assessed: {task.law.number.equals(gain)} does not mitigate."
     return f"The stability of the loop is not known: damping and timing of the law {task.law.kind} are unknown."
@@ -203,7 +205,7 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
 @check_arguments
 @with_file_location
 def simulate_encounter(task: Task) -> SimulatedEncounter:
-    """Simulate one encounter on the sampled loop, and compare it with the continuous solution of L(1) with L(2).
+    """Simulate one encounter on the sampled loop, and compare it with the continuous solution of L(1), L(2).
 
     The loop is run twice with the same noise: with the gain and with gain 0. Both encounters are also predicted.
 
@@ -255,7 +257,7 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
 
 
 def _gain_of(task: Task) -> float:
-    """Return the given gain, else the designed one."""
+    """Return the gain of the task, or the designed gain if the task has none."""
     if task.gain is not None:
         return task.gain
     designed = designed_number(task) if task.effect or not task.scenario.obstacle.course else None

@@ -19,7 +19,7 @@ _BETTER: Final = 0.99  # largest ratio of contact speeds at which the drag is re
 
 
 def drag_alternative(design: GainDesign) -> PageSection | None:
-    """Return a section that compares an optimal gain with the virtual drag of the same excursion.
+    """Return the report section that compares an optimal gain with the virtual drag of equal excursion.
 
     Args:
         design: the gain design of one encounter.
@@ -62,7 +62,7 @@ def drag_alternative(design: GainDesign) -> PageSection | None:
 
 
 def _comparison(design: GainDesign, run: ContactResult, drag: float, with_drag: ContactResult) -> PageTable:
-    """Return a table of the optimal gain, the drag of the same excursion, and that of the same contact speed."""
+    """Return a table that compares the optimal gain with drags of equal excursion and of equal contact speed."""
     scenario, sensor = design.scenario, design.sensor
     columns = {"the optimal gain": run, f"same excursion, {DRAG.number.equals(drag)}": with_drag}
     if not push_of(scenario):

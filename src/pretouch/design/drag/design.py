@@ -25,7 +25,7 @@ from .result import DragDesign, predict_drag
 def drag_by(
     sensor: SensorModel, distance: float, mass: float, *, impact: ImpactModel | None = None, **effect: Any
 ) -> DragDesign:
-    """Choose the virtual drag by exactly one of its effects, without a task.
+    """Choose the virtual drag by exactly one required effect, such as the largest excursion.
 
     Args:
         sensor: the sensor curve, which must be valid down to contact.
@@ -51,7 +51,9 @@ def drag_by(
 
 
 def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: FloatArray | None = None) -> DragDesign:
-    """Return the trade-off curve of ratio and excursion, as one design whose fields are arrays.
+    """Return the trade-off between contact speed and excursion over a range of virtual drags.
+
+    The result is one design whose fields are arrays.
 
     Args:
         sensor: the sensor curve, which must be valid down to contact.
@@ -72,7 +74,7 @@ def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: Fl
 
 
 def why_no_drag(scenario: Scenario) -> str:
-    """Return why the prediction of the drag does not apply to an encounter; the empty text if it applies."""
+    """Return why the predictions of the drag do not apply to an encounter; an empty text if they apply."""
     plant, reference = scenario.plant, scenario.reference
     if scenario.shape:
         return "found an array of encounters, expected one"
@@ -86,7 +88,7 @@ def why_no_drag(scenario: Scenario) -> str:
 
 
 def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
-    """Return the drag of a task by its effect [N s^2], and the approach speed up to which the effect holds [m/s]."""
+    """Return the drag [N s^2] for a required effect, and the largest approach speed [m/s] with this effect."""
     speed = effect.largest_speed or -float(task.scenario.relative_velocity)
     mass, distance = float(task.scenario.admittance.mass), float(task.scenario.distance)
     drag, kept = replace(effect, largest_speed=speed).drag(task.sensor, distance, mass, task.impact)
@@ -96,7 +98,7 @@ def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
 @check_arguments
 @with_file_location
 def design_drag(task: Task) -> DragDesign:
-    """Choose the virtual drag of a task by its effect, which is the same at every approach speed.
+    """Choose the virtual drag that has the effect required by a task.
 
     Args:
         task: the encounter, which starts at the detection distance, the sensor, and `effect`. The default of the

@@ -31,7 +31,9 @@ _UNITS: Final = {"ratio": "", "excursion": "m", "acceleration": "m/s^2", "contac
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragEffect(Value):
-    """The effect by which a drag is chosen: exactly one of its effects on an object in uniform motion.
+    """The required effect by which a drag is chosen, such as a largest excursion or contact speed.
+
+    Exactly one effect is given. It refers to an object in uniform motion.
 
     A limit on excursion or acceleration gives the strongest drag that meets it; a limit on contact speed or impact
     force gives the weakest. Ratio and excursion hold at every speed, the other limits up to a largest approach speed.
@@ -71,13 +73,13 @@ class DragEffect(Value):
 
     @property
     def chosen(self) -> tuple[str, Any, str]:
-        """Name, value and SI unit of the effect."""
+        """Name, value and SI unit of the required effect."""
         return next((f.name, v, _UNITS[f.name]) for f in fields(self) if (v := getattr(self, f.name)) is not None)
 
     def drag(
         self, sensor: SensorModel, distance: float, mass: float, impact: ImpactModel | None = None
     ) -> tuple[Any, float]:
-        """Find the drag of this effect.
+        """Find the drag that has the required effect on an approaching object.
 
         Args:
             sensor: the sensor curve, which must be valid down to contact.
@@ -111,7 +113,7 @@ class DragEffect(Value):
 def encounter(  # noqa: PLR0917
     sensor: SensorModel, mass: Any, distance: Any, drag: Any, speed: Any, push: Any
 ) -> ContactResult:
-    """Solve encounters of a plant at rest, whose admittance is suspended, with objects that are detected at a distance.
+    """Solve approaches toward a plant at rest, on which only the virtual drag acts.
 
     Args:
         sensor: the sensor curve.
@@ -132,7 +134,7 @@ def encounter(  # noqa: PLR0917
 def allowed_speed(
     contact_speed: float | None, impact_force: float | None, impact: ImpactModel | None, speed: float
 ) -> float:
-    """Return the largest allowed contact speed.
+    """Return the largest allowed contact speed, from a limit of the contact speed or of the impact force.
 
     Args:
         contact_speed: the limit of the contact speed [m/s]; or None.
@@ -157,7 +159,7 @@ def allowed_speed(
 
 
 def _last(keeps: Callable[[FloatArray], Any], high: float) -> float:
-    """Return the largest number up to `high` that meets a limit; all larger numbers must exceed it."""
+    """Return the largest number up to `high` that still meets a limit, by repeated refinement of a grid."""
     low = 0.0
     if bool(keeps(np.array([high]))[0]):
         return high
@@ -227,7 +229,9 @@ def strongest_by_excursion(  # noqa: PLR0917
 
 
 def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: float) -> float:
-    """Find the strongest drag whose peak acceleration over v^2 meets a limit; the peak is not monotone in phi.
+    """Find the strongest drag whose largest acceleration, divided by the squared speed, meets a limit.
+
+    This peak is not monotone in phi.
 
     With k = phi / M, the peak is the largest value over l of k g^2 exp(-2 k int g^2), and it grows at most
     proportionally to k. So if a drag exceeds the limit by a factor c, all drags between it and 1/c of it exceed the

@@ -54,7 +54,7 @@ _DETECTED: Final = (
 
 
 def drag_page(design: DragDesign) -> Page:
-    """Return the page of the drag of a task."""
+    """Return the report page of a drag that was designed for a task."""
     task, run = design.designed_task, design.result
     acceleration = push_of(design.scenario)
     warnings = []
@@ -93,7 +93,7 @@ def drag_page(design: DragDesign) -> Page:
 
 
 def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
-    """Yield each limit of the task with its value."""
+    """Yield a sentence about each limit of the task, with its value."""
     for c in design.designed_task.limits:
         value = abs(float(c.magnitude(run.end, design.designed_task.impact)))
         state = "met" if value <= c.limit * (1 + ROUNDING) else "exceeded"
@@ -102,7 +102,7 @@ def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
 
 
 def letters_optimum(design: DragDesign) -> GainDesign | None:
-    """Design the letter's gain for the encounter of a drag.
+    """Design the letter's optimal gain for the encounter of a drag design.
 
     Args:
         design: the drag of a task.
@@ -135,14 +135,14 @@ def letters_optimum(design: DragDesign) -> GainDesign | None:
 
 
 def speeds_of(design: DragDesign) -> tuple[float, float, float]:
-    """Return the smallest and largest approach speed that a page shows, and the approach speed of the task [m/s]."""
+    """Return the range of approach speeds that a page shows, and the approach speed of the task [m/s]."""
     speed = -float(design.scenario.relative_velocity)
     top = design.largest_speed if math.isfinite(design.largest_speed) else _SPEEDS[-1]
     return min(_SPEEDS[0], speed), max(top, speed), speed
 
 
 def at_speeds(scenario: Scenario, speed: FloatArray) -> Scenario:
-    """Return the scenario as uniform approaches at other speeds [m/s]."""
+    """Return copies of an encounter in which the object approaches at other constant speeds [m/s]."""
     velocity, acceleration = scenario.plant.velocity - speed, scenario.reference.acceleration
     return replace(scenario, obstacle=replace(scenario.obstacle, velocity=velocity, acceleration=acceleration))
 
@@ -179,7 +179,7 @@ def _contact(design: DragDesign, run: ContactResult) -> PageSection:
 
 
 def compared_rows(scenario: Scenario, impact: ImpactModel | None, *runs: ContactResult) -> Iterator[Row]:
-    """Yield table rows with the contact quantities of several encounters."""
+    """Yield table rows that compare the contact quantities of several encounters."""
     speed = abs(float(scenario.relative_velocity))
     for words, unit, values in _quantities(impact, *runs):
         yield words, *(Measured(v, unit) for v in values)
@@ -193,13 +193,13 @@ def compared_rows(scenario: Scenario, impact: ImpactModel | None, *runs: Contact
 
 
 def _quantities(impact: ImpactModel | None, *runs: ContactResult) -> Iterator[tuple[str, str, list[float]]]:
-    """Yield name, unit and magnitudes of the contact quantities of encounters."""
+    """Yield name, unit and magnitudes of each contact quantity of several encounters."""
     for name, words in {**_COMPARED, **(_OF_IMPACT if impact is not None else {})}.items():
         yield words, unit_of(name), [abs(float(quantity_of(name, run.end, impact))) for run in runs]
 
 
 def _excursion_over_bound(scenario: Scenario, run: ContactResult) -> float:
-    """Return the excursion over its physical bound for the same acceleration and contact speed; NaN without a bound."""
+    """Return the excursion divided by the smallest excursion that is physically possible; NaN if unknown."""
     limit = float(run.end.largest_acceleration)
     if not run.reached or not limit > 0 or not float(run.end.displacement) < 0:
         return math.nan
@@ -243,7 +243,7 @@ def _speeds(design: DragDesign) -> PageSection:
 def _add_letter_columns(
     design: DragDesign, letter: GainDesign, head: list[str], columns: list[tuple[Any, str]], starts: Scenario
 ) -> tuple[list[str], list[tuple[Any, str]]]:
-    """Add columns with contact speed, excursion and acceleration of the letter's gain in the same encounters."""
+    """Add table columns with contact speed, excursion and acceleration for the letter's optimal gain."""
     end = DAMPER.contact(starts, design.sensor, letter.gain).end
     names = ("relative_velocity", "displacement", "largest_acceleration")
     more = [(np.abs(getattr(end, name)), unit_of(name)) for name in names]

@@ -21,7 +21,8 @@ _CURVE_SPACING: Final = 0.01  # distance between neighbors on the front, as a sh
 # The curve is scanned until it is well interpolated. The ends of the front's pieces are then found to rounding: the
 # minima of the quantities, the edges of feasibility, and the points where another part of the curve becomes better.
 def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
-    """Find the Pareto front of a curve over [0, 1]: `evaluate` returns quantities, (n, k), at coordinates, (n,)."""
+    """Find the Pareto front of quantities that all depend on one coordinate, such as the gain."""
+    # `evaluate` returns quantities, shape (n, k), at coordinates, shape (n,).
     # Quantities are infinite if not feasible. The points are sorted by the first quantity, or for three quantities by
     # the coordinate. Dominated coordinates separate the pieces. The front is empty if nothing is feasible.
     samples = _Samples(evaluate)
@@ -49,7 +50,7 @@ _WORST: Final = 16  # number of intervals that are refined
 def _between(
     evaluate: Callable[[FloatArray], FloatArray], at: FloatArray, values: FloatArray, connected: BoolArray
 ) -> FloatArray:
-    """Return quantities between connected neighbors; the worst intervals are divided down to 1/128."""
+    """Evaluate more points between neighbors on the Pareto front, especially where interpolation is inaccurate."""
     low, high = at[:-1][connected], at[1:][connected]
     if not len(low):
         return values[:0]
@@ -65,7 +66,7 @@ def _between(
 
 
 class _Samples:
-    """All evaluated points of the curve, in order."""
+    """All points that a search for a Pareto front has evaluated, in the order of their coordinate."""
 
     def __init__(self, evaluate: Callable[[FloatArray], FloatArray]) -> None:
         def landscape(at: FloatArray) -> Landscape:
@@ -76,7 +77,7 @@ class _Samples:
         self.at, self.values = scanned.coordinate, scanned.landscape.objective.T
 
     def add(self, at: FloatArray) -> None:
-        """Evaluate more points and insert them in order."""
+        """Evaluate the quantities at more points and insert the points in order."""
         at = np.setdiff1d(at, self.at)
         if not len(at):
             return
@@ -86,20 +87,20 @@ class _Samples:
         self.at = every[order]
 
     def halve(self, which: BoolArray) -> bool:
-        """Halve intervals; return whether there were any."""
+        """Halve the selected intervals; return whether any were selected."""
         where = np.flatnonzero(which)
         self.add(0.5 * (self.at[where] + self.at[where + 1]))
         return len(where) > 0
 
     def find_ends(self) -> None:
-        """Halve every interval that has exactly one end on the front, until the ends are found to rounding."""
+        """Locate the ends of the Pareto front by halving each interval that has exactly one end on the front."""
         for _ in range(_HALVINGS):
             best = non_dominated(self.values)
             if not self.halve((best[1:] != best[:-1]) & (np.diff(self.at) > 1e-13)):
                 return
 
     def fill(self) -> None:
-        """Halve intervals of the front whose ends lie far apart in the space of quantities."""
+        """Halve the intervals of the Pareto front whose ends differ much in their quantities."""
         for _ in range(_FINEST):
             best = non_dominated(self.values)
             with np.errstate(invalid="ignore"):
@@ -109,7 +110,7 @@ class _Samples:
 
 
 def _thin_out(values: FloatArray, best: BoolArray) -> BoolArray:
-    """Remove points that have close neighbors, but not ends of pieces or minima of quantities."""
+    """Remove points of the Pareto front that have close neighbors, but keep ends and minima."""
     kept, front = best.copy(), np.flatnonzero(best)
     if not len(front):
         return kept

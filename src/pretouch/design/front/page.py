@@ -51,7 +51,7 @@ _BOUND: Final = (
 
 
 def front_page(front: ParetoFront) -> Page:
-    """Return the page of a Pareto front of any status."""
+    """Return the report page of a Pareto front."""
     method = "No point is feasible." if front.result is None else front.result.method
     return Page(
         kind="Pareto front of preemptive impact mitigation",
@@ -110,7 +110,7 @@ def _title(point: FrontPoint) -> str:
 
 
 def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measured]]:
-    """Yield label and value of the parameters of a point, its quantities, and the physical bound."""
+    """Yield labels and values of the parameters and quantities at a point of the Pareto front."""
     n = front.number
     yield Named(n.name, n.symbol), Measured(point.gain, n.unit)
     for name in front.free[1:]:
@@ -130,7 +130,7 @@ def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measu
 
 
 def _sentences(front: ParetoFront) -> Iterator[str]:
-    """Yield sentences about the user's choice and the physical bound."""
+    """Yield sentences that compare the Pareto front with the user's choice and any controller's physical bound."""
     if front.choice is not None and front.knee is not None:
         yield _about_choice(front, front.choice)
     if front.no_bound:

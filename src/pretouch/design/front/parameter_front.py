@@ -29,7 +29,7 @@ _PULL: Final = 1e-3  # weight of the other quantities while one is minimized: it
 # quantities together. Searches that start between neighbors fill the gaps. Finally the front is tested on independent
 # encounters; those that are better than the front become further starting points.
 def find_front(trials: Trials) -> FoundFront:
-    """Find the Pareto front over all free parameters, in connected pieces; empty if nothing is feasible."""
+    """Find the Pareto front over all free parameters; the front is empty if no point is feasible."""
     grid = trials.freedom.lattice(_GAINS)
     grid_values = trials.values(grid)
     best = np.flatnonzero(non_dominated(grid_values))
@@ -60,7 +60,7 @@ def find_front(trials: Trials) -> FoundFront:
 
 
 class _FrontPoints:
-    """The points of the front during the search; none dominates another."""
+    """The current points of a Pareto front during its search, none of which dominates another."""
 
     def __init__(self, trials: Trials, extent: FloatArray) -> None:
         self.trials = trials
@@ -69,7 +69,7 @@ class _FrontPoints:
         self.values = np.empty((0, len(extent)))
 
     def add(self, at: FloatArray | None) -> None:
-        """Add a point unless it is dominated, and remove points that it dominates."""
+        """Add a new point to the Pareto front if no other point dominates it, and remove dominated points."""
         if at is None:
             return
         values = self.trials.values(at[None])
@@ -81,12 +81,12 @@ class _FrontPoints:
         self.at, self.values = at_all[best], values_all[best]
 
     def search(self, start: FloatArray, origin: FloatArray) -> None:
-        """Search from a start, along a ray in the space of quantities; if the search fails, add the start itself."""
+        """Search for a point of the Pareto front from a starting point; if the search fails, add the start itself."""
         point = advance(self.trials, start, origin, self.extent)
         self.add(start if point is None else point[0])
 
     def fill(self) -> None:
-        """Search between neighbors that lie far apart; only with two quantities, which order the points."""
+        """Fill wide gaps between neighboring points by further searches, if the Pareto front has two quantities."""
         if self.values.shape[1] != 2:
             return
         for _ in range(_ROUNDS):
@@ -99,7 +99,7 @@ class _FrontPoints:
                 return
 
     def between(self) -> FloatArray:
-        """Return quantities of encounters that searches find between the points of the front."""
+        """Return the quantities of further points that a search finds between the points of the Pareto front."""
         return self._between_two() if self.values.shape[1] == 2 else self._between_many()
 
     def _between_two(self) -> FloatArray:
@@ -134,7 +134,7 @@ class _FrontPoints:
         return shortfall(values / self.extent, self.values / self.extent)
 
     def pieces(self) -> IntArray:
-        """Return the index of the connected piece of each point: pieces are separated by gaps that no search fills."""
+        """Return for each point the number of its connected piece of the Pareto front; wide gaps separate pieces."""
         if self.values.shape[1] != 2:
             return np.zeros(len(self.values), dtype=np.int64)
         gap = (np.abs(np.diff(self.values, axis=0)) / self.extent).max(axis=1)
@@ -142,7 +142,7 @@ class _FrontPoints:
 
 
 def _spread(points: FloatArray, count: int) -> list[int]:
-    """Choose points far apart: first the one with the lowest sum, then always the farthest from all chosen ones."""
+    """Choose a few points that lie far apart from each other."""
     chosen = [int(points.sum(axis=1).argmin())]
     apart = np.abs(points - points[chosen[0]]).max(axis=1)
     while len(chosen) < min(count, len(points)):

@@ -75,7 +75,7 @@ class PhysicalBound(Value):
 
     @property
     def least_contact_speed(self) -> Any:
-        """The smallest possible contact speed [m/s], of the shape of the acceleration limit."""
+        """The smallest possible contact speed [m/s], for each limit of the acceleration."""
         a, limit, v, room = self.acceleration, np.asarray(self.acceleration_limit), self.velocity, self.distance
         free = np.sqrt(np.maximum(v**2 - 2 * (limit + a) * room, 0.0))
         if math.isinf(self.speed_limit):
@@ -92,7 +92,7 @@ class PhysicalBound(Value):
         return float_or_array(np.where(early, free, late))
 
     def excursion(self, contact_speed: ArrayLike) -> Any:
-        """Return the smallest excursion at which a robot can reach a contact speed.
+        """Return the smallest excursion with which a robot can reach a contact speed.
 
         Args:
             contact_speed: w = |l'| >= 0 at contact [m/s]; it broadcasts with the acceleration limit.
@@ -115,27 +115,27 @@ class PhysicalBound(Value):
         return float_or_array(np.where(in_time, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
-        """Return the earliest time of contact [s] for a contact speed [m/s], at the smallest excursion; or NaN."""
+        """Return the time of contact [s] at the smallest excursion for a contact speed [m/s]; NaN if impossible."""
         return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
-        """Return the smallest acceleration [m/s^2] with which any robot reaches a contact speed [m/s], or 0."""
+        """Return the smallest acceleration [m/s^2] with which a robot can reach a contact speed [m/s]."""
         # For every excursion, it is (v^2 - w^2) / (2 l0) - a.
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
-        """Return the excursion at which a braking obstacle is faster than the robot's speed limit by exactly w."""
+        """Return the excursion at which a braking obstacle exceeds the robot's speed limit by the contact speed."""
         if self.acceleration <= 0:
             return np.full(np.shape(w), np.nan)
         return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)
 
     def _time(self, excursion: FloatArray) -> FloatArray:
-        """Return the time at which the obstacle is at this distance behind the robot's rest position."""
+        """Return the time at which the obstacle reaches a robot that has retreated by the excursion."""
         return _arrival(self.distance + excursion, self.velocity, self.acceleration)
 
     def _duration(self, excursion: FloatArray) -> FloatArray:
-        """Return the shortest time of a retreat by this distance."""
+        """Return the shortest time in which the robot can retreat by the excursion."""
         limit, top = np.asarray(self.acceleration_limit), self.speed_limit
         short = np.sqrt(2 * excursion / limit)
         if math.isinf(top):
@@ -147,7 +147,7 @@ class PhysicalBound(Value):
 def find_physical_bound(
     scenario: Scenario, *, acceleration_limit: ArrayLike, speed_limit: float = math.inf
 ) -> PhysicalBound:
-    """Find the physical bound of an encounter, from detection distance and motion of the obstacle.
+    """Find the smallest excursion and contact speed that any controller can reach in an encounter.
 
     Args:
         scenario: one encounter, with the plant at rest at its reference; the admittance has no effect.
@@ -182,7 +182,7 @@ def find_physical_bound(
 
 
 def why_no_bound(scenario: Scenario) -> str:
-    """Return why the bound does not apply to an encounter; the empty text if it applies."""
+    """Return why the physical bound does not apply to an encounter; an empty text if it applies."""
     moving = (scenario.plant.velocity, scenario.reference.velocity, scenario.reference.acceleration)
     if any(np.ndim(v) for v in (scenario.distance, scenario.relative_velocity, scenario.obstacle.acceleration)):
         return "found an array of encounters, expected one"
@@ -196,7 +196,8 @@ def why_no_bound(scenario: Scenario) -> str:
 
 
 def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
-    """Return the first t with distance + velocity t + acceleration t^2 / 2 = 0, for velocity < 0; infinite if none."""
+    """Return the time that a uniformly accelerated object needs for a distance; infinite if never reached."""
+    # It solves distance + velocity t + acceleration t^2 / 2 = 0 for a velocity below 0.
     square = np.asarray(velocity**2 - 2 * acceleration * distance)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.where(square >= 0, 2 * distance / (np.sqrt(np.maximum(square, 0)) - velocity), np.inf))

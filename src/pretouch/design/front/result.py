@@ -32,7 +32,7 @@ class FrontStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class FrontPoint(Value):
-    """One encounter in the space of quantities.
+    """One encounter that a Pareto plot marks, with its parameters and its quantities at contact.
 
     Args:
         name: `knee`, `choice`, or `least` with the quantity whose smallest value it has.
@@ -61,7 +61,7 @@ class FrontPoint(Value):
     result: ContactResult
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the point as one JSON object, in SI."""
+        """Return the point as one JSON object, in SI units."""
         names = ("name", "gain", "natural_frequency", "damping_ratio", "distance_to_front", "feasible", "depth")
         document = {name: getattr(self, name) for name in names}
         return {**document, **self.values, **({} if self.bound is None else self.bound.to_dict())}
@@ -127,27 +127,27 @@ class ParetoFront(Answer):
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """The constraints."""
+        """The constraints of the task."""
         return self.problem.task.limits
 
     @property
     def marked(self) -> tuple[FrontPoint, ...]:
-        """The knee and the choice, if they exist."""
+        """The points that a plot marks: the knee and the user's choice, if they exist."""
         return tuple(point for point in (self.knee, self.choice) if point is not None)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """The SI unit of each quantity."""
+        """The SI unit of each quantity of the Pareto front."""
         return tuple(map(unit_of, self.quantities))
 
     def of(self, quantity: str) -> FloatArray:
-        """Return the magnitudes of one of its quantities along the front in SI, shape (n,)."""
+        """Return the magnitudes of one quantity along the Pareto front, in SI units."""
         if quantity not in self.quantities:
             raise InvalidInputError(f"quantity: found {quantity!r}, expected one of {', '.join(self.quantities)}")
         return np.asarray(self.values[:, self.quantities.index(quantity)])
 
     def meets(self, **limits: float) -> BoolArray:
-        """Return which points, shape (n,), meet further limits of the quantities in SI, such as `displacement=0.05`."""
+        """Return which points of the Pareto front meet further limits in SI units, such as `displacement=0.05`."""
         meets = np.ones(len(self.gain), dtype=bool)
         for name, limit in limits.items():
             meets &= self.of(name) <= limit
@@ -155,7 +155,7 @@ class ParetoFront(Answer):
 
     @property
     def headline(self) -> str:
-        """The answer in one sentence."""
+        """The result of the search in one sentence."""
         names = [in_short(name) for name in self.quantities]
         traded = f"{', '.join(names[:-1])} and {names[-1]}"
         if self.status is FrontStatus.INFEASIBLE:
@@ -186,7 +186,7 @@ class ParetoFront(Answer):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the front as one JSON object: numbers in SI, None for missing ones."""
+        """Return the Pareto front as one JSON object with numbers in SI units and None for missing numbers."""
         bound, least = self.bound, None
         if bound is not None:
             speed = bound.least_contact_speed

@@ -35,7 +35,9 @@ _SAMPLES_OF_EVALUATOR: Final = 256  # with `evaluate`: a loop takes a hundred ti
 @check_arguments
 @with_file_location
 def design_robust_gain(task: Task) -> RobustDesign:
-    """Find the gain D_p that minimizes a measure of an objective over encounters with uncertain inputs.
+    """Find the gain D_p that minimizes a risk measure of an objective over uncertain encounters.
+
+    A risk measure is the mean, a quantile, the tail mean or the worst case.
 
     The measure is taken over samples of the uncertain inputs, which are the same for every gain. The gain is searched
     as by `design_gain`, and then validated on fresh samples. A worst case is not sampled: the worst encounter is
@@ -100,7 +102,7 @@ def design_robust_gain(task: Task) -> RobustDesign:
 
 
 def _with_defaults(task: Task) -> Task:
-    """Return the task with the default values of a robust design, after checking it."""
+    """Check a robust design task and fill in the default values of its options."""
     measure = checked_measure(Expected() if task.measure is None else task.measure)
     limits = limits_of(task.constraints)
     _check(task, measure, limits)
@@ -117,7 +119,7 @@ def _with_defaults(task: Task) -> Task:
 
 
 def _draw(task: Task, count: int, seed: int, sampling: str) -> dict[str, FloatArray]:
-    """Draw samples of the inputs; none if only the noise of an evaluator varies."""
+    """Draw samples of the uncertain inputs; the result is empty if only the sensor noise varies."""
     if task.uncertainty:
         return sample_inputs(task.uncertainty, count, seed=seed, sampling=sampling)
     check_draw(count, seed=seed, sampling=sampling)

@@ -53,7 +53,7 @@ class InputImportance(Value):
 
 
 def rank_uncertain_inputs(problem: RobustProblem, gain: float) -> tuple[InputImportance, ...]:
-    """Rank uncertain inputs by their share in the variance of the objective at a gain, the largest first."""
+    """Rank uncertain inputs by their share in the variance of the objective, the largest share first."""
     # Each of the two sets has the number of samples of the task, but at least _FEWEST. Shares are NaN if an encounter
     # ends without contact.
     task, uncertainty = problem.task, problem.task.uncertainty
@@ -98,13 +98,14 @@ def rank_uncertain_inputs(problem: RobustProblem, gain: float) -> tuple[InputImp
 
 
 def _two_sets(uncertainty: Uncertainty, samples: int, seed: int) -> dict[str, FloatArray]:
-    """Return two independent sets of samples by input, shape (samples, 2)."""
+    """Draw two independent sets of samples of each uncertain input."""
     sets = [sample_inputs(uncertainty, samples, seed=s, sampling="random") for s in (2 * seed, 2 * seed + 1)]
     return {name: np.stack([samples_of[name] for samples_of in sets], axis=1) for name in sets[0]}
 
 
 def _shares(f_a: FloatArray, f_b: FloatArray, f_c: FloatArray) -> tuple[float, float]:
-    """Return S and T; the mean is subtracted first, which changes neither and reduces the error of S."""
+    """Return the first-order and the total Sobol index of one input."""
+    # Subtracting the mean changes neither index and reduces the error of the first one.
     every = np.concatenate([f_a, f_b])
     middle, variance = every.mean(), every.var()
     if variance == 0:
@@ -113,7 +114,7 @@ def _shares(f_a: FloatArray, f_b: FloatArray, f_c: FloatArray) -> tuple[float, f
 
 
 def _linear_shares(problem: RobustProblem, gain: float) -> dict[str, float] | None:
-    """Return the share of each input to first order around the means."""
+    """Estimate each input's share in the variance of the objective, from gradients at the mean values."""
     task, uncertainty = problem.task, problem.task.uncertainty
     if not problem.has_slopes():
         return None

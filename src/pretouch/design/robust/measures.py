@@ -17,27 +17,30 @@ from pretouch._core.numbers import FloatArray, finite, float_or_array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure(ABC):
-    """Base class of measures: one number for many objectives, which must not fall unless some objective falls."""
+    """Base class of risk measures, which reduce the objectives of many encounters to one number.
+
+    A risk measure must not fall unless some objective falls.
+    """
 
     @property
     @abstractmethod
     def label(self) -> str:
-        """The name of the measure in reports."""
+        """The name of the risk measure in reports."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the measure as one JSON object: its kind, its label and its fields."""
+        """Return kind, label and parameters of the risk measure as one JSON object."""
         return {**with_kind(self), "label": self.label}
 
     @abstractmethod
     def of(self, values: Any) -> Any:
-        """Return the measure of values along the last axis; infinite if relevant values are infinite."""
+        """Return the risk measure of values along the last axis; infinite if relevant values are infinite."""
 
     @abstractmethod
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the estimate from independent samples, and the ends of its confidence interval."""
+        """Estimate the risk measure from independent samples; return it with its confidence interval."""
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the measure of `others` minus that of `values`, paired by encounter, and its standard error.
+        """Return how the risk measure differs between two gains in the same encounters, with standard error.
 
         A bootstrap over the pairs gives the standard error; NaN if the difference is not finite.
         """
@@ -49,7 +52,7 @@ class Measure(ABC):
 
 
 def checked_measure(measure: Any) -> Measure:
-    """Return a measure; raise an error unless it is a Measure that overrides label and interval together with `of`."""
+    """Return a risk measure after checking that its class defines value, label and estimate together."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
             f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a Measure"
@@ -74,7 +77,7 @@ _DRAWS: Final = 400  # bootstrap samples, which give the standard error to about
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expected(Measure):
-    """The mean.
+    """The mean of the objective over all encounters.
 
     Examples:
         >>> Expected().of([1.0, 2.0, 6.0])
@@ -84,11 +87,11 @@ class Expected(Measure):
     label: ClassVar[str] = "expected value"
 
     def of(self, values: Any) -> Any:
-        """Return the mean."""
+        """Return the mean of values along the last axis."""
         return float_or_array(np.mean(values, axis=-1))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the mean and its interval by Student's t."""
+        """Return the mean of values and its confidence interval by Student's t distribution."""
         from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is imported only for a validation
 
         middle = float(np.mean(values))
@@ -99,7 +102,7 @@ class Expected(Measure):
         return middle, middle - half, middle + half
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the mean of the differences and its standard error."""
+        """Return the mean of paired differences and its standard error."""
         differences = others - values
         if not np.isfinite(differences).all() or len(differences) < 2:
             return float(np.mean(others) - np.mean(values)), math.nan
@@ -125,7 +128,7 @@ class _AtProbability(Measure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantile(_AtProbability):
-    """The quantile of the objective: the value that is not exceeded with a probability.
+    """The quantile of the objective: the value that is not exceeded with a given probability.
 
     Args:
         probability: in (0, 1).
@@ -137,15 +140,16 @@ class Quantile(_AtProbability):
 
     @property
     def label(self) -> str:
-        """The name of the measure in reports."""
+        """The name of the quantile in reports."""
         return f"{100 * self.probability:g} % quantile"
 
     def of(self, values: Any) -> Any:
-        """Return the smallest value such that at least this share of the values does not exceed it."""
+        """Return the sample quantile of the values along the last axis."""
         return sample_quantile(values, self.probability)
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the quantile and an interval between order statistics, which holds for every distribution."""
+        """Return the quantile and a confidence interval that holds for every distribution."""
+        # The interval lies between order statistics.
         from scipy.stats import binom  # noqa: PLC0415 - SciPy is imported only for a validation
 
         ordered, n = np.sort(values), len(values)
@@ -172,11 +176,12 @@ class ConditionalValueAtRisk(_AtProbability):
 
     @property
     def label(self) -> str:
-        """The name of the measure in reports."""
+        """The name of the tail mean in reports."""
         return f"mean of the worst {100 * (1 - self.probability):g} %"
 
     def of(self, values: Any) -> Any:
-        """Return q + mean(max(f - q, 0)) / (1 - p) with the quantile q."""
+        """Return the tail mean: the mean of the values beyond a quantile."""
+        # With the quantile q of probability p, it is q + mean(max(f - q, 0)) / (1 - p).
         f = np.asarray(values, dtype=np.float64)
         q = np.asarray(sample_quantile(f, self.probability))[..., None]
         with np.errstate(invalid="ignore"):
@@ -184,7 +189,8 @@ class ConditionalValueAtRisk(_AtProbability):
         return float_or_array(q[..., 0] + beyond / (1 - self.probability))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the tail mean and its asymptotic interval, that of the mean of q + max(f - q, 0) / (1 - p)."""
+        """Return the tail mean and its asymptotic confidence interval."""
+        # The interval is that of the mean of q + max(f - q, 0) / (1 - p).
         q = sample_quantile(values, self.probability)
         if not math.isfinite(q):
             return math.inf, -math.inf, math.inf
@@ -203,7 +209,7 @@ class WorstCase(Measure):
     label: ClassVar[str] = "worst case"
 
     def of(self, values: Any) -> Any:
-        """Return the largest value."""
+        """Return the largest value along the last axis."""
         return float_or_array(np.max(values, axis=-1))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
@@ -213,12 +219,13 @@ class WorstCase(Measure):
         return largest, largest, math.inf
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the difference of the largest values; samples give no standard error of it."""
+        """Return the difference of the largest values, and NaN because its standard error is unknown."""
         return float(np.max(others) - np.max(values)), math.nan
 
 
 def sample_quantile(values: Any, probability: float) -> Any:
-    """Return the smallest value such that at least this share of the values does not exceed it, along the last axis."""
+    """Return the quantile of a sample along the last axis, for a given probability."""
+    # It is the smallest value such that at least this share of the values does not exceed it.
     f = np.asarray(values, dtype=np.float64)
     rank = min(max(math.ceil(probability * f.shape[-1] - 1e-9), 1), f.shape[-1]) - 1
     return float_or_array(np.partition(f, rank, axis=-1)[..., rank])

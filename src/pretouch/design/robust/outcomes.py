@@ -17,7 +17,7 @@ from ..quantities import quantity_of
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RobustOutcomes(Value):
-    """Results of one gain in each of the fresh encounters.
+    """Results of one gain in many fresh encounters, which the design did not use.
 
     Args:
         gain: the law's number, such as D_p [N s].
@@ -36,12 +36,12 @@ class RobustOutcomes(Value):
     impact: ImpactModel | None
 
     def magnitude(self, quantity: str) -> FloatArray:
-        """Return |quantity| in SI for a name of QUANTITY_UNITS, shape (n,); infinite without contact."""
+        """Return the magnitude of a quantity in each encounter, in SI units; infinite without contact."""
         values = np.abs(np.asarray(quantity_of(quantity, self.state, self.impact)))
         return np.where(self.reached, np.broadcast_to(values, self.reached.shape), np.inf)
 
     def reaches(self, quantity: str, share: float) -> float:
-        """Return the magnitude of a quantity, in SI, that this share of the encounters does not exceed: a quantile."""
+        """Return the value that a quantity does not exceed in the given share of encounters, in SI units."""
         return float(np.sort(self.magnitude(quantity))[math.ceil(share * len(self.objective)) - 1])
 
     def __repr__(self) -> str:
@@ -50,7 +50,7 @@ class RobustOutcomes(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RobustTradeOff(Value):
-    """The measure of the objective over the gain, on the samples of the design.
+    """The risk measure of the objective as a function of the gain, on the samples of the design.
 
     Args:
         gain: the law's number, such as D_p [N s], ascending, shape (n,).

@@ -26,7 +26,7 @@ from .validation import LimitOutcome, Validation
 
 
 def importance_section(importance: tuple[InputImportance, ...]) -> PageSection | None:
-    """Return the share of each input in the variance of the objective; None for fewer than two inputs."""
+    """Return the report section with the share of each uncertain input in the variance of the objective."""
     ranked = [entry for entry in importance if math.isfinite(entry.total)]
     if len(ranked) < 2:
         return None
@@ -47,7 +47,7 @@ def importance_section(importance: tuple[InputImportance, ...]) -> PageSection |
 
 
 def price_section(design: RobustDesign) -> PageSection | None:
-    """Return the section with the loss of the robust gain compared with the best gain for each exactly known input."""
+    """Return the report section on the loss of the robust gain if one input were known exactly."""
     if not design.prices:
         return None
     caption = (
@@ -104,7 +104,7 @@ _NEXT: Final = {
 
 
 def _findings(v: Validation) -> Iterator[str]:
-    """Yield how often each limit is met on fresh samples."""
+    """Yield a sentence on how often each limit is met in fresh samples."""
     for outcome in v.limits:
         c, p = outcome.required.constraint, outcome.required.probability
         required = "always" if p == 1 else f"{100 * p:g} %"
@@ -113,7 +113,7 @@ def _findings(v: Validation) -> Iterator[str]:
 
 
 def robust_page(design: RobustDesign) -> Page:
-    """Return the page of a robust design of any status."""
+    """Return the report page of a robust design."""
     advice, v = _ADVICE.get(design.status), design.validation
     premise = Paragraph(
         text="The gain is optimal for a sample average with common samples. The distributions of the inputs are "
@@ -187,7 +187,7 @@ def _outcome(design: RobustDesign, v: Validation) -> PageSection:
 
 
 def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
-    """Yield rows that compare the gains: measure of the objective and contact quantities."""
+    """Yield table rows that compare the objective and the contact quantities of several gains."""
     runs = design.compared.values()
     unbounded = ", the largest of the samples" if v.low == v.value else ""
     interval = f" ({v.low:.4g} to {v.high:.4g})" if math.isfinite(v.high) else unbounded
@@ -229,7 +229,7 @@ def _limit_row(outcome: LimitOutcome, v: Validation) -> Row:
 
 
 def _worst(design: RobustDesign) -> PageSection | None:
-    """Return the worst encounter with its certificate; None unless the measure is the worst case."""
+    """Return the report section about the worst encounter; None unless the worst case was minimized."""
     w, units = design.worst, input_units(design.sensor)
     if w is None:
         return None

@@ -22,7 +22,7 @@ _TAIL = 0.01  # probability of each tail that the range of an unbounded input ex
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Price(Value):
-    """Comparison of the robust gain with the optimal gain for each exactly known value of one input.
+    """Comparison of the robust gain with the optimal gain for each value of one exactly known input.
 
     Args:
         name: the input.
@@ -46,7 +46,7 @@ class Price(Value):
 
     @property
     def loss(self) -> FloatArray:
-        """Relative loss of the robust gain compared with the optimal one."""
+        """Relative loss of the robust gain compared with the optimal gain, for each value of the input."""
         return self.robust / self.best - 1
 
     def __repr__(self) -> str:
@@ -55,7 +55,8 @@ class Price(Value):
 
 
 def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float | None) -> Price:
-    """Compare one gain with the optimal gain for each of many values of an input; other inputs stay as given."""
+    """Compare one gain with the optimal gain for each of many values of an input."""
+    # The other inputs keep their given values.
     # Inputs that were estimated together with this input take their likeliest values. The optimal gains ignore
     # constraints, so that the loss is never negative; constraints may cause part of the loss.
     if type(count) is not int or count < 2:
@@ -88,7 +89,7 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
 
 
 def _distribution_of(uncertainty: Uncertainty, name: str) -> tuple[JointDistribution, tuple[str, ...]]:
-    """Return the joint distribution of an input, and the names of all inputs that it describes."""
+    """Return the distribution that describes an input, and the names of all inputs in that distribution."""
     for key, joint in uncertainty.items():
         if name in joint.inputs(key):
             return joint, joint.inputs(key)

@@ -17,7 +17,7 @@ from .measures import checked_probability, sample_quantile
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Required:
-    """A chance constraint: a constraint that must hold with a probability.
+    """A chance constraint: a constraint that must hold with a required probability.
 
     Args:
         constraint: the constraint.
@@ -37,7 +37,7 @@ class Required:
             object.__setattr__(self, "probability", checked_probability(self.probability))
 
     def share(self, ratios: Any) -> Any:
-        """Return the quantile of the ratios |quantity| / limit at the required probability, along the last axis."""
+        """Return the quantile of |quantity| / limit at the required probability of the constraint."""
         return (
             float_or_array(np.max(ratios, axis=-1))
             if self.probability == 1
@@ -46,12 +46,12 @@ class Required:
 
 
 def limits_of(constraints: Iterable[Constraint | Required]) -> tuple[Required, ...]:
-    """Return constraints with their probabilities: a plain Constraint must hold in every encounter."""
+    """Return constraints as chance constraints; a plain `Constraint` must hold in every encounter."""
     return tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
 
 
 def least_probability(held: int, count: int, confidence: float) -> float:
-    """Return the one-sided lower confidence bound of a probability from successes (Clopper and Pearson, 1934)."""
+    """Return a lower confidence bound of a probability from a number of successes (Clopper and Pearson, 1934)."""
     from scipy.special import betaincinv  # noqa: PLC0415 - SciPy is imported only for a validation
 
     return 0.0 if held == 0 else float(betaincinv(held, count - held + 1, 1 - confidence))

@@ -34,7 +34,7 @@ _BEYOND: Final = 17  # gains between the end of the scan and the strongest shown
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RobustDesign(Answer):
-    """Result of `design_robust_gain`: the robust gain with its validation.
+    """Result of `design_robust_gain`: the robust gain and its validation on fresh samples.
 
     Args:
         status: optimal, infeasible (no gain meets all constraints) or no-contact.
@@ -61,17 +61,17 @@ class RobustDesign(Answer):
 
     @property
     def gain(self) -> float | None:
-        """The robust gain: the law's number, such as D_p [N s]; None unless optimal."""
+        """The robust gain, such as D_p [N s]; None if there is no optimum."""
         return self.local_minima[0][0] if self.local_minima else None
 
     @property
     def value(self) -> float | None:
-        """The minimized measure of the objective; None unless optimal."""
+        """The minimized risk measure of the objective; None if there is no optimum."""
         return self.local_minima[0][1] if self.local_minima else None
 
     @property
     def measure(self) -> Measure:
-        """The measure of the objective over all encounters."""
+        """The risk measure of the objective that the design minimizes."""
         return self.problem.measure
 
     @property
@@ -86,32 +86,32 @@ class RobustDesign(Answer):
 
     @property
     def samples(self) -> int:
-        """Number of encounters of the measure."""
+        """Number of sampled encounters over which the design is optimized."""
         return len(self.problem.ensemble)
 
     @property
     def seed(self) -> int:
-        """The seed of the samples."""
+        """The seed of the random samples."""
         return self.problem.task.seed or 0
 
     @property
     def scanned(self) -> int:
-        """Number of gains of the scan."""
+        """Number of gains that the search scanned."""
         return len(self.scan.coordinate)
 
     @property
     def strongest(self) -> float:
-        """The strongest gain of the search; a proof excludes that a stronger gain is the optimum."""
+        """The strongest gain that was searched; stronger gains within the bounds cannot be optimal."""
         return float(self.problem.axis.gain(self.scan.coordinate[0 if self.number.sign < 0 else -1]))
 
     @property
     def loss_of_nominal(self) -> LossOfNominal | None:
-        """The loss of the nominal gain (the ideal design) on fresh samples; None if it is not finite."""
+        """The loss of the nominal gain against the robust gain on fresh samples; None if not finite."""
         return None if self.validation is None else self.validation.loss
 
     @cached_property
     def method(self) -> str:
-        """Solution method of the encounters, as in ContactResult."""
+        """Method that solved the encounters: `closed-form`, `integration`, `uniform-motion` or `loop`."""
         ensemble = self.problem.ensemble
         if self.on_evaluator:
             return ensemble.contacts(0.0 if self.gain is None else self.gain).method
@@ -120,7 +120,7 @@ class RobustDesign(Answer):
 
     @cached_property
     def trade_off(self) -> RobustTradeOff:
-        """The measure over the gain on the samples of the design, including the robust and the nominal gain."""
+        """The risk measure as a function of the gain, including the robust and the nominal gain."""
         axis, u, landscape = self.problem.axis, self.scan.coordinate, self.scan.landscape
         value, feasible = landscape.objective, landscape.feasible
         gains = [axis.gain(u[0]), *(g for g in (self.gain, self.nominal_gain) if g is not None)]
@@ -135,7 +135,7 @@ class RobustDesign(Answer):
 
     @property
     def nearest_gain(self) -> float | None:
-        """If infeasible, the gain with the smallest relative excess of the limits; else None."""
+        """If a design is infeasible, the gain that exceeds the limits least; otherwise None."""
         worst = self.scan.landscape.worst_ratio
         best = int(np.argmin(worst))
         if self.status is not DesignStatus.INFEASIBLE or not np.isfinite(worst[best]):
@@ -144,7 +144,7 @@ class RobustDesign(Answer):
 
     @property
     def reachable(self) -> tuple[tuple[Required, float, float], ...]:
-        """For each limit alone: the smallest |quantity| reached with the required probability, and its gain."""
+        """The smallest limit of each constraint that some gain meets with the required probability."""
         reachable = []
         for limit, ratios in zip(self.limits, self.scan.landscape.ratios, strict=True):
             best = int(np.argmin(ratios))
@@ -154,7 +154,7 @@ class RobustDesign(Answer):
         return tuple(reachable)
 
     def outcomes(self, gain: float | None = None) -> RobustOutcomes:
-        """Solve each of the fresh encounters with a gain.
+        """Solve every fresh encounter, which the design did not use, with one gain.
 
         Args:
             gain: the law's number, such as D_p [N s]; the robust gain by default.
@@ -179,7 +179,7 @@ class RobustDesign(Answer):
         )
 
     def price(self, name: str, *, count: int = 101, gain: float | None = None) -> Price:
-        """Compare a gain with the optimal gain for each exactly known value of one input.
+        """Compare a gain with the optimal gain for each value of one exactly known input.
 
         Args:
             name: an uncertain input, such as `obstacle.velocity`.
@@ -211,7 +211,7 @@ class RobustDesign(Answer):
 
     @cached_property
     def compared(self) -> dict[str, RobustOutcomes]:
-        """Outcomes in the fresh encounters of the robust gain, the nominal gain and no mitigation, by name.
+        """Results of the robust gain, the nominal gain and no mitigation in the same fresh encounters.
 
         Without a robust gain, the gain that exceeds the limits least replaces it.
         """
@@ -221,12 +221,12 @@ class RobustDesign(Answer):
 
     @property
     def nominal_name(self) -> str:
-        """The name of the nominal gain in reports; with `evaluate` it is the gain of the ideal design."""
+        """The name of the nominal gain in reports."""
         return "gain of the ideal design" if self.on_evaluator else "nominal gain"
 
     @cached_property
     def prices(self) -> tuple[Price, ...]:
-        """The result of `price` for each uncertain input, the largest loss first.
+        """Loss of the robust gain against the best gain for each known input, the largest loss first.
 
         Empty without a robust gain, and with `evaluate`.
         """
@@ -238,7 +238,7 @@ class RobustDesign(Answer):
 
     @property
     def headline(self) -> str:
-        """The answer in one or two sentences."""
+        """The result of the design in one or two sentences."""
         v = self.validation
         if self.gain is None:
             no_contact = (
@@ -264,7 +264,7 @@ class RobustDesign(Answer):
         return tuple(_warnings(self))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the design as one JSON object: numbers in SI, None for missing ones."""
+        """Return the design as one JSON object with numbers in SI units and None for missing numbers."""
         names = ("status", "gain", "measure", "value", "method", "nominal_gain", "nearest_gain", "validation", "worst")
         more = ("importance", "local_minima", "scanned", "bounds", "samples", "seed", "uncertainty", "warnings")
         others = {
@@ -282,7 +282,7 @@ class RobustDesign(Answer):
 
 
 def _conflict(design: RobustDesign) -> str:
-    """Name the limits that no gain meets with the required probability, or state that they conflict."""
+    """Describe which limits no gain meets with the required probability, or that the limits conflict."""
     reasons = []
     for required, magnitude, gain in design.reachable:
         c, p = required.constraint, required.probability

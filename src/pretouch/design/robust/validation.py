@@ -18,7 +18,7 @@ _ROUNDING: Final = 1e-12  # relative amount by which a value may exceed a limit,
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitOutcome(Value):
-    """One constraint at the chosen gain, on fresh samples.
+    """How often one constraint holds at the chosen gain, in fresh samples.
 
     Args:
         required: the constraint and the probability with which it must hold.
@@ -33,7 +33,7 @@ class LimitOutcome(Value):
     magnitude: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the outcome as one JSON object, in SI."""
+        """Return the outcome of the constraint as one JSON object, in SI units."""
         c = self.required.constraint
         constraint = {"name": c.name, "limit": c.limit, "unit": c.unit, "probability": self.required.probability}
         return {**constraint, "held": self.held, "held_at_least": self.low, "magnitude": self.magnitude}
@@ -54,7 +54,7 @@ class LossOfNominal(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation(Value):
-    """Validation of a robust gain on fresh samples, independent of the design.
+    """Validation of a robust gain on fresh samples, which the design did not use.
 
     Args:
         samples: number of samples.
@@ -81,12 +81,12 @@ class Validation(Value):
     reached: float
 
     def may_hold(self, outcome: LimitOutcome) -> bool:
-        """Return whether the samples are compatible with a constraint that holds with the required probability."""
+        """Return whether the samples are compatible with the required probability of a constraint."""
         missed = self.samples - round(outcome.held * self.samples)
         return 1 - least_probability(missed, self.samples, self.confidence) >= outcome.required.probability
 
     def state_of(self, outcome: LimitOutcome) -> str:
-        """Return in words whether the samples demonstrate that a constraint holds with the required probability."""
+        """Return in words whether the samples demonstrate the required probability of a constraint."""
         if outcome.held < outcome.required.probability:
             return "missed, within chance" if self.may_hold(outcome) else "missed"
         if outcome.low >= outcome.required.probability:
@@ -94,14 +94,14 @@ class Validation(Value):
         return "met in every sample" if outcome.held == 1 else "met, not demonstrated"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the validation as one JSON object, in SI."""
+        """Return the validation as one JSON object, in SI units."""
         names = ("samples", "confidence", "value", "low", "high", "nominal", "nominal_breaks", "reached")
         document = {name: getattr(self, name) for name in names}
         return {**document, "loss_of_nominal": self.loss, "constraints": self.limits}
 
 
 def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Validation:
-    """Validate a gain and the nominal gain on fresh encounters, independent of the design."""
+    """Validate the robust gain and the nominal gain on encounters that the design did not use."""
     confidence = problem.task.confidence
     objective, ratios = problem.values(gain)
     value, low, high = problem.measure.estimate(objective, confidence)

@@ -32,7 +32,10 @@ Function: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CertifiedMaximum:
-    """The largest value of a function on a box, with an upper bound; infinite if the function is infinite somewhere."""
+    """The largest value of a function over a box of inputs, with an upper bound.
+
+    Value and bound are infinite if the function is infinite somewhere.
+    """
 
     point: FloatArray  # location of the maximum, shape (d,)
     value: float
@@ -42,7 +45,7 @@ class CertifiedMaximum:
 
 
 def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, tolerance: float) -> CertifiedMaximum:
-    """Find the largest value of a function between two corners, with an upper bound to the relative tolerance."""
+    """Find the largest value of a function over a box of inputs, with an upper bound."""
     d = len(low)
     upper = np.array(list(product((False, True), repeat=d))).reshape(-1, d)
     waiting = [(low[None].astype(np.float64), high[None].astype(np.float64))]
@@ -83,7 +86,7 @@ def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, to
 
 
 def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return estimated bounds of the gradients in boxes and their change, from middles and corners."""
+    """Estimate the range of a function's gradient in each box of inputs from its middle and its corners."""
     change = np.abs(slopes[:, 1:] - slopes[:, :1]).max(axis=1)
     beyond = _BEYOND * change
     return slopes.min(axis=1) - beyond, slopes.max(axis=1) + beyond, change
@@ -92,7 +95,8 @@ def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _halve(
     lows: FloatArray, highs: FloatArray, change: FloatArray, collapsed: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Halve boxes in the coordinate with the largest change, except boxes that have just lost a dimension."""
+    """Halve each box of inputs along the coordinate in which the function changes most."""
+    # Boxes that have just lost a dimension stay whole.
     width = highs - lows
     axis = np.argmax(change * width, axis=1)
     rows = np.arange(len(lows))

@@ -97,7 +97,7 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
 
 
 def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, float]] | None:
-    """Return one row per term for pretouch_find_gains; None if the compiled search does not support the problem."""
+    """Return the terms of the objective for the compiled search; None if the problem is not supported."""
     if problem.task.evaluate is not None or problem.task.sensor.valid_range[0] > 0:
         return None
     other_motion = problem.task.law != DAMPER or problem.task.method == "uniform-motion"
@@ -117,14 +117,14 @@ def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, flo
 
 
 def _limits(problem: GainProblem) -> list[tuple[float, float, float]] | None:
-    """Return one row per limit for pretouch_find_gains; None if the compiled search does not support one."""
+    """Return the limits for the compiled search; None if it does not support one of them."""
     found = [(_row(c.quantity, problem.task.impact), c.limit) for c in problem.task.limits]
     rows = [(row[0], row[1] / limit, row[2]) for row, limit in found if row is not None]
     return rows if len(rows) == len(found) else None
 
 
 def _row(quantity: str, impact: ImpactModel | None) -> tuple[int, float, float] | None:
-    """Return number, factor and exponent of the quantity in compiled code with which a quantity grows; None if none."""
+    """Return how a quantity follows from one in compiled code: its row, a factor and an exponent; None if it does not."""
     factor, exponent = 1.0, 1.0
     if quantity == "impact_force" and isinstance(impact, ElasticImpact):
         quantity, factor, exponent = "relative_velocity", float(impact.peak_force(1.0)), impact.speed_exponent
@@ -135,7 +135,7 @@ def _row(quantity: str, impact: ImpactModel | None) -> tuple[int, float, float] 
 
 
 def _inputs(scenario: Scenario, size: int) -> FloatArray:
-    """Return the ten input quantities of every encounter, relative to the reference, shape (10, n)."""
+    """Return the ten input quantities of every encounter, relative to the reference."""
     columns = scenario.relative_columns()
     if scenario.shape == ():
         return np.array(columns).reshape(10, 1)
@@ -147,7 +147,7 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 
 @cache_by_curve(256)
 def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, Any, float, float, bool, Any]:
-    """Return the arguments of pretouch_find_gains that describe the curve up to `reach` [m], and their arrays."""
+    """Return the arguments of the compiled search that describe the sensor curve up to `reach` [m], and their arrays."""
     slope, ends, falling = float(sensor.log_slope(0.0)), sensor.valid_range, falls(sensor, reach)
     if linear:
         return slope, None, None, *ends, falling, None

@@ -36,7 +36,7 @@ _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, PO
 
 
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
-    """Return gain [N s], objective and certainty of encounters that differ in one input, each of shape (n,)."""
+    """Find optimal gains [N s] of many encounters that differ in only one input, by interpolation."""
     # The result is None if they differ in more than one input, are few, or the compiled search does not support them.
     varied = list(_varied_inputs(problem.task.scenario))
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or problem.task.constraints:
@@ -53,7 +53,7 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
 
 
 def _cover(family: _Family, low: float, high: float, which: Any, out: FloatArray) -> None:
-    """Interpolate gain and objective of encounters (all or a selection) on an interval, which is halved if needed."""
+    """Interpolate optimal gains over an interval of one input, halving the interval if needed."""
     place = family.place if which is None else family.place[which]
     if len(place) < _FEW or not low < high:
         return
@@ -77,7 +77,7 @@ def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArr
 
 
 def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
-    """Solve each encounter with its gain; return which ones have the interpolated objective."""
+    """Solve encounters with interpolated gains, and return which interpolated objectives are confirmed."""
     result = problem.run(gain.reshape(problem.task.scenario.shape))
     solved = problem.task.goal.value(
         result.end, abs(problem.task.scenario.obstacle.velocity), problem.task.impact
@@ -89,7 +89,7 @@ def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> 
 
 @dataclass(frozen=True, slots=True)
 class _Family:
-    """Encounters that differ in one input."""
+    """Encounters that differ in exactly one input."""
 
     problem: GainProblem  # the problem of all encounters
     name: str  # name of the input, one of SCENARIO_INPUTS
@@ -97,12 +97,13 @@ class _Family:
     place: FloatArray  # coordinate of every encounter, shape (n,)
 
     def at(self, place: FloatArray) -> GainProblem:
-        """Return the problem of the encounters at coordinates of the input."""
+        """Return the search problem for other values of the varied input."""
         value = self.sign * np.exp(place) if self.sign else place
         return self.problem.changed(scenario=scenario_with(self.problem.task.scenario, {self.name: value}))
 
     def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
-        """Return Chebyshev coefficients of gain and objective on an interval, shape (2, nodes); None if inaccurate."""
+        """Return polynomials of gain and objective over an interval of one input; None if they are inaccurate."""
+        # They are Chebyshev coefficients, shape (2, nodes).
         probes = members[np.linspace(0, len(members) - 1, _PROBES).astype(np.int64)]
         nodes = 0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes
         designs = search_compiled(self.at(np.concatenate([nodes, probes])))
@@ -128,7 +129,7 @@ def _family(problem: GainProblem, name: str, value: Any) -> _Family:
 
 
 def _varied_inputs(scenario: Scenario) -> Iterator[tuple[str, Any]]:
-    """Yield name and value of the inputs that are arrays of more than one number."""
+    """Yield name and value of each scenario input that is an array of several numbers."""
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)
         for f in declared(body.__class__):

@@ -21,7 +21,10 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Freedom:
-    """The free parameters, each with a coordinate in [0, 1], the gain first; points have the shape (n, size)."""
+    """The free parameters of a search, each scaled to the range from 0 to 1.
+
+    The gain comes first. Points have the shape (n, size).
+    """
 
     scenario: Scenario  # the encounter, with the admittance whose mass is kept
     axis: GainAxis  # the coordinate of the gain, with its bounds
@@ -30,7 +33,7 @@ class Freedom:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The free parameters, in the order of their coordinates."""
+        """The names of the free parameters, in the order of their coordinates."""
         free = (("natural_frequency", self.natural_frequency), ("damping_ratio", self.damping_ratio))
         return ("gain", *(name for name, bounds in free if bounds is not None))
 
@@ -40,17 +43,17 @@ class Freedom:
         return len(self.names)
 
     def gain(self, at: FloatArray) -> FloatArray:
-        """Return the gains at coordinates, shape (n, size)."""
+        """Convert search coordinates between 0 and 1 to gains."""
         low, high = self.axis.span
         return self.axis.gain(low + (high - low) * at[:, 0])
 
     def coordinate(self, gain: float) -> float:
-        """Return the coordinate of a gain."""
+        """Convert a gain to its search coordinate between 0 and 1."""
         low, high = self.axis.span
         return float(np.clip((self.axis.coordinate(gain) - low) / (high - low), 0.0, 1.0))
 
     def admittance(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return natural frequency [rad/s] and damping ratio at coordinates, each of shape (n,)."""
+        """Convert search coordinates between 0 and 1 to natural frequencies [rad/s] and damping ratios."""
         fixed = self.scenario.admittance
         column = iter(at.T[1:])
         frequency = (
@@ -64,7 +67,7 @@ class Freedom:
         return frequency, np.full(len(at), ratio)
 
     def scenarios(self, at: FloatArray) -> Scenario:
-        """Return the encounters at coordinates, shape (n, size)."""
+        """Return the encounters for search points, each with its own admittance."""
         if self.size == 1:
             return self.scenario
         frequency, ratio = self.admittance(at)
@@ -73,12 +76,12 @@ class Freedom:
         return replace(self.scenario, admittance=admittance)
 
     def choice(self, at: FloatArray) -> tuple[Scenario, float]:
-        """Return the encounter and the gain at one point, shape (size,)."""
+        """Return the encounter and the gain for one search point."""
         scenario = map_fields(self.scenarios(at[None]), lambda v: v.item() if np.ndim(v) else v)
         return scenario, float(self.gain(at[None])[0])
 
     def chain(self, at: FloatArray) -> tuple[tuple[tuple[str, float], ...], ...]:
-        """Return the inputs that depend on each coordinate of a point, shape (size,), with their derivatives."""
+        """Return the physical inputs that depend on each search coordinate, with their derivatives."""
         point = at[None]
         low, high = self.axis.span
         gain = float(self.gain(point)[0])
@@ -94,13 +97,13 @@ class Freedom:
         return tuple(inputs)
 
     def lattice(self, gains: int) -> FloatArray:
-        """Return a grid over all coordinates, including both ends, shape (n, size)."""
+        """Return a regular grid over all search coordinates, including both ends."""
         counts = {1: (), 2: (17,), 3: (13, 9)}[self.size]
         columns = [np.linspace(0.0, 1.0, count) for count in (gains, *counts)]
         return np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, self.size)
 
     def spread(self, count: int) -> FloatArray:
-        """Return evenly spread points (a low-discrepancy sequence), shape (count, size)."""
+        """Return points that are spread evenly over all search coordinates (a low-discrepancy sequence)."""
         # The points are multiples of the inverse powers of x, modulo 1, where x^(size + 1) = x + 1 generalizes the
         # golden section (H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992).
         x = float(np.roots([1.0, *([0.0] * (self.size - 1)), -1.0, -1.0]).real.max())
@@ -115,7 +118,7 @@ def make_freedom(
     damping_ratio: Sequence[float] | None,
     law: ContinuousLaw = DAMPER,
 ) -> Freedom:
-    """Return the free parameters after checking their bounds: gain, natural frequency [rad/s] and damping ratio."""
+    """Check the bounds of gain, natural frequency and damping ratio, and return the free parameters."""
     axis = GainAxis.between(bounds, law.number)
     if law == DRAG and not (natural_frequency is None and damping_ratio is None):
         raise InvalidInputError(
@@ -161,7 +164,7 @@ def _is_log(bounds: Range) -> bool:
 
 
 def _between(bounds: Range, at: FloatArray) -> FloatArray:
-    """Return the values at coordinates; exactly the bounds at 0 and 1."""
+    """Convert coordinates from 0 to 1 to values of a parameter between its bounds."""
     low, high = bounds
     value = low * np.exp(np.log(high / low) * at) if _is_log(bounds) else low + (high - low) * at
     return np.asarray(np.where(at == 1, high, np.clip(value, low, high)))

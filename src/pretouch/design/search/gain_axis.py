@@ -20,7 +20,9 @@ _AT_END = 1e-9  # distance from a bound, as a share of the range of u, within wh
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainAxis:
-    """The search coordinate u = asinh(gain / s) of a gain, with the bounds of the gain.
+    """Scaled gain for the search, linear near zero and logarithmic far from zero.
+
+    The coordinate is u = asinh(gain / s) with a gain s.
 
     A gain is the law's number, such as D_p [N s].
 
@@ -34,7 +36,7 @@ class GainAxis:
 
     @classmethod
     def between(cls, bounds: Sequence[float], number: LawNumber | None = None) -> GainAxis:
-        """Make the axis between two bounds; raise an error if they are no interval or exclude all mitigating gains."""
+        """Make the scaled axis of gains between two bounds, which must include a mitigating gain."""
         unit = "N*s" if number is None else number.unit
         low, high = bounds
         low, high = finite(low, "bounds", unit), finite(high, "bounds", unit)
@@ -50,7 +52,7 @@ class GainAxis:
 
     @property
     def scale(self) -> float:
-        """The gain s around which the axis changes from linear to logarithmic."""
+        """The gain around which the scaled axis changes from linear to logarithmic."""
         small, large = sorted((abs(self.low), abs(self.high)))
         return small if self.low * self.high > 0 else 1e-3 * large
 
@@ -61,26 +63,27 @@ class GainAxis:
 
     @property
     def span(self) -> tuple[float, float]:
-        """The coordinates of both bounds."""
+        """The lower and the upper bound of the gain as scaled values."""
         low, high = self.coordinate(np.array(self.ends))
         return float(low), float(high)
 
     def coordinate(self, gain: FloatArray | float) -> FloatArray:
-        """Return u of a gain."""
+        """Convert a gain to the scaled value that the search uses."""
         return np.asarray(np.arcsinh(np.asarray(gain) / self.scale))
 
     def gain(self, coordinate: FloatArray | float) -> FloatArray:
-        """Return the gain at u, never outside of the bounds; exactly a bound if u is that bound up to rounding."""
+        """Convert a scaled value of the search to a gain, never outside the bounds."""
+        # It is exactly a bound if the coordinate is that of the bound up to rounding.
         gain = np.clip(self.scale * np.sinh(coordinate), self.low, self.high)
         for bound, end in zip(self.ends, self.span, strict=True):
             gain = np.where(np.abs(coordinate - end) <= _ROUNDING * max(1.0, abs(end)), bound, gain)
         return gain
 
     def is_end(self, coordinate: FloatArray | float) -> BoolArray:
-        """Return which u lie on a bound, to 1e-9 of the range."""
+        """Return which scaled values of the search lie on a bound of the gain."""
         low, high = self.span
         return np.asarray(np.minimum(np.abs(coordinate - low), np.abs(coordinate - high)) <= _AT_END * (high - low))
 
     def stretch(self, gain: float) -> float:
-        """Return d gain / du at a gain."""
+        """Return the derivative of a gain by its scaled value."""
         return math.hypot(gain, self.scale)

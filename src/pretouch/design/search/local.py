@@ -25,7 +25,7 @@ PageTable: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def _cached_rows(trials: Trials, scale: FloatArray) -> PageTable:
-    """Return a function for rows and derivatives that caches the last point, because solvers read them one by one."""
+    """Return a function that evaluates objectives, constraints and derivatives, and caches the last point."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
     def evaluate(at: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -40,7 +40,7 @@ def _cached_rows(trials: Trials, scale: FloatArray) -> PageTable:
 
 
 def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArray | None:
-    """Minimize a weighted sum of the measures within limits and bounds; None if the result is not feasible."""
+    """Minimize a weighted sum of objectives within limits and bounds; None if the result is not feasible."""
     count, ratios = len(trials.measures), len(trials.constraints)
     rows = _cached_rows(trials, np.ones(count + ratios))
     first = float(weights @ rows(start)[0][:count]) or 1.0
@@ -57,7 +57,7 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArra
 def advance(
     trials: Trials, start: FloatArray, origin: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Return the front's point on a ray from an origin in the space of quantities, and its t; None if none is found."""
+    """Return the point of a Pareto front in a given direction from an origin; None if none is found."""
     # The search minimizes t subject to quantities <= origin + t scale (Pascoletti and Serafini 1984).
     count = len(trials.measures)
     rows = _cached_rows(trials, np.concatenate([scale, np.ones(len(trials.constraints))]))
@@ -89,7 +89,7 @@ def advance(
 
 
 def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any) -> FloatArray:
-    """Minimize within bounds and, if there is a slack, with slack >= 0; both are passed with their derivatives."""
+    """Minimize a function within bounds and inequality constraints, using given derivatives."""
     from scipy.optimize import minimize  # noqa: PLC0415 - keeps `import pretouch` fast
 
     limits = [] if slack is None else [{"type": "ineq", "fun": slack[0], "jac": slack[1]}]
@@ -99,7 +99,7 @@ def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any
 
 
 def _to_feasible(trials: Trials, at: FloatArray, value: Callable[[FloatArray], float]) -> FloatArray | None:
-    """Return a point if it is feasible, moved onto nearby bounds if that is as good; else None."""
+    """Return a feasible point, moved onto nearby bounds if they are as good; None if it is not feasible."""
     moved = np.where(at <= _NEAR, 0.0, np.where(at >= 1 - _NEAR, 1.0, at))
     inner, bound = _if_feasible(trials, at), _if_feasible(trials, moved)
     if inner is None or bound is None or np.array_equal(at, moved):
@@ -114,7 +114,7 @@ def _if_feasible(trials: Trials, at: FloatArray) -> FloatArray | None:
 
 
 def kkt_residual(trials: Trials, at: FloatArray, weights: FloatArray) -> tuple[float, tuple[str, ...], FloatArray]:
-    """Return the residual of the first-order conditions (Karush, Kuhn and Tucker) of a weighted sum at a point.
+    """Return the residual of the first-order optimality conditions (Karush, Kuhn and Tucker) at a point.
 
     The multipliers are the nonnegative least-squares solution, independent of the search.
 

@@ -28,7 +28,8 @@ Found: TypeAlias = tuple[DesignStatus, float | None, float | None]
 
 
 def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]) -> tuple[Any, Any, Any]:
-    """Return status, gain and objective of every encounter, NaN unless optimal; `search_one` solves difficult ones."""
+    """Return status, optimal gain and objective of every encounter of an array."""
+    # Gains and objectives are NaN unless optimal; `search_one` solves difficult encounters.
     shape = problem.task.scenario.shape
     free = problem.within_gain_limit()
     family = find_family(free)
@@ -64,13 +65,13 @@ def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]
 
 
 def settle_one(problem: GainProblem) -> tuple[float, float] | None:
-    """Return gain and objective of one encounter, by the search for many; None if they are not certain."""
+    """Return optimal gain and objective of one encounter from a fixed grid of gains; None if uncertain."""
     gain, objective, settled = _design_block(problem, EXACT.first)
     return (float(gain[0]), float(objective[0])) if settled[0] else None
 
 
 def _design_block(problem: GainProblem, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Design a column of encounters; return gain, objective, and for which encounters these are certain."""
+    """Find the optimal gains of many encounters on a fixed grid of gains, and which results are certain."""
     u = np.linspace(*problem.axis.span, count)
     scanned = problem.landscape(u[None])
     every, merit = scanned.objective, scanned.merit

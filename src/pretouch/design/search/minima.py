@@ -26,7 +26,7 @@ OnAxis: TypeAlias = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Minimum(Value):
-    """A refined local minimum.
+    """A local minimum of a function along an axis, after refinement.
 
     Args:
         coordinate: the coordinate u of the minimum.
@@ -43,7 +43,9 @@ class Minimum(Value):
 
 
 def search_axis(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) -> tuple[Scan, list[Minimum]]:
-    """Scan an axis and refine the minima of the merit; the search is global if the scan resolves the function.
+    """Scan objective and constraints along an axis and refine the local minima.
+
+    The search is global if the scan resolves the function.
 
     Args:
         evaluate: a function that maps coordinates to a Landscape.
@@ -86,7 +88,7 @@ def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort =
 
 
 def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[float, float, bool]:
-    """Narrow a bracket around its lowest value; if the function is smooth, finish with a polynomial."""
+    """Narrow the bracket of a minimum, and finish with a polynomial if the function is smooth."""
     left, right = low, high
     best = (low, math.inf)
     for _ in range(24):
@@ -109,7 +111,7 @@ def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[fl
 
 
 def _polish(function: OnAxis, left: float, right: float) -> tuple[float, float] | None:
-    """Minimize the fitted polynomial over a narrow bracket; None if the function has a corner in it."""
+    """Minimize a polynomial that is fitted over a narrow bracket; None if the function has a corner there."""
     middle, half = 0.5 * (left + right), 0.5 * (right - left)
     values = function(middle + half * NODES)
     span = float(np.ptp(values))

@@ -20,7 +20,8 @@ NODES: Final = _SMOOTH.nodes
 
 
 def minimize_polynomials(values: FloatArray, fit: float = FIT, *, steps: int = 8) -> tuple[FloatArray, BoolArray]:
-    """Fit polynomials to functions sampled at NODES, shape (m, 17); return minima in [-1, 1], and which are certain."""
+    """Fit polynomials to sampled functions; return their minima, and which of the minima are certain."""
+    # The functions are sampled at NODES, shape (m, 17).
     # Newton's method solves df/dz = 0 between the neighbors of the lowest node. Bisection replaces steps that leave
     # this interval, as at minima flatter than a parabola. A polynomial must fit the values to `fit` of their range.
     lowest = np.argmin(values, axis=1)
@@ -49,6 +50,6 @@ def minimize_polynomials(values: FloatArray, fit: float = FIT, *, steps: int = 8
 
 
 def interpolate(values: FloatArray, z: FloatArray) -> FloatArray:
-    """Interpolate functions sampled at NODES, shape (m, 17), at one place each, by polynomials through all nodes."""
+    """Interpolate functions that are sampled at Chebyshev nodes, each function at one point."""
     with np.errstate(invalid="ignore"):  # a function that is undefined at some node is NaN
         return chebyshev_sum(_THROUGH.to_terms @ values.T, z)

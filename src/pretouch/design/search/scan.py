@@ -21,7 +21,7 @@ _EDGE: Final = 1e-3  # share of the axis: largest interval in which feasibility 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """Settings of a search along an axis.
+    """Settings of a search along an axis, such as number of points and resolution.
 
     Args:
         first: number of coordinates of the first scan.
@@ -46,7 +46,7 @@ class Effort:
     smooth: bool = True
 
     def counts(self, lowest: float) -> float:
-        """Return the largest relevant value: the factor `relevant` times the lowest value."""
+        """Return the function value above which intervals and minima are not refined."""
         return math.inf if math.isinf(self.relevant) else self.relevant * lowest
 
 
@@ -70,7 +70,7 @@ would need three times as many gains.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Landscape(Value):
-    """Objective and constraints at coordinates.
+    """Objective and constraint ratios at many points of a scanned axis.
 
     Args:
         objective: the objective, shape (n,), or several, shape (k, n); infinite without contact.
@@ -82,27 +82,27 @@ class Landscape(Value):
 
     @property
     def reached(self) -> BoolArray:
-        """Whether the encounter ends in contact, at each coordinate."""
+        """At which points of the axis the encounter ends in contact."""
         return np.isfinite(self.objective)
 
     @property
     def worst_ratio(self) -> FloatArray:
-        """The largest ratio of all constraints; 0 without constraints, infinite without contact."""
+        """The largest ratio |quantity| / limit of all constraints; infinite without contact, 0 without constraints."""
         worst = self.ratios.max(axis=0) if len(self.ratios) else np.zeros_like(self.objective)
         return np.where(self.reached, worst, np.inf)
 
     @property
     def feasible(self) -> BoolArray:
-        """Whether the encounter ends in contact and meets every constraint, at each coordinate."""
+        """At which points of the axis the encounter ends in contact and meets every constraint."""
         return self.reached & (self.worst_ratio <= HELD)
 
     @property
     def merit(self) -> FloatArray:
-        """The objective if feasible, else infinity."""
+        """The objective at feasible points of the axis, and infinity at all other points."""
         return np.where(self.feasible, self.objective, np.inf)
 
     def joined(self, other: Landscape, order: IntArray) -> Landscape:
-        """Return both landscapes concatenated, in the given order of coordinates."""
+        """Return the union of two sets of scanned points, in a given order."""
         return Landscape(
             objective=np.concatenate([self.objective, other.objective], axis=-1)[..., order],
             ratios=np.concatenate([self.ratios, other.ratios], axis=1)[:, order],
@@ -115,7 +115,7 @@ Evaluate = Callable[[FloatArray], Landscape]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scan(Value):
-    """A scan of the whole axis.
+    """A scan of objective and constraints over the whole axis.
 
     Args:
         coordinate: u, ascending, shape (n,).
@@ -169,7 +169,7 @@ def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) ->
 
 
 def _relative_error(predicted: FloatArray, new: FloatArray, found: Landscape, share: float) -> FloatArray:
-    """Return the relative error of a prediction; 0 if it is not finite."""
+    """Return the relative error of predicted values; 0 if the error is not finite."""
     size = np.abs(new)
     if share:
         values = found.objective[..., found.reached.reshape(-1, found.objective.shape[-1]).all(axis=0)]
@@ -180,7 +180,7 @@ def _relative_error(predicted: FloatArray, new: FloatArray, found: Landscape, sh
 
 
 def predict(u: FloatArray, f: FloatArray, intervals: IntArray) -> FloatArray:
-    """Predict f, shape (..., n), in the middle of intervals by the cubic through the four nearest nodes."""
+    """Predict a function in the middle of intervals by the cubic through the four nearest nodes."""
     nodes = np.clip(intervals - 1, 0, len(u) - 4)[:, None] + np.arange(4)
     x = u[nodes]
     away = 0.5 * (u[intervals] + u[intervals + 1])[:, None] - x

@@ -21,7 +21,10 @@ _NODES: Final = np.arange(-2.0, 3.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trials:
-    """Evaluates encounters for a search over the free parameters; coordinates have the shape (n, size)."""
+    """Evaluates encounters for the gains and admittances that a search tries.
+
+    Points have the shape (n, size).
+    """
 
     freedom: Freedom  # the free parameters
     encounters: GainProblem  # the task, which solves encounters and has the constraints
@@ -29,37 +32,38 @@ class Trials:
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """The constraints."""
+        """The constraints of the task."""
         return self.encounters.task.limits
 
     @property
     def criteria(self) -> tuple[Criterion, ...]:
-        """The measures, then |quantity| / limit of every constraint."""
+        """The objectives to minimize, followed by the ratio |quantity| / limit of every constraint."""
         return (*self.measures, *(ratio(c, self.encounters.task.impact) for c in self.constraints))
 
     def run(self, at: FloatArray) -> ContactResult:
-        """Solve the encounters at coordinates, shape (n, size)."""
+        """Solve the encounters for search points, which represent gains and admittances."""
         return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
 
     def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return measures and |quantity| / limit of every constraint, infinite without contact; and the contacts."""
+        """Return objectives and constraint ratios of each search point, and which points end in contact."""
         result = self.run(at)
         reached = np.asarray(result.reached)
         rows = self.rows_of(result)
         return np.where(reached[:, None], np.reshape(rows, (len(at), -1)), np.inf), reached
 
     def feasible(self, rows: FloatArray) -> BoolArray:
-        """Return which rows end in contact and meet every limit."""
+        """Return which search points end in contact and meet every limit."""
         ratios = rows[:, len(self.measures) :]
         return np.asarray(np.isfinite(rows).all(axis=1) & (ratios <= HELD).all(axis=1))
 
     def values(self, at: FloatArray) -> FloatArray:
-        """Return the measures, infinite at points that are not feasible, shape (n, measures)."""
+        """Return the objectives to minimize for each search point; infinite if the point is not feasible."""
         rows, _ = self.rows(at)
         return np.where(self.feasible(rows)[:, None], rows[:, : len(self.measures)], np.inf)
 
     def differentiate(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the rows at one point, shape (size,), and their derivatives; infinite and zero without contact."""
+        """Return objectives and constraint ratios at one search point, with their derivatives."""
+        # They are infinite, with zero derivatives, without contact.
         # Derivatives are exact if the result has gradients for all quantities of a row, else differences are used.
         result = self.run(at[None])
         if not np.asarray(result.reached).all():
@@ -73,11 +77,11 @@ class Trials:
         return rows, slopes
 
     def rows_of(self, result: ContactResult) -> FloatArray:
-        """Return the rows of a result, with the runs along the first axis."""
+        """Return objectives and constraint ratios of solved encounters."""
         return np.stack([np.asarray(c.value(result), dtype=np.float64) for c in self.criteria], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
-        """Return the exact derivatives, NaN for rows that have none."""
+        """Return the exact derivatives of objectives and constraint ratios; NaN if there are none."""
         criteria = self.criteria
         slopes = np.full((len(criteria), len(at)), np.nan)
         if not self.encounters.is_differentiable or not any(criterion.has_gradients for criterion in criteria):
@@ -92,7 +96,7 @@ class Trials:
         return slopes
 
     def _differences(self, at: FloatArray) -> FloatArray:
-        """Return derivatives by differences of order 4, one-sided near a bound."""
+        """Return derivatives of objectives and constraint ratios by finite differences of order 4."""
         size = len(at)
         shift = np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)  # shift of the middle node, in steps
         offsets = _STEP * (_NODES + shift[:, None])

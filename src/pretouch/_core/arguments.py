@@ -31,7 +31,7 @@ RULES_ATTRIBUTE: Final = "_rules_of_fields"
 
 
 class _Allowed(NamedTuple):
-    """The values that an annotation allows.
+    """The argument values that a type annotation allows, with the words that describe them in error messages.
 
     Args:
         quick: types whose values are all allowed; if `by_type`, accepted types are added.
@@ -51,7 +51,7 @@ class _Allowed(NamedTuple):
 
 
 class Rule:
-    """The check of one argument.
+    """Check of one function argument or dataclass field against its type annotation.
 
     Args:
         name: name of the argument.
@@ -68,7 +68,7 @@ class Rule:
         self._name, self._allowed, self.default, self.quick = name, kind, default, kind.quick
 
     def check(self, value: Any, before: str = "") -> Any:
-        """Check a value and convert it to a Python type.
+        """Check the type of an argument and return its value as a Python type, such as a float.
 
         Args:
             value: the argument.
@@ -96,7 +96,7 @@ _Rules: TypeAlias = tuple[tuple[Rule | None, ...], Rule | None, dict[str, Rule]]
 
 
 def check_arguments(function: F) -> F:
-    """Decorate a public function so that it checks its arguments before it does anything.
+    """Decorate a function so that it checks the types of its arguments before it runs.
 
     Args:
         function: an annotated function; parameters annotated with Any are not checked.
@@ -163,7 +163,7 @@ def _rules_of_function(function: Callable[..., Any]) -> _Rules:
 
 
 def rules_of_fields(cls: Any) -> dict[str, Rule]:
-    """Return the rules of those fields of a dataclass that no `quantity` declares, by name.
+    """Return the type checks of those dataclass fields that are not physical quantities, by field name.
 
     The rules are cached in the class, as RULES_ATTRIBUTE, and are freed with it.
     """
@@ -183,7 +183,7 @@ def rules_of_fields(cls: Any) -> dict[str, Rule]:
 
 
 class _TypeCheckingOnly(type):
-    """A placeholder for a class that is imported only for type checkers; it is compared by name."""
+    """Placeholder for a class that only type checkers import; values are checked by the name of their class."""
 
     def __getattr__(cls, name: str) -> Any:  # as in `xr.Dataset`
         if name.startswith("__"):
@@ -192,7 +192,7 @@ class _TypeCheckingOnly(type):
 
 
 class _Namespace(dict[str, Any]):
-    """The names of a module; a missing name is a class that is imported only for type checkers."""
+    """Names of a module, in which an unknown name becomes a placeholder for a class."""
 
     def __missing__(self, name: str) -> Any:
         if hasattr(builtins, name):
@@ -201,7 +201,7 @@ class _Namespace(dict[str, Any]):
 
 
 def _evaluate(annotation: Any, names: Mapping[str, Any]) -> Any:
-    """Evaluate an annotation; return Any if that fails."""
+    """Evaluate a type annotation that may be text, and return `Any` if the evaluation fails."""
     if annotation is Parameter.empty:
         return Any
     try:
@@ -227,7 +227,7 @@ _NUMBERS: Final = _Allowed({float, int, np.float64}, are_numbers, "a number or a
 
 
 def _allowed(hint: Any) -> _Allowed | None:
-    """Return the values that an annotation allows; None if it allows every value."""
+    """Return the values that a type annotation allows, or None if it allows every value."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint is ArrayLike or origin is np.ndarray:
         return _NUMBERS
@@ -240,7 +240,7 @@ def _allowed(hint: Any) -> _Allowed | None:
 
 
 def _composed(origin: Any, parts: tuple[Any, ...]) -> _Allowed | None:
-    """Return the values that a union, a literal or a container type allows."""
+    """Return the values that a composed type annotation allows: a union, a literal or a container."""
     if origin in {Union, types.UnionType}:
         return _any_of([_allowed(part) for part in parts])
     if origin is Literal:
@@ -316,7 +316,7 @@ def _sequence(kind: _Allowed | None) -> _Allowed:
 
 
 def _mapping(key: Any, value: Any) -> _Allowed:
-    """Return the allowed mappings; the values are checked by the function itself, which names the key in messages."""
+    """Allow mappings whose keys have the annotated type; the called function checks the values itself."""
     keys, values = _allowed(key), _allowed(value)
 
     def fits(candidate: Any) -> bool:
@@ -340,12 +340,12 @@ def _instance(cls: type) -> _Allowed:
 
 
 def _members(protocol: type) -> list[str]:
-    """Return the attributes that a protocol requires."""
+    """Return the names of the attributes that a `typing.Protocol` requires."""
     bases = [base for base in protocol.__mro__ if getattr(base, "_is_protocol", False)]
     names = {name for base in bases for name in (*vars(base), *vars(base).get("__annotations__", {}))}
     return sorted(name for name in names if not name.startswith("_") or name == "__call__")
 
 
 def _has(value: Any, name: str) -> bool:
-    """Return whether a value has an attribute, without computing it if it is a property."""
+    """Return whether an object has an attribute, without computing the attribute if it is a property."""
     return hasattr(type(value), name) or hasattr(value, name)

@@ -23,7 +23,7 @@ LINK: Final = re.compile(r"\[([^\[\]]+)\]\(#([a-z0-9-]+)\)")
 
 @dataclass(frozen=True, slots=True)
 class Measured(Value):
-    """A number with its unit.
+    """A number with its unit, as a table of results shows it.
 
     Args:
         value: the number in SI; None or NaN if there is none.
@@ -40,7 +40,7 @@ class Measured(Value):
 
 @dataclass(frozen=True, slots=True)
 class Named(Value):
-    """The name of a quantity, and its symbol for media that can show it."""
+    """The name of a quantity in words, with its symbol for reports that can show symbols."""
 
     words: str
     symbol: str = ""
@@ -51,7 +51,7 @@ Cell: TypeAlias = str | Measured | Named
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageTable(Value):
-    """Table of cells; the first cell of a row names it.
+    """A table in the description of a result; the first cell of each row names the row.
 
     Args:
         rows: the rows, all with the same number of cells.
@@ -73,7 +73,9 @@ class PageTable(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paragraph(Value):
-    """Sentences; text between backticks is code. A `quiet` paragraph explains, and is set in smaller type.
+    """Sentences in the description of a result; text between backticks is code.
+
+    A `quiet` paragraph explains, and is set in smaller type.
 
     In every text, `[words](#anchor)` is a link to a section or a download of the page, in media that have links.
     """
@@ -85,7 +87,7 @@ class Paragraph(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listing(Value):
-    """A list of sentences."""
+    """A list of sentences in the description of a result."""
 
     items: tuple[str, ...]
     brief: bool = False
@@ -93,7 +95,7 @@ class Listing(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture(Value):
-    """A figure, which is drawn when the page is shown.
+    """A figure in the description of a result; it is drawn only when the description is shown.
 
     Args:
         figure: name of a function of `pretouch.report.plots`; any name if `of` is a figure already.
@@ -111,7 +113,7 @@ class Picture(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Code(Value):
-    """Text to be copied, such as a file; with a title it can be folded."""
+    """A text that readers copy, such as a scenario file. If it has a title, readers can collapse it."""
 
     text: str
     title: str = ""
@@ -120,7 +122,7 @@ class Code(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Download(Value):
-    """A file that is embedded in a page and can be saved.
+    """A file that is embedded in a report and that readers can save.
 
     Args:
         name: name of the file.
@@ -138,7 +140,7 @@ class Download(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSection(Value):
-    """A section: blocks under a title. The short text contains only its brief blocks.
+    """A titled section of a report. The short text in a terminal shows only its blocks marked as brief.
 
     Args:
         title: the title.
@@ -157,13 +159,13 @@ class PageSection(Value):
 
     @property
     def brief(self) -> bool:
-        """Whether any of its blocks is part of the short text."""
+        """Whether at least one block of this section appears in the short text for a terminal."""
         return any(block.brief for block in self.blocks)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LazyBlock(Value):
-    """A section or a table that is slow to compute: it is made when a report is written, never for the short text.
+    """A section or table that is slow to compute and is computed only when a report is written.
 
     Args:
         make: returns the block; None if there is nothing to show.
@@ -178,7 +180,7 @@ Block: TypeAlias = PageSection | PageTable | Paragraph | Listing | Picture | Cod
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page(Value):
-    """The full description of a result.
+    """Description of a result by headline, warnings, tables and figures, for every output medium.
 
     Args:
         kind: kind of the result, such as `Gain design`.
@@ -212,18 +214,18 @@ class Page(Value):
         object.__setattr__(self, "blocks", tuple(block for block in self.blocks if block is not None))
 
     def with_blocks(self, *blocks: Block | None) -> Page:
-        """Return the page with more blocks at its end."""
+        """Return a copy of this page with more tables, figures or paragraphs at its end."""
         return replace(self, blocks=(*self.blocks, *blocks))
 
 
 def named(name: str, *, magnitude: bool = False) -> Named:
-    """Return the name of a quantity as a cell; with `magnitude`, its symbol is written as |symbol|."""
+    """Return a table cell with the name and symbol of a quantity; `magnitude` puts bars around the symbol."""
     q = QUANTITIES[name]
     return Named(q.words, f"|{q.symbol}|" if magnitude and "|" not in q.symbol else q.symbol)
 
 
 def tables_of(blocks: Iterable[Block]) -> Iterator[PageTable]:
-    """Yield all tables among blocks, including those inside sections."""
+    """Yield all tables among the blocks of a report, including tables inside sections."""
     for block in blocks:
         if isinstance(block, PageTable):
             yield block
@@ -232,7 +234,9 @@ def tables_of(blocks: Iterable[Block]) -> Iterator[PageTable]:
 
 
 def aligned(table: Sequence[Sequence[str]], *, left: bool = False) -> list[str]:
-    """Align the cells of rows in columns: the first column to the left, the others to the right.
+    """Format the rows of a table as text lines with aligned columns.
+
+    The first column is aligned to the left, the others to the right.
 
     Args:
         table: the rows, all with the same number of cells.
@@ -256,7 +260,7 @@ def aligned(table: Sequence[Sequence[str]], *, left: bool = False) -> list[str]:
 
 
 def page_as_text(page: Page) -> str:
-    """Write a page as text.
+    """Format the description of a result as plain text for a terminal.
 
     Args:
         page: the page.
@@ -271,7 +275,7 @@ def page_as_text(page: Page) -> str:
 
 
 def _parts(blocks: Iterable[Block]) -> Iterator[str]:
-    """Yield the text of each brief block; the blocks of a titled section follow its title without an empty line."""
+    """Yield the plain text of each block of a report that is marked as brief."""
     for block in blocks:
         if not block.brief:
             continue
@@ -288,12 +292,12 @@ def _parts(blocks: Iterable[Block]) -> Iterator[str]:
 
 
 def plain_text(text: str) -> str:
-    """Remove the markup of code and links."""
+    """Remove backticks and link targets from a text."""
     return LINK.sub(r"\1", text).replace("`", "")
 
 
 def cell_as_text(cell: Cell) -> str:
-    """Write a cell as text; a missing number is a hyphen."""
+    """Format a table cell as plain text; a missing number becomes a hyphen."""
     if isinstance(cell, Named):
         return cell.words
     if not isinstance(cell, Measured):
@@ -304,7 +308,7 @@ def cell_as_text(cell: Cell) -> str:
 
 
 class InNotebooks:
-    """A base class of values that notebooks show as an excerpt of a page: headline, figure and first table.
+    """Base class of results that a Jupyter notebook shows with headline, figure and first table.
 
     A class names the function that makes its page as text, so that values do not import what renders them.
     """
@@ -320,7 +324,7 @@ class InNotebooks:
 
 
 class Described(InNotebooks):
-    """A base class of results: `str` gives the short text of its page."""
+    """Base class of results; `str(result)` returns the short text that a terminal shows."""
 
     __slots__ = ()
 
@@ -329,7 +333,7 @@ class Described(InNotebooks):
 
 
 def page_of(result: InNotebooks) -> Page:
-    """Make the page of a result.
+    """Create the page that describes a result by headline, tables and figures.
 
     Args:
         result: a result whose class names the function that makes its page.

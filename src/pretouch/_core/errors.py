@@ -23,23 +23,23 @@ from typing import Any
 
 
 class PretouchError(Exception):
-    """The base class of all errors that pretouch raises on purpose."""
+    """Base class of all errors that pretouch raises on purpose."""
 
 
 class InvalidInputError(PretouchError, ValueError):
-    """An invalid request: the message gives the value, what is allowed, and what to do."""
+    """Raised for an invalid input; the message names the value, what is allowed, and what to do."""
 
 
 class UnitError(InvalidInputError):
-    """Text that is not a quantity, or a quantity of another dimension than expected."""
+    """Raised for text that is not a quantity, or for a quantity with the wrong physical dimension."""
 
 
 class OutOfRangeError(InvalidInputError):
-    """A distance outside the valid range of the sensor model."""
+    """Raised for a distance outside the valid range of the sensor model."""
 
 
 class CalibrationDataError(InvalidInputError):
-    """A calibration file or table that cannot be read as distances and outputs.
+    """Raised for a calibration file or table that cannot be read as distances and sensor outputs.
 
     Args:
         message: what is wrong; it may quote the file.
@@ -53,32 +53,32 @@ class CalibrationDataError(InvalidInputError):
 
     @classmethod
     def without_content(cls, message: str) -> CalibrationDataError:
-        """Make an error whose message does not quote the file."""
+        """Create an error whose message does not quote the calibration file."""
         return cls(message, problem=message)
 
 
 class ScenarioFileError(InvalidInputError):
-    """A mistake in a scenario file: the message gives the line, the key, the value, and what is expected."""
+    """Raised for a mistake in a scenario file; the message gives line, key, value and what is expected."""
 
 
 class OutputExistsError(InvalidInputError):
-    """An output file that exists already; pretouch overwrites it only on request."""
+    """Raised if an output file already exists and must not be overwritten."""
 
 
 class MissingExtraError(PretouchError):
-    """A library of an optional extra is needed but not installed; the message says how to install it."""
+    """Raised if an optional library is needed but not installed; the message says how to install it."""
 
 
 class BrokenCoreError(PretouchError, ImportError):
-    """The compiled core is missing, damaged or of another version; the message says how to restore it."""
+    """Raised if the compiled core is missing, damaged or of another version; the message gives the remedy."""
 
 
 class ResultUnavailableError(PretouchError):
-    """A part of a result that does not exist, such as the contact of a run without contact."""
+    """Raised for a part of a result that does not exist, such as the contact of a run without contact."""
 
 
 def require(module: str, *, extra: str = "sweep") -> Any:
-    """Load a library of an optional extra.
+    """Import a library that an optional extra of pretouch installs.
 
     Args:
         module: name of the module.

@@ -37,7 +37,7 @@ def quantity(
     infinite: bool = False,
     **others: Any,
 ) -> Any:
-    """Declare a field that is a number, or an array of numbers, in SI.
+    """Declare a dataclass field that holds a number, or an array of numbers, in SI units.
 
     Args:
         unit: SI unit; empty for a pure number; OUTPUT or OUTPUT_RATE for a sensor output.
@@ -55,28 +55,30 @@ def quantity(
 
 
 def flag(default: bool) -> Any:
-    """Declare a field that is true or false."""
+    """Declare a dataclass field that is true or false."""
     return field(default=default, metadata={"flag": True})
 
 
 def count(least: int, default: int, example: str) -> Any:
-    """Declare an integer field with a smallest value; the class checks the value."""
+    """Declare an integer dataclass field with a smallest allowed value; the dataclass itself checks the value."""
     return field(default=default, metadata={"least": least, "example": example})
 
 
 @cache
 def declared(cls: Any) -> tuple[Any, ...]:
-    """Return the fields of a dataclass that are quantities."""
+    """Return the fields of a dataclass that are declared as physical quantities."""
     return tuple(f for f in fields(cls) if "unit" in f.metadata)
 
 
 def units_of_fields(cls: Any) -> dict[str, str]:
-    """Return the SI units of the quantities of a dataclass, by name."""
+    """Return the SI units of all quantities of a dataclass, by field name."""
     return {f.name: f.metadata["unit"] for f in declared(cls)}
 
 
 def check_declared(value: Any, *, arrays: bool = False, before: str = "", instead: str = "") -> None:
-    """Check every field of a frozen dataclass and convert quantities to floats; called in its `__post_init__`.
+    """Check every field of a frozen dataclass and convert its quantities to floats.
+
+    Dataclasses call it in `__post_init__`.
 
     Args:
         value: the instance.
@@ -94,7 +96,9 @@ def check_declared(value: Any, *, arrays: bool = False, before: str = "", instea
 
 
 def check_types(value: Any, before: str = "") -> None:
-    """Check the fields of a frozen dataclass that are not quantities by their annotations; called in `__post_init__`.
+    """Check the types of those fields of a frozen dataclass that are not physical quantities.
+
+    Dataclasses call it in `__post_init__`.
 
     NumPy numbers are converted to Python numbers.
 
@@ -114,7 +118,8 @@ def check_types(value: Any, before: str = "") -> None:
 
 @cache
 def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
-    """Return for each quantity: name, lower limit, whether the limit itself is excluded, and field."""
+    """Return the limits of each dataclass quantity in a form that is fast to check."""
+    # Each entry has the name, the lower limit, whether the limit itself is excluded, and the field.
     ends = {"positive": (0.0, True), "nonnegative": (0.0, False)}
     checks = []
     for f in declared(cls):
@@ -124,7 +129,7 @@ def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
 
 
 def _check_one(value: Any, f: Field[Any], *, arrays: bool, before: str, instead: str) -> None:
-    """Check a quantity that failed the quick check: it may be an array, infinite, missing, or wrong."""
+    """Check a quantity that failed the quick check: it may be an array, infinite, missing or wrong."""
     number, metadata = getattr(value, f.name), f.metadata
     if number is None and f.default is None:
         return

@@ -50,7 +50,7 @@ def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callab
 
 
 def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Refuse to overwrite an input file; different spellings and links of its path are recognized.
+    """Raise an error if an output path would overwrite an input file, even through a link.
 
     Args:
         path: the output file.
@@ -72,7 +72,9 @@ def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
 
 
 def temporary_path(target: Path) -> Path:
-    """Return the path of a temporary file next to a target file, which is renamed to the target when it is complete.
+    """Return a free path for a temporary file in the folder of a target file.
+
+    The caller renames the temporary file to the target when the file is complete.
 
     Temporary files of the same target that a killed process left behind are removed an hour after their last change.
 
@@ -93,7 +95,7 @@ def temporary_path(target: Path) -> Path:
 
 
 def remove_tree(path: Path) -> None:
-    """Remove a file, or a folder with its content; errors are ignored."""
+    """Remove a file, or a folder with its content, and ignore errors."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
         return
@@ -102,7 +104,7 @@ def remove_tree(path: Path) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
-    """Write a text file atomically, in UTF-8; an existing file is replaced only with `overwrite`.
+    """Write a UTF-8 text file atomically; an existing file is replaced only if `overwrite` is true.
 
     The text is written to a temporary file in the same folder first, so that a crash leaves no partial file. Whether
     the target exists is checked in the moment of renaming, without a race.
@@ -125,7 +127,7 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool = False) -> Path:
-    """Write a file atomically, in the same way as `write_text`.
+    """Write bytes to a file atomically; an existing file is replaced only if `overwrite` is true.
 
     Args:
         path: the file; its folder must exist.
@@ -164,7 +166,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
 
 
 def _write_through(path: Path, content: bytes) -> None:
-    """Write a new file and wait until it is on the disk."""
+    """Write a new file and wait until its content is on the disk."""
     binary = getattr(os, "O_BINARY", 0)  # exists on Windows only
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | binary, 0o666)
     try:
@@ -178,7 +180,7 @@ def _write_through(path: Path, content: bytes) -> None:
 
 
 def _move_to_free_name(source: Path, target: Path) -> None:
-    """Rename a file to a name that must be free; raise FileExistsError, without a race, if it is taken."""
+    """Rename a file without overwriting; raise FileExistsError if the new name is taken."""
     try:
         os.link(source, target)
     except FileExistsError:
@@ -189,7 +191,7 @@ def _move_to_free_name(source: Path, target: Path) -> None:
 
 
 def sign(html: str) -> str:
-    """Sign an HTML page: add a `generator` line that names pretouch and the hash of the rest of the page.
+    """Sign an HTML report with a `generator` line that contains the hash of the rest of the page.
 
     Args:
         html: a page with a `<head>`; an earlier signature is replaced.
@@ -215,7 +217,7 @@ def sign(html: str) -> str:
 
 
 def is_own_unchanged(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file is a report that pretouch signed and that has not been changed since.
+    """Return whether a file is an HTML report that pretouch signed and that has not been changed since.
 
     Args:
         path: the file, which need not exist.
@@ -240,7 +242,7 @@ def _digest(text: str) -> str:
 
 
 def as_json(value: Mapping[str, Any], *, indent: int | None = 2) -> str:
-    """Serialize an object as standard JSON.
+    """Serialize a mapping, such as the content of a result, as standard JSON.
 
     Args:
         value: the object.
@@ -263,7 +265,7 @@ def as_json(value: Mapping[str, Any], *, indent: int | None = 2) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Convert a value to the types of JSON; a number that is not finite becomes None.
+    """Convert a value to types that JSON supports; a number that is not finite becomes None.
 
     Args:
         value: any part of a result: NumPy numbers and arrays, tuples, enumerations, paths, and containers of these. A
@@ -286,7 +288,7 @@ def plain(value: Any) -> Any:
 
 
 def with_kind(value: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass, with the name of its class as `kind`."""
+    """Return the fields of a dataclass as a dictionary, with the name of the class under the key `kind`."""
     return {"kind": type(value).__name__, **{f.name: getattr(value, f.name) for f in fields(value)}}
 
 
@@ -294,7 +296,7 @@ _LISTS: Final = (list, tuple, set, frozenset)
 
 
 def _plain_one(value: Any) -> Any:
-    """Convert a value that is not a container to a type of JSON."""
+    """Convert a single value, not a container, to a type that JSON supports."""
     if isinstance(value, Enum):
         return plain(value.value)
     if hasattr(value, "tolist"):  # NumPy scalars and arrays

@@ -12,7 +12,7 @@ from typing import Any
 
 
 def lazy_names(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Make `__getattr__` and `__dir__` of a module whose names are imported lazily.
+    """Create `__getattr__` and `__dir__` of a module, so that its public names are imported on first use.
 
     The stub of the module (`.pyi`) lists the names, one import per line, for type checkers and for this function. A
     program imports only the packages that it uses.
@@ -45,7 +45,7 @@ def lazy_names(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str
 
 
 def _hint(name: str, names: list[str]) -> str:
-    """Return a suggestion for a missing name, such as verify_gain for verify; empty if none is similar."""
+    """Return a suggestion for a misspelled name, such as `verify_gain` for `verify`, or an empty text."""
     from difflib import get_close_matches  # noqa: PLC0415 - only for mistakes
 
     similar = [known for known in names if len(name) > 2 and name.lower() in known.lower()]
@@ -54,7 +54,7 @@ def _hint(name: str, names: list[str]) -> str:
 
 
 class _AliasFinder:
-    """Makes `import package.name` work for a module that the package lists but that is located elsewhere.
+    """Import hook for modules that a package lists under another name than their location.
 
     For example, `import pretouch.robust` gives the module `pretouch.design.robust`.
 
@@ -66,7 +66,7 @@ class _AliasFinder:
         self._package = package
 
     def find_spec(self, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:  # noqa: ARG002
-        """Return a spec for a listed module; None for any other name."""
+        """Return the import spec of a module that the package lists, or None for any other name."""
         package, _, name = fullname.rpartition(".")
         if package != self._package or name not in listed(package):
             return None
@@ -79,18 +79,18 @@ class _AliasFinder:
         )
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Return the module, which is imported already."""
+        """Return the module to which an alias refers; it is imported already."""
         return import_module(spec.loader_state.name)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Restore the spec of the module, which the import system has just replaced."""
+        """Restore a module's own import spec, which the import system has just replaced."""
         replaced: Any = module.__spec__
         module.__spec__ = replaced.loader_state
 
 
 @lru_cache
 def listed(module: str) -> dict[str, tuple[str, str]]:
-    """Read the names of a module from its stub.
+    """Read the public names of a module from its stub file (`.pyi`).
 
     Args:
         module: `__name__` of the module.

@@ -38,7 +38,7 @@ _FEW: Final = 8  # items that are shown
 
 
 def short_repr(value: Any) -> str:
-    """Return a short representation of a value for messages.
+    """Return a short text that shows a value in error messages.
 
     Args:
         value: any value.
@@ -73,5 +73,5 @@ def _is_simple(value: Any) -> bool:
 
 
 def with_article(name: str) -> str:
-    """Return a name with its article, such as `an Obstacle`."""
+    """Put `a` or `an` before a class name, as in `an Obstacle`."""
     return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"

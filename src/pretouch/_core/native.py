@@ -42,7 +42,7 @@ _word: Final = ctypes.c_size_t.from_address
 
 
 def _head() -> int | None:
-    """Return the offset of the data pointer in an array object; None if it cannot be determined."""
+    """Return the byte offset of the data pointer inside a NumPy array object, or None if it is unknown."""
     if sys.implementation.name != "cpython":
         return None
     probe, head = np.zeros(1), object.__basicsize__  # the data pointer is the first field in NumPy's ABI
@@ -54,7 +54,7 @@ _HEAD: Final = _head()
 
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL:
-    """Load the library; choose the kernels of this processor, or those that PRETOUCH_VARIANT names."""
+    """Load the compiled library and select its kernels for this processor or for `PRETOUCH_VARIANT`."""
     default = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
     path = Path(os.environ.get(_LIBRARY) or default)
     _check_file(path)
@@ -72,7 +72,7 @@ def _library() -> ctypes.CDLL:
 
 
 def _check_file(path: Path) -> None:
-    """Refuse a library that differs from its build record: loading a truncated file would kill the process."""
+    """Check a compiled library against its build record, because loading a truncated file would crash Python."""
     try:
         content = path.read_bytes()
         record = json.loads(path.with_name(f"{path.name}.json").read_bytes())
@@ -101,13 +101,13 @@ def _broken(path: Path, what: str) -> BrokenCoreError:
 
 
 def variant() -> str:
-    """Return the kind of processor for which the running kernels are compiled, one of VARIANTS."""
+    """Return the processor type for which the running kernels are compiled: `base`, `avx2` or `avx512`."""
     best = _library().pretouch_best_variant()  # this checks PRETOUCH_VARIANT as well
     return os.environ.get(_SWITCH) or VARIANTS[best]
 
 
 def kernel(name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]:
-    """Return a function of the library; the library is loaded at its first call.
+    """Return a Python function that calls a compiled function and loads the library on the first call.
 
     Args:
         name: name of the function without `pretouch_`.
@@ -131,7 +131,7 @@ def kernel(name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]
 
 
 def entry(name: str) -> int:
-    """Return the address of a function of the library, which other compiled code can call.
+    """Return the address of a function of the compiled library, so that other compiled code can call it.
 
     Args:
         name: name of the function without `pretouch_`.
@@ -143,7 +143,7 @@ def entry(name: str) -> int:
 
 
 def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
-    """Return the address of the data of an array.
+    """Return the memory address of the data of a NumPy array.
 
     Args:
         array: a contiguous array in C order; it must outlive the call that takes the address.
@@ -163,7 +163,7 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
 
 
 def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _FLOAT) -> int:
-    """Return the address of the data of an array after a check of its shape.
+    """Check the shape of a NumPy array and return the memory address of its data.
 
     Args:
         array: see `address`.
@@ -182,7 +182,7 @@ def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _
 
 
 def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return address and strides of a part of an array that a kernel fills row by row.
+    """Return the memory address and the strides of an array whose rows a compiled kernel fills.
 
     Args:
         array: see `address`; only its last axis must be contiguous.
@@ -202,7 +202,7 @@ def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ..
 
 
 def columns(arrays: Sequence[NDArray[np.float64]], count: int | None = None) -> bytes:
-    """Return addresses and strides of several arrays, in the layout of the kernels' `pretouch_column`.
+    """Pack the addresses and strides of several arrays as bytes for a compiled kernel.
 
     Args:
         arrays: arrays with one number for all encounters, or one number for each encounter.
@@ -232,7 +232,9 @@ _CAPSULE_POINTER.argtypes, _CAPSULE_POINTER.restype = (ctypes.py_object, ctypes.
 
 
 class Structure(ctypes.Structure):
-    """A C structure whose instances are equal if all their bytes are; they can be pickled and copied.
+    """A C structure in Python; two instances are equal if all their bytes are equal.
+
+    Instances can be pickled and copied.
 
     Fields can be changed, but not while the instance is a key of a dictionary.
     """
@@ -258,7 +260,7 @@ class Structure(ctypes.Structure):
 
 
 def numbers(*names: str, kind: Any = ctypes.c_double) -> tuple[tuple[str, Any], ...]:
-    """Return fields of one type, for `_fields_` of a structure.
+    """Declare fields of one type for a C structure.
 
     Args:
         *names: names of the fields.
@@ -275,14 +277,14 @@ def _shown(value: Any) -> Any:
 
 
 def copy_of(memory: T) -> T:
-    """Copy a ctypes structure or a NumPy array."""
+    """Return a copy of a ctypes structure or of a NumPy array."""
     if isinstance(memory, ctypes.Structure):
         return type(memory).from_buffer_copy(memory)
     return np.array(memory)  # type: ignore[return-value]
 
 
 def location(memory: Any, name: str) -> tuple[int, int]:
-    """Return the address and the size in bytes of memory that a C function reads.
+    """Return the address and the size in bytes of the memory that a compiled function reads.
 
     Args:
         memory: a ctypes structure or a contiguous NumPy array; it must outlive the call that takes the address.
@@ -305,7 +307,7 @@ def location(memory: Any, name: str) -> tuple[int, int]:
 
 
 def machine_code(function: Any) -> int | None:
-    """Return the address of a compiled function.
+    """Return the address of a compiled function, or None for a Python function.
 
     Args:
         function: a scipy.LowLevelCallable, a capsule (as in Cython), a ctypes function, an object with an `address`

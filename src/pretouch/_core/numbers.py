@@ -21,7 +21,7 @@ IntArray: TypeAlias = NDArray[np.int64]
 
 
 def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
-    """Check that every number is finite.
+    """Check that a number, or every number of an array, is finite.
 
     Args:
         value: a number or an array.
@@ -50,7 +50,7 @@ def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
 
 
 def positive(value: ArrayLike, name: str, unit: str = "") -> Any:
-    """Check that every number is finite and positive; return it in the same form as `finite`."""
+    """Check that every number is finite and positive, and return a float or a read-only array."""
     checked = finite(value, name, unit)
     if type(checked) is float and checked > 0:
         return checked
@@ -59,7 +59,7 @@ def positive(value: ArrayLike, name: str, unit: str = "") -> Any:
 
 
 def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
-    """Check that every number is finite and not negative; return it in the same form as `finite`."""
+    """Check that every number is finite and not negative, and return a float or a read-only array."""
     checked = finite(value, name, unit)
     if type(checked) is float and checked >= 0:
         return checked
@@ -68,12 +68,12 @@ def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
 
 
 def float_or_array(value: Any) -> Any:
-    """Return a 0-dimensional value as a float, and any other array unchanged."""
+    """Convert a 0-dimensional array to a float, and return any other array unchanged."""
     return float(value) if np.ndim(value) == 0 else value
 
 
 def finite_or_none(value: Any) -> float | None:
-    """Return a number as a float, or None if it is not finite.
+    """Return a number as a float, or None if the number is infinite or NaN.
 
     Args:
         value: a number.
@@ -86,14 +86,14 @@ def finite_or_none(value: Any) -> float | None:
 
 
 def is_number(value: Any) -> bool:
-    """Return whether a value is one real number, of Python or NumPy; booleans are not."""
+    """Return whether a value is a single real number of Python or NumPy; booleans do not count."""
     if isinstance(value, np.ndarray):
         return value.ndim == 0 and value.dtype.kind in "iuf" and not np.ma.is_masked(value)
     return isinstance(value, Real | Decimal) and not isinstance(value, bool)
 
 
 def as_float(value: Any) -> float:
-    """Return a number as a float: infinite on overflow, NaN if it is not a number."""
+    """Convert a number to a float; overflow gives infinity, and a value that is not a number gives NaN."""
     try:
         return float(value)
     except OverflowError:
@@ -103,19 +103,19 @@ def as_float(value: Any) -> float:
 
 
 def is_whole(value: Any) -> bool:
-    """Return whether a value is an integer, of Python or NumPy; booleans are not."""
+    """Return whether a value is an integer of Python or NumPy; booleans do not count."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def are_numbers(value: Any) -> bool:
-    """Return whether a value is a number, an array of numbers or a nested sequence of them; NaN and inf are numbers."""
+    """Return whether a value is a number, or an array or nested list of numbers; NaN and infinity count."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
         return True
     return _numbers(value) is not None
 
 
 def _numbers(value: ArrayLike) -> FloatArray | None:
-    """Copy numbers into a float array; None for text, booleans, complex and masked values, which NumPy converts."""
+    """Copy numbers into a float array, or return None for text, booleans, complex or masked values."""
     try:
         if isinstance(value, list | tuple) and bool in map(type, value):
             return None
@@ -146,23 +146,23 @@ def _in(unit: str) -> str:
 
 
 def chebyshev_nodes(count: int) -> FloatArray:
-    """Return the roots of the Chebyshev polynomial T_count in descending order, the nodes of interpolation."""
+    """Return the roots of the Chebyshev polynomial of degree `count`, in descending order."""
     return np.asarray(np.cos((np.arange(count) + 0.5) * np.pi / count))
 
 
 def chebyshev_extremes(degree: int) -> FloatArray:
-    """Return the extremes of the Chebyshev polynomial T_degree in descending order, shape (degree + 1,)."""
+    """Return the extreme points of the Chebyshev polynomial of a degree on [-1, 1], in descending order."""
     return np.asarray(np.cos(np.arange(degree + 1) * np.pi / degree))
 
 
 def chebyshev_sum(terms: FloatArray, z: FloatArray | float) -> FloatArray:
-    """Evaluate Chebyshev series at one point each; each column of `terms` holds the coefficients of a series."""
+    """Evaluate several Chebyshev series, each at its own point; a column of `terms` holds one series."""
     return np.asarray(np.polynomial.chebyshev.chebval(z, terms, tensor=False))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChebyshevBasis:
-    """Chebyshev polynomials up to a degree, and the matrices that fit them to values at nodes.
+    """Chebyshev polynomials at nodes, with matrices that convert values at the nodes to coefficients.
 
     Args:
         nodes: the nodes, shape (n,).
@@ -182,7 +182,7 @@ class ChebyshevBasis:
 
 @lru_cache
 def chebyshev_basis(at: tuple[float, ...] | int, degree: int | None = None) -> ChebyshevBasis:
-    """Make the basis for a number of Chebyshev nodes, or for custom nodes.
+    """Create a basis of Chebyshev polynomials for Chebyshev nodes or for custom nodes.
 
     Args:
         at: the number of nodes, or the nodes themselves, in [-1, 1].

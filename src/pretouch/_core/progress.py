@@ -15,7 +15,7 @@ _INTERVAL: Final = 1.0  # time between two calls [s]
 
 
 class _Progress:
-    """Counts solved encounters, and calls the listener at most once per interval."""
+    """Counter of solved encounters that reports progress to a listener at most once per second."""
 
     def __init__(self, listener: Listener) -> None:
         self._listener, self._start, self._solved = listener, time.monotonic(), 0
@@ -46,7 +46,9 @@ _current: _Progress | None = None
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Call a listener about once a second while long work is done, in the thread that does it.
+    """Report progress to a listener about once a second while a `with` block runs.
+
+    The listener is called in the thread that does the work.
 
     Args:
         listener: function of a sentence, such as `12,000 encounters solved in 3 s, still running`.
@@ -63,12 +65,12 @@ def listening(listener: Listener) -> Iterator[None]:
 
 
 def note_solved(count: int) -> None:
-    """Add solved encounters to the count of the current listener."""
+    """Report a number of solved encounters to the progress listener."""
     if _current is not None:
         _current.add(count)
 
 
 def note_work(work: str) -> None:
-    """Tell the current listener which work begins, such as `trying changes, 3 of 9`."""
+    """Report to the progress listener which work begins, such as `trying changes, 3 of 9`."""
     if _current is not None:
         _current.name(work)

@@ -21,7 +21,7 @@ WORKABLE: Final = "of a magnitude from {:g} to {:g}, or 0".format(*MAGNITUDES)
 
 
 class Unit(NamedTuple):
-    """A unit as a factor to SI and the exponents of (m, kg, s, V, counts)."""
+    """A unit, stored as its factor to SI and its exponents of m, kg, s, V and counts."""
 
     factor: float
     exponents: tuple[int, int, int, int, int]
@@ -75,7 +75,7 @@ _QUANTITY: Final = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
 
 
 def parse_unit(text: str) -> Unit:
-    """Read a unit such as `N*s/m`, `m/s^2`, `mm` or `N/(m/s)`.
+    """Parse a unit such as `N*s/m`, `m/s^2`, `mm` or `N/(m/s)`.
 
     Args:
         text: the unit; `*`, `·` or a space multiplies, `/` divides by the next factor, `^`, `**` or a superscript
@@ -106,7 +106,7 @@ def parse_unit(text: str) -> Unit:
 
 
 def _tokens(text: str) -> list[str]:
-    """Cut a unit into symbols, integers and operators; a space between factors becomes `*`."""
+    """Split the text of a unit into symbols, integers and operators; a space between units becomes `*`."""
     source = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: "^" + m.group(1).translate(_SUPERSCRIPT), text).rstrip()
     tokens: list[str] = []
     divided = [False]  # for each open parenthesis, whether it contains a `/` so far
@@ -137,12 +137,12 @@ def _starts_factor(part: str) -> bool:
 
 
 def _ends_factor(tokens: list[str]) -> bool:
-    """Return whether the tokens end with a factor. A bare number is not one: "3 1 mm" must not mean 3 mm."""
+    """Return whether the tokens of a unit text end with a complete factor, such as `mm` or `s^2`."""
     return tokens[-1] in {")", "%"} or tokens[-1].isalpha() or (len(tokens) > 1 and tokens[-2] in {"^", "**"})
 
 
 def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Parse factors joined by `*` and `/` from the left; return their unit and the remaining tokens."""
+    """Parse a product or quotient of units, and return its unit and the remaining tokens."""
     unit, tokens = _power(tokens, text)
     while tokens and tokens[0] in {"*", "·", "/"}:
         sign = -1 if tokens[0] == "/" else 1
@@ -152,7 +152,7 @@ def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 
 
 def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Parse one factor with its exponent; return its unit and the remaining tokens."""
+    """Parse one unit with its exponent, and return the unit and the remaining tokens."""
     if not tokens or tokens[0] in {"*", "**", "·", "/", "^", ")"}:
         raise UnitError(f"{text!r} is not a unit: a unit is missing")
     if tokens[0] == "(":
@@ -171,7 +171,7 @@ def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 
 
 def _symbol(symbol: str, text: str) -> Unit:
-    """Look up one symbol, with or without a prefix."""
+    """Look up the symbol of a unit with or without an SI prefix, such as `m` or `mm`."""
     if symbol in _PLAIN:
         return _PLAIN[symbol]
     if symbol in _BASE:
@@ -193,7 +193,7 @@ def _combine(left: Unit, right: Unit, power: int) -> Unit:
 
 
 def to_si(value: float | str, unit: str, *, name: str) -> float:
-    """Convert a number in SI, or text with a unit, to an SI float of the expected dimension.
+    """Convert a number in SI, or text such as `42.2 mm`, to an SI float and check its dimension.
 
     Args:
         value: a number in SI, or text such as `"42.2 mm"`; text without a unit is in SI.
@@ -240,7 +240,7 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
 
 
 def has_workable_magnitude(value: float) -> bool:
-    """Return whether a number is zero or has a magnitude within MAGNITUDES.
+    """Return whether a number is zero or within `MAGNITUDES`, so that products do not overflow.
 
     Args:
         value: a finite number.
@@ -256,7 +256,7 @@ def has_workable_magnitude(value: float) -> bool:
 
 
 def read_quantity(value: float | str, unit: str, *, name: str) -> float:
-    """Parse a quantity of a user, like `to_si`, and refuse magnitudes outside MAGNITUDES.
+    """Convert a user's quantity to SI and refuse extreme magnitudes, whose products could overflow.
 
     Args:
         value: a number, or text with a unit.
@@ -282,7 +282,7 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
 
 
 def _scaled(literal: str, factor: float) -> float:
-    """Multiply a decimal literal by a factor, rounding once: "33.3 ms" is 0.0333 s, unlike 33.3 * 1e-3."""
+    """Multiply a decimal literal by the factor of its unit with one rounding: `33.3 ms` becomes 0.0333 s."""
     number, size = float(literal), factor if factor >= 1 else 1 / factor
     whole = size < _LARGEST_WHOLE and math.isclose(size, round(size), rel_tol=1e-12)
     if not (whole and 0 < abs(number) < math.inf and len(literal) < _LONGEST):
@@ -295,7 +295,7 @@ def _scaled(literal: str, factor: float) -> float:
 
 
 def format_quantity(value: float, unit: str, digits: int = 4) -> str:
-    """Format an SI value with its unit: lengths below 1 m in mm, times below 1 s in ms.
+    """Format an SI value with its unit; lengths below 1 m are in mm, and times below 1 s in ms.
 
     Args:
         value: the value in SI.
@@ -322,15 +322,15 @@ def format_quantity(value: float, unit: str, digits: int = 4) -> str:
 
 
 def format_range(ends: tuple[float, float], unit: str) -> str:
-    """Format the ends of a range of SI values, such as `38 mm to 46 mm`."""
+    """Format a range of SI values with its unit, such as `38 mm to 46 mm`."""
     return " to ".join(format_quantity(end, unit) for end in ends)
 
 
 def pretty_unit(unit: str) -> str:
-    """Return a unit as it is printed next to a number: `N*s/m` as `N s/m`, `m/s^2` as `m/s²`."""
+    """Return a unit as reports show it: `N*s/m` becomes `N s/m`, and `m/s^2` becomes `m/s²`."""
     return written_unit(unit).replace("*", " ")
 
 
 def written_unit(unit: str) -> str:
-    """Return a unit as messages show it, in the form that a user can type: `N*s^2/m` as `N*s²/m`."""
+    """Return a unit as messages show it and as users can type it: `N*s^2/m` becomes `N*s²/m`."""
     return unit.replace("^2", "²").replace("^3", "³").replace("^n", "ⁿ")

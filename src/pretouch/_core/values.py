@@ -11,14 +11,14 @@ import numpy as np
 
 
 def _copy_methods(cls: type, *names: str) -> None:
-    """Copy inherited methods into a class, because `dataclass` would otherwise generate its own versions."""
+    """Copy inherited methods into a class, so that `dataclass` does not generate its own versions."""
     for name in names:
         if name not in vars(cls):
             setattr(cls, name, getattr(cls, name))
 
 
 class Picklable:
-    """Base class of objects that are pickled and copied with their cached results; read-only arrays remain read-only.
+    """Base class of objects that keep cached results and read-only arrays when they are pickled or copied.
 
     Inheriting is sufficient, both for dataclasses and for classes with slots. Read-only flags matter: the compiled core
     treats writable arrays differently, and a cached number must not change.
@@ -42,7 +42,10 @@ class Picklable:
 
 
 class Value(Picklable):
-    """Base class of immutable values: they are equal if their contents are (NaN equals NaN), and are not copied."""
+    """Base class of immutable values that are equal if their contents are equal; NaN equals NaN.
+
+    Copying such a value returns the value itself.
+    """
 
     __slots__ = ()
 
@@ -62,12 +65,12 @@ class Value(Picklable):
         return hash((type(self), _hash(self._compared())))
 
     def _compared(self) -> tuple[Any, ...]:
-        """Return the contents that are compared: the fields of a dataclass."""
+        """Return the fields of a dataclass that decide whether two instances are equal."""
         return tuple(getattr(self, f.name) for f in fields(self) if f.compare)  # type: ignore[arg-type]
 
 
 class _ReadOnly:
-    """A read-only array inside a pickle."""
+    """Wrapper that keeps an array read-only when the array is pickled."""
 
     __slots__ = ("array",)
 
@@ -84,7 +87,7 @@ def _read_only(array: Any) -> Any:
 
 
 def _wrap(value: Any) -> Any:
-    """Wrap read-only arrays, including those in lists, tuples and dicts."""
+    """Wrap read-only arrays for pickling, including arrays inside lists, tuples and dictionaries."""
     if type(value) is np.ndarray:
         return value if value.flags.writeable else _ReadOnly(value)
     if type(value) in _PLAIN:
@@ -96,7 +99,7 @@ _PLAIN: Final = (tuple, list)
 
 
 def _equal(a: Any, b: Any) -> bool:
-    """Return whether two values are equal, with NaN equal to NaN."""
+    """Return whether two values are equal; NaN counts as equal to NaN."""
     if a is b:
         return True
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
@@ -110,7 +113,7 @@ def _equal(a: Any, b: Any) -> bool:
 
 
 def _hash(value: Any) -> int:
-    """Return a hash that is the same for equal values."""
+    """Return a hash that is the same for equal values, including arrays and mappings."""
     if isinstance(value, np.ndarray):
         return hash(value.shape)
     if isinstance(value, Mapping):

@@ -8,7 +8,7 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A quantity of an encounter.
+    """Name, symbol and SI unit of a quantity that results report.
 
     Args:
         words: its name in words.
@@ -52,7 +52,7 @@ QUANTITIES: Final[dict[str, Entry]] = {
 
 
 def words_for(name: str) -> str:
-    """Return a name from code in words, from QUANTITIES if it is listed there.
+    """Return the name of a quantity in words, such as `relative velocity at contact`.
 
     Args:
         name: such as `relative_velocity`.
@@ -68,10 +68,10 @@ def words_for(name: str) -> str:
 
 
 def in_short(name: str) -> str:
-    """Return the name of a quantity without "at contact", such as `relative velocity`."""
+    """Return the name of a quantity in words without "at contact", such as `relative velocity`."""
     return words_for(name).removesuffix(" at contact")
 
 
 def unit_of(name: str) -> str:
-    """Return the SI unit of a quantity of QUANTITIES."""
+    """Return the SI unit of a quantity, given its name in code."""
     return QUANTITIES[name].unit

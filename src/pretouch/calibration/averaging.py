@@ -21,7 +21,9 @@ _FEWEST_REPEATS = 3  # degrees of freedom from which a standard deviation is tru
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AveragedCurve:
-    """The mean `output` of `count` readings at each distinct distance [m], increasing, all of shape (N,).
+    """Mean sensor outputs at each distinct distance of a calibration, in order of increasing distance.
+
+    `output` is the mean of `count` readings at each `distance` [m], all of shape (N,).
 
     `bad_readings` are the indices of outliers among repeats, which the means do not include.
     """
@@ -32,12 +34,12 @@ class AveragedCurve:
     bad_readings: tuple[int, ...] = ()
 
     def part(self, which: BoolArray | IntArray | slice) -> AveragedCurve:
-        """Return the selected points."""
+        """Return the averaged readings at some of the distances."""
         return AveragedCurve(distance=self.distance[which], output=self.output[which], count=self.count[which])
 
     @property
     def steady(self) -> FloatArray:
-        """The output without isolated outliers: medians of three neighbors, except at the ends."""
+        """The averaged output after a 3-point median filter, which removes isolated outliers."""
         y = self.output.copy()
         if len(y) > 2:
             y[1:-1] = np.median([self.output[:-2], self.output[1:-1], self.output[2:]], axis=0)
@@ -46,7 +48,9 @@ class AveragedCurve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingNoise:
-    """Standard deviation of one reading without a signal; `sigma` is None if the readings do not determine it.
+    """Standard deviation of a single reading without a signal, as estimated from the readings.
+
+    `sigma` is None if the readings do not determine it.
 
     `freedom` is its number of degrees of freedom; `jitter` is the additional standard deviation of repeats relative to
     the signal.
@@ -60,7 +64,8 @@ class ReadingNoise:
 
 
 def resolution(calibration: Calibration) -> float:
-    """Return the step between outputs (LSB), an approximate common divisor of all differences; 0 for none."""
+    """Return the smallest step between sensor outputs (one LSB), or 0 if the outputs have no common step."""
+    # The step is an approximate common divisor of all differences.
     values = np.unique(np.concatenate([calibration.outputs, calibration.no_object]))
     if len(values) < 4:
         return 0.0
@@ -77,7 +82,7 @@ def resolution(calibration: Calibration) -> float:
 
 
 def average(calibration: Calibration) -> AveragedCurve:
-    """Average repeats, without lost readings (0) and outliers among the repeats."""
+    """Average the readings at each distance, without lost readings (zeros) and outliers."""
     keep = ~_lost(calibration)
     distance, place = np.unique(calibration.distances[keep], return_inverse=True)
     groups = [np.flatnonzero(keep)[place == i] for i in range(len(distance))]
@@ -100,7 +105,7 @@ def average(calibration: Calibration) -> AveragedCurve:
 
 
 def _lost(calibration: Calibration) -> BoolArray:
-    """Find lost readings: exact zeros of a sensor whose other readings are all clearly above zero."""
+    """Find lost readings, which are exact zeros of a sensor whose other readings are clearly above zero."""
     zero = calibration.outputs == 0
     others = np.concatenate([calibration.outputs[~zero], calibration.no_object])
     step = resolution(calibration)
@@ -110,7 +115,8 @@ def _lost(calibration: Calibration) -> BoolArray:
 
 
 def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNoise:
-    """Estimate the noise of one reading from repeats and no-object readings, never below the quantization."""
+    """Estimate the noise of a single reading from repeated readings and from readings without an object."""
+    # The estimate is never below the quantization.
     # The variance of a reading is modeled as sigma^2 + (c xi)^2. Both parts are estimated by maximum likelihood over
     # the groups of repeats, so jitter of a strong signal does not raise the noise of the far field. Estimates from
     # fewer than three degrees of freedom are not used.
@@ -140,7 +146,8 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
 def two_components(
     variance: FloatArray, dof: FloatArray, signal: FloatArray, *, usual: float | None = None
 ) -> tuple[float, float]:
-    """Return the maximum-likelihood sigma and c of variance = sigma^2 + (c xi)^2, from groups of repeats."""
+    """Split the variance of readings into a constant part and a part that grows with the signal."""
+    # Sigma and c of variance = sigma^2 + (c xi)^2 have the maximum likelihood for groups of repeats.
     # Sigma has a closed form for each ratio c / sigma. The prior of c is flat up to `usual`; beyond, ln c has a normal
     # prior.
     top = float(signal.max())
@@ -158,7 +165,7 @@ def two_components(
 
 
 def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return the weights of values at distances [m] whose weighted sum is the slope of a fitted straight line."""
+    """Return weights of values at distances [m]; the weighted sum of the values is the slope of a fitted line."""
     weight = 1 / variance
     away = distance - float(weight @ distance) / float(weight.sum())
     return np.asarray(weight * away / float(weight @ away**2))
@@ -171,7 +178,7 @@ _ENDS: Final = 2
 
 
 def condense(calibration: Calibration) -> Calibration:
-    """Condense readings at many distances into at most fifty, so that neighbors become repeats."""
+    """Condense a calibration of more than 100 distances into at most 50 groups of repeated readings."""
     # The range is divided into parts with equal steps of the sum of two terms: the decrease of asinh((y - y_far) /
     # tau), which is ln xi above the noise tau, and the increase of l. So parts are narrow where the curve is steep.
     # The first and the last distance are separate parts. Each reading is moved to the mean distance of its part, along
@@ -209,7 +216,7 @@ def condense(calibration: Calibration) -> Calibration:
 
 
 def _parts(distance: FloatArray, output: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return the borders of the parts, and the part of each reading, for readings sorted by distance."""
+    """Divide readings sorted by distance into groups, and return the borders and the group of each reading."""
     blocks = np.array_split(np.arange(len(distance)), _BLOCKS)
     at = np.array([distance[b].mean() for b in blocks])
     level = np.array([np.median(output[b]) for b in blocks])

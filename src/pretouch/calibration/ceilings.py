@@ -43,7 +43,9 @@ _KNOTS: Final = 60  # points of a drawn curve
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Lanes(Value):
-    """Fits of one family: offsets, ln of the ceilings (inf for none) and their sharpness, shape (b,) each.
+    """Fits of one family of sensor curves for several offsets and saturation levels.
+
+    `offsets`, ln of the `ceilings` (inf for none) and their `sharpness` have the shape (b,).
 
     Parameters x have the shape (b, p), their `covariances` at unit variance of the residuals (b, p, p). `costs` are
     sums of squares in units of the usual error; `priors` are -2 ln of the prior of the offset and of the curve.
@@ -61,7 +63,7 @@ class _Lanes(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingFits(Value):
-    """Fits of curves under soft ceilings, with their posterior probabilities.
+    """Fits of sensor curves that flatten toward a saturation level, with their posterior probabilities.
 
     Args:
         lanes: the fits, one element for each family.
@@ -81,7 +83,8 @@ class CeilingFits(Value):
         return _ERROR * float(np.sqrt((_ERROR_FREEDOM + cost) / (_ERROR_FREEDOM + max(self.readings - 3, 1))))
 
     def flattened(self, distance: FloatArray) -> FloatArray:
-        """Return the probability that the slope at distances [m] is below 85 % of the ideal curve's, shape (N,)."""
+        """Return the probability at each distance that saturation reduces the slope to below 85 % of the ideal."""
+        # The slope is compared with that of the ideal curve; distances [m] and probabilities have the shape (N,).
         probability = np.zeros(len(distance))
         for lanes, weight in zip(self.lanes, self.weights, strict=True):
             level = lanes.family.log_output(lanes.x, distance)
@@ -89,7 +92,7 @@ class CeilingFits(Value):
         return probability
 
     def offset_interval(self) -> tuple[float, float]:
-        """Return the 95 % interval of the offset, in the unit of the outputs."""
+        """Return the 95 % interval of the sensor offset, in the unit of the outputs."""
         offsets = np.concatenate([lanes.offsets for lanes in self.lanes])
         order = np.argsort(offsets)
         reached = np.cumsum(np.concatenate(self.weights)[order])
@@ -97,12 +100,13 @@ class CeilingFits(Value):
         return float(offsets[order][low]), float(offsets[order][high])
 
     def first_steep(self, distance: FloatArray) -> int:
-        """Return the index of the first distance that is probably not flattened, or of the last one."""
+        """Return the index of the first distance at which the output is probably not flattened by saturation."""
+        # If the output is flattened at all distances, the result is the index of the last distance.
         steep = np.flatnonzero(self.flattened(distance) < _PROBABLY)
         return int(steep[0]) if len(steep) else len(distance) - 1
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw curves by their probabilities, each with its offset; they are valid over the range of the readings."""
+        """Draw random sensor curves by their posterior probabilities, each with its offset."""
         rng = np.random.default_rng(seed)
         fits = [(lanes, i) for lanes in self.lanes for i in range(len(lanes.costs))]
         freedom = max(self.readings - 3 + _ERROR_FREEDOM, 1.0)
@@ -123,7 +127,7 @@ class CeilingFits(Value):
 
 
 def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray, offset: float) -> DrawnCurve:
-    """Return a smooth curve through points [m] with ln xi and g [1/m] at each."""
+    """Return a smooth sensor curve through given points with log output ln xi and slope g [1/m]."""
     sensor = PiecewiseCubic(
         distances=tuple(distance),
         log_outputs=tuple(np.clip(log_output, -600.0, 600.0)),
@@ -133,7 +137,8 @@ def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray,
 
 
 def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: OffsetEstimate | None) -> CeilingFits:
-    """Fit ideal curves under soft ceilings to four readings or more; if the offset is None, it is fitted as well."""
+    """Fit sensor curves that may flatten toward a saturation level to at least four averaged readings."""
+    # An offset of None is fitted together with the curve.
     ceilings = [(above, p) for above in _ABOVE for p in _SHARPNESS]
     lanes = []
     for family in families_of(curve):  # slow families are fitted without a ceiling only
@@ -154,7 +159,9 @@ def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: Offset
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Problem:
-    """One family under many ceilings; each fit has a given offset, or fits it as a last parameter.
+    """Fit problem of one family of sensor curves, solved for many saturation levels at once.
+
+    Each fit has a given offset, or fits the offset as a last parameter.
 
     Args:
         curve: the averaged readings.
@@ -173,11 +180,12 @@ class _Problem:
     offsets: FloatArray | None = None
 
     def ceilings(self, offsets: FloatArray, above: FloatArray) -> FloatArray:
-        """Return ln of the ceilings for given offsets."""
+        """Return the logarithms of the saturation levels for given sensor offsets."""
         return np.asarray(np.log(np.maximum(float(self.curve.output.max()) - offsets, 1e-300)) + above)
 
     def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
-        """Return the differences of asinh(signal / tau) in units of the usual error, as in `family_fits.Problem`."""
+        """Return residuals of a fit on an asinh scale, in units of the usual error of a reading."""
+        # Residuals are differences of asinh(signal / tau), as in `family_fits.Problem`.
         curve, reach = self.curve, float(np.ptp(self.curve.output))
         sigma = self.noise.sigma or 1e-3 * reach
         sigma = max(sigma, self.noise.resolution / np.sqrt(12.0), 1e-9 * reach)
@@ -190,14 +198,14 @@ class _Problem:
         return np.asarray((measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / _ERROR)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return the bounds of the parameters, for which -g never grows with the distance."""
+        """Return bounds of the fit parameters within which the sensor slope never steepens with distance."""
         low, high = self.family.easing(*self.family.bounds)
         if self.offsets is not None:
             return low, high
         return np.append(low, lowest_offset(self.curve)), np.append(high, float(self.curve.output.max()))
 
     def fit(self) -> Fits:
-        """Fit each problem roughly from several starts, then the best of them to convergence."""
+        """Solve each curve fit roughly from several start points, then refine the best result."""
         distance, output, count = self.curve.distance, self.curve.output, len(self.above)
         reach = float(np.ptp(output))
         offset = np.full(count, float(output.min()) - 0.02 * reach) if self.offsets is None else self.offsets
@@ -221,7 +229,7 @@ class _Problem:
         return minimize_many(self.residuals, start, self.bounds(), tolerance=1e-8, most=40)
 
     def lanes(self, known_offset: OffsetEstimate | None) -> _Lanes:
-        """Fit under each ceiling at several offsets around the known offset, or around the fitted one."""
+        """Fit one curve family for every saturation level and for several offsets around the most likely offset."""
         if known_offset is None:
             first_fits = self.fit()
             offsets, priors = self._offsets_around(first_fits)
@@ -250,7 +258,8 @@ class _Problem:
         )
 
     def _offsets_around(self, fits: Fits) -> tuple[FloatArray, FloatArray]:
-        """Return offsets around that of the best fit, and -2 ln of the prior of each."""
+        """Return offsets around the best-fitting offset, with the prior cost of each."""
+        # The cost is -2 ln of the prior probability.
         best, reach = int(fits.costs.argmin()), float(np.ptp(self.curve.output))
         scale = (_ERROR_FREEDOM + float(fits.costs[best])) / _ERROR_FREEDOM
         error = float(np.sqrt(scale * fits.covariances[best, -1, -1])) or 0.1 * reach  # zero at a bound
@@ -262,7 +271,8 @@ class _Problem:
 
 
 def _under(level: FloatArray, ceiling: Any, sharpness: Any) -> tuple[FloatArray, FloatArray]:
-    """Return ln of ideal signals under a ceiling (both as logarithms), and the slope relative to the ideal one."""
+    """Return the logarithm of signals after soft saturation, and the slope relative to the unsaturated slope."""
+    # `level` and `ceiling` are logarithms of the ideal signal and of the saturation level.
     above = np.where(np.isinf(ceiling), -np.inf, sharpness * (level - np.where(np.isinf(ceiling), 0.0, ceiling)))
     return np.asarray(level - np.logaddexp(0.0, above) / sharpness), np.asarray(
         1 / (1 + np.exp(np.minimum(above, 700.0)))

@@ -17,7 +17,9 @@ _HERE = "in a scenario file and in Python"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnOption:
-    """Option for the `distance` or the `output` column: its number counted from 1, its name, its unit, or nothing.
+    """User option that selects the column of distances or outputs in a calibration table, or gives its unit.
+
+    The column is given by its number counted from 1, or by its name.
 
     The number is None if the column is given by its header, or by its unit only. The unit is None if the header has it.
     """
@@ -30,15 +32,15 @@ class ColumnOption:
 
     @property
     def names_a_column(self) -> bool:
-        """Whether the option selects a column, not only its unit."""
+        """Whether the user option selects a column, and not only gives a unit."""
         return self.number is not None or bool(self.name)
 
     def index(self, table: TextTable) -> int | None:
-        """Find the column in a table; None if only its unit was given."""
+        """Find the column that the option selects in a table, or return None if it only gives a unit."""
         return _find(table, self.number, (self.text, self.name), f"columns: found {self.text!r} for the {self.key}")
 
     def unit_with(self, title: str) -> str | None:
-        """Return the unit of the column, from the option or from its header; refuse two different units."""
+        """Return the unit of a column from the option or from the column header; refuse two different units."""
         header_unit = split_title(title)[1]
         if self.unit is None or self.text == title:
             return header_unit
@@ -52,34 +54,34 @@ class ColumnOption:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnOptions:
-    """Options for the columns of distances and outputs."""
+    """User options that select the columns of distances and outputs in a calibration table."""
 
     distance: ColumnOption = ColumnOption(key="distance")
     output: ColumnOption = ColumnOption(key="output")
 
     @property
     def names_a_column(self) -> bool:
-        """Whether a column of distances or outputs was selected, which implies a long table."""
+        """Whether the options select a column of distances or outputs; the table then has one reading per row."""
         return self.distance.names_a_column or self.output.names_a_column
 
     @property
     def has_a_number(self) -> bool:
-        """Whether a column was selected by its number, which needs no header."""
+        """Whether an option selects a column by number, so that the table needs no header."""
         return self.distance.number is not None or self.output.number is not None
 
     @property
     def declares_distances(self) -> bool:
-        """Whether only the unit of distances was given."""
+        """Whether the options give only the unit of distances and select no distance column."""
         return self.distance.unit is not None and not self.distance.names_a_column
 
     def names_one_of(self, header: Sequence[str]) -> bool:
-        """Return whether a line contains a header that was selected by name."""
+        """Return whether a line of the table contains a column header that the options select."""
         titles = {title.casefold() for title in header} | {split_title(title)[0].casefold() for title in header}
         return any(c.name and {c.text.casefold(), c.name.casefold()} & titles for c in (self.distance, self.output))
 
 
 def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
-    """Parse the options for the `distance` and the `output` column, in the format of `read_calibration`."""
+    """Parse the user's options for the columns of distances and outputs in a calibration table."""
     options = {}
     for key, value in (columns or {}).items():
         if key not in _KEYS:
@@ -104,7 +106,7 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
 
 
 def find_label_columns(table: TextTable, labels: Sequence[str | int]) -> tuple[int, ...]:
-    """Return the indices of label columns given by headers or numbers from 1, in the order of the file."""
+    """Return the indices of label columns that are given by header or by number counted from 1."""
     indices = set()
     for label in [labels] if isinstance(labels, str) else labels:
         text = str(label).strip()
@@ -114,12 +116,12 @@ def find_label_columns(table: TextTable, labels: Sequence[str | int]) -> tuple[i
 
 
 def columns_hint(columns: str) -> str:
-    """Return the option to use, for the command line and for other interfaces."""
+    """Return the text of the option `--columns` that an error message recommends."""
     return f'--columns "{columns}" ({_HERE}: columns)'
 
 
 def _find(table: TextTable, number: int | None, names: tuple[str, str], message: str) -> int | None:
-    """Find a column by its number, its whole header, or the name in its header, in this order."""
+    """Find a column of a table by its number, its whole header, or the name in its header, in this order."""
     if number is not None:
         if not 1 <= number <= len(table.header):
             raise CalibrationDataError(f"{message}, expected a number from 1 to {len(table.header)}")

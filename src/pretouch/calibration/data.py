@@ -16,7 +16,7 @@ from pretouch._core.values import Value
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance(Value):
-    """The file from which a calibration was read, and how the file was interpreted.
+    """The file from which a calibration was read, and how pretouch interpreted it.
 
     Args:
         file: name of the file.
@@ -47,7 +47,7 @@ class Provenance(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Calibration(Value):
-    """Readings of one sensor in front of one object, at known distances.
+    """Readings of a proximity sensor in front of one object at known distances.
 
     Args:
         distances: l of every reading [m], shape (N,), not negative; repeats have equal distances, in any order.
@@ -99,7 +99,7 @@ class Calibration(Value):
 
     @property
     def name(self) -> str:
-        """File and label, as shown in titles."""
+        """File name and label of the calibration, as titles of reports show them."""
         parts = [self.source.file if self.source else "", self.label]
         return ", ".join(part for part in parts if part) or "calibration"
 

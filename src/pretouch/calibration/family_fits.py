@@ -21,7 +21,9 @@ _STEP: Final = 1e-5  # step of a family's parameter for finite differences
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
-    """One family to be fitted many times to the same averaged readings, weighted by their noise.
+    """Fit problem of one family of sensor curves, solved many times for the same averaged readings.
+
+    The readings are weighted by their noise.
 
     The fits have the given `offsets`, shape (b,), or each determines its own as a last parameter. `weights` are those
     of each point in each fit, shape (b, n); all are equal by default.
@@ -34,7 +36,8 @@ class Problem:
     weights: FloatArray | BoolArray | None = None
 
     def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
-        """Return (h(y - o) - h(xi)) / c with h(z) = asinh(z / tau), tau = sigma / (c sqrt n), of unit variance."""
+        """Return residuals of unit variance of a fit, on an asinh scale that suits weak and strong signals."""
+        # Residuals are (h(y - o) - h(xi)) / c with h(z) = asinh(z / tau) and tau = sigma / (c sqrt n).
         relative = self.noise.relative_of_means(self.curve.count)
         tau = np.maximum(self.noise.output, 1e-300) / np.sqrt(self.curve.count) / relative
         offset = u[:, -1:] if self.offsets is None else self.offsets[which][:, None]
@@ -44,18 +47,18 @@ class Problem:
         return np.asarray(residuals if self.weights is None else residuals * self.weights[which])
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return the bounds of the parameters."""
+        """Return the lower and upper bounds of the fit parameters."""
         low, high = self.family.bounds
         if self.offsets is not None:
             return low, high
         return np.append(low, lowest_offset(self.curve)), np.append(high, self.curve.output.max())
 
     def minimize(self, start: FloatArray) -> Fits:
-        """Fit each problem from one start."""
+        """Solve each fit problem from a single start point."""
         return minimize_many(self.residuals, start, self.bounds())
 
     def minimize_from_afar(self, count: int, bounds: tuple[FloatArray, FloatArray]) -> Fits:
-        """Fit the first `count` problems roughly from several starts, then the best of them to convergence."""
+        """Solve the first `count` fit problems roughly from several starts, then refine the best results."""
         rows, problems = self._starts(), np.arange(count)
         which = np.tile(problems, len(rows))
 
@@ -67,7 +70,8 @@ class Problem:
         return minimize_many(self.residuals, rough.x.reshape(len(rows), count, -1)[best, problems], bounds)
 
     def _starts(self) -> FloatArray:
-        """Return starting points, one per row, at the first offset or at one just below the lowest output."""
+        """Return start points of a fit, one per row."""
+        # The start offset is the first offset, or a value just below the lowest output.
         d, y = self.curve.distance, self.curve.output
         guess = float(y.min() - 0.02 * np.ptp(y) if self.offsets is None else self.offsets[0])
         reach = float(np.ptp(y)) or max(abs(float(y[0])), 1.0)
@@ -84,13 +88,13 @@ class Problem:
 
 
 def lowest_offset(curve: AveragedCurve) -> float:
-    """Return the lower bound of fitted offsets: slightly below zero if no output is negative."""
+    """Return the smallest offset that a fit may find; it is hardly below zero if no output is negative."""
     lowest, reach = float(curve.output.min()), float(np.ptp(curve.output))
     return lowest - reach if lowest < 0 else max(-0.1 * reach, lowest - reach)
 
 
 def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
-    """Return the families that are fitted to determine offset and noise, quick ones first, for the range of a curve."""
+    """Return the curve families that are fitted to determine offset and noise, fast ones first."""
     first, last = float(curve.distance[0]), float(curve.distance[-1])
     curves = sorted(sensor_curves().values(), key=lambda curve: curve.name, reverse=True)
     ordered = [c for c in curves if c.family.quick] + [c for c in curves if not c.family.quick]
@@ -98,18 +102,18 @@ def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
 
 
 def quick_families(curve: AveragedCurve) -> tuple[Family, ...]:
-    """Return the families that are fast to evaluate: all but the Mittag-Leffler curve."""
+    """Return the curve families that are fast to evaluate, which are all but the Mittag-Leffler curve."""
     return tuple(f for f in families_of(curve) if f.quick)
 
 
 def problem_at(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Problem:
-    """Return the problem of one fit at an offset, which is fitted as well if it is None."""
+    """Return the problem of a single curve fit at a known offset, or with a fitted offset if `offset` is None."""
     offsets = None if offset is None else np.array([offset])
     return Problem(curve=curve, family=family, noise=noise, offsets=offsets)
 
 
 def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Fits:
-    """Fit one family from several starts (b = 1); if the offset is None, it is fitted as the last parameter."""
+    """Fit one family of sensor curves from several start points, with the offset as a last parameter if it is None."""
     problem = problem_at(curve, family, noise, offset)
     return problem.minimize_from_afar(1, problem.bounds())
 
@@ -117,7 +121,8 @@ def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset:
 def forward_change(
     function: Callable[[FloatArray, FloatArray], FloatArray], u: FloatArray, distance: FloatArray
 ) -> FloatArray:
-    """Differentiate a function of parameters u, shape (..., p), and distances by each parameter, shape (p, ...)."""
+    """Differentiate a function with respect to each fit parameter by forward differences."""
+    # Parameters of shape (..., p) give derivatives of shape (p, ...).
     size = u.shape[-1]
     moved = u + _STEP * np.eye(size).reshape(size, *[1] * (u.ndim - 1), size)
     return (function(moved, distance) - function(u, distance)) / _STEP
@@ -136,7 +141,7 @@ _ROUNDS: Final = 4
 def find_noise(
     curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...] = ()
 ) -> NoiseEstimate:
-    """Estimate noise and misfit from repeats and from the residuals of the best curve."""
+    """Estimate the noise of readings and the misfit of the best curve from repeats and residuals."""
     # The offset is None if it is fitted. By default, all families of three parameters are fitted.
     value = None if offset is None else offset.value
     freedom = max(len(curve.distance) - 3 - (value is None), 1)
@@ -187,7 +192,7 @@ def find_noise(
 def _separate_noise_from_misfit(
     curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray
 ) -> NoiseEstimate:
-    """Separate noise from misfit if no distance was read twice: differences between neighbors are noise."""
+    """Separate noise from misfit for distances read once, by differences between neighboring residuals."""
     row, share = miss / noise.of_means(curve.count, signal), 1.0
     if len(row) >= 5 and noise.misfit > 0:
         rough = float(np.mean(np.diff(row) ** 2) / 2 / max(float(np.mean(row**2)), 1e-300))
@@ -196,7 +201,8 @@ def _separate_noise_from_misfit(
 
 
 def _misfit(curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray, freedom: int) -> float:
-    """Return the misfit for which chi squared equals its degrees of freedom; 0 if noise explains the residuals."""
+    """Return the misfit that explains the residuals beyond their noise, or 0 if noise alone explains them."""
+    # With this misfit, chi squared equals its degrees of freedom.
     from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
 
     def excess(misfit: float) -> float:
@@ -219,7 +225,7 @@ _FEWEST: Final = 6  # distances needed to look for outliers
 
 
 def outlier_indices(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
-    """Return the indices of outlier distances: their mean is significantly off a curve fitted without it."""
+    """Return the indices of distances whose mean reading deviates significantly from a curve through the others."""
     # The test is Student's t with Bonferroni's correction. A mean is compared with the residuals of the other means,
     # whatever their numbers of readings: fifty readings that are off as much as others are misfit, and are kept. The
     # nearest distance is never tested, because no reading beyond it confirms the curve.
@@ -246,7 +252,7 @@ def _worst_outlier(curve: AveragedCurve, raw_noise: ReadingNoise, offset: Offset
 
 
 def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: float | None) -> FloatArray:
-    """Return the residuals of a robust fit, over their robust standard deviation."""
+    """Return the residuals of a robust curve fit, divided by their robust standard deviation."""
     row = weight = np.ones(len(curve.distance))
     x = fit_free(curve, family, noise, value).x
     problem = problem_at(curve, family, noise, value)
@@ -262,7 +268,7 @@ def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate
 def _is_outlier(
     curve: AveragedCurve, i: int, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...]
 ) -> bool:
-    """Return whether one distance is an outlier from the curves of all families through the others."""
+    """Return whether the reading at one distance is an outlier for every family of sensor curves."""
     from scipy.special import stdtr  # noqa: PLC0415 - SciPy is loaded only for fits
 
     part = curve.part(np.arange(len(curve.distance)) != i)

@@ -36,7 +36,7 @@ def read_calibration(
     columns: Mapping[str, str | int] | None = None,
     labels: Sequence[str | int] | None = None,
 ) -> Calibration:
-    r"""Read the only calibration of a file, or the one that `select` names.
+    r"""Read a calibration of a sensor from a text file; `select` chooses one of several in the file.
 
     The file is a table with a header and units: long, `distance [mm],output [V]`, or wide, with a column for each
     distance, `0 mm,5 mm,inf`. The delimiter is a comma, semicolon, tab or blanks; decimal commas are understood unless
@@ -141,13 +141,16 @@ def _curves(
 
 
 class _Readings(NamedTuple):
-    """Outputs, shape (rows, pairs), NaN if missing, and their distances, infinite without an object."""
+    """Outputs and distances from a calibration table, with NaN for a missing output.
+
+    Both have the shape (rows, pairs). A distance is infinite if no object was in range.
+    """
 
     distances: FloatArray
     outputs: FloatArray
 
     def of(self, rows: Sequence[int], shared: Sequence[int]) -> _Readings:
-        """Return the readings of some rows, and the no-object readings of shared rows."""
+        """Return the readings of some table rows, and the no-object readings that several curves share."""
         # A row without any label belongs to all curves if it has no object.
         row_indices, shared_indices = (np.array(indices, dtype=np.int64) for indices in (rows, shared))
         without_object = np.isinf(self.distances[shared_indices])
@@ -163,7 +166,7 @@ class _Readings(NamedTuple):
 def _rows_by_label(
     table: TextTable, columns: Sequence[int], distances: FloatArray
 ) -> tuple[dict[tuple[str, ...], Sequence[int]], Sequence[int]]:
-    """Group rows by their labels, in the order of the file; return the no-object rows without any label, too."""
+    """Group table rows by their labels, and return separately the rows that belong to all groups."""
     if not columns:
         return ({(): range(len(distances))} if len(distances) else {}), ()
     groups: dict[tuple[str, ...], list[int]] = {}
@@ -180,7 +183,7 @@ def _rows_by_label(
 
 
 def _readings(table: TextTable, layout: Layout) -> _Readings:
-    """Read all distances and outputs; refuse the first row with a cell that cannot be read."""
+    """Read all distances and outputs of a table, and refuse the first row with an unreadable cell."""
     shape = (len(table.lines), len(layout.pairs))
     distances, outputs = np.empty(shape), np.empty(shape)
     bad = len(table.lines)
@@ -207,7 +210,7 @@ def _readings(table: TextTable, layout: Layout) -> _Readings:
 
 
 def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> FloatArray | int:
-    """Read a column, with a cache for repeated cells; return the row of the first cell that cannot be read."""
+    """Read the numbers of a table column, or return the index of the first row that cannot be read."""
     cells = table.columns[column.index]
     values = np.empty(len(cells))
     cache: dict[str, float] = {}
@@ -225,7 +228,7 @@ def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> Fl
 
 
 def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read a distance; infinite without an object."""
+    """Read the distance in a table cell, or infinity if the cell says that no object was in range."""
     value = math.inf if is_no_object(cell) else number(table, line, cell, column)
     if value < 0:
         raise CalibrationDataError(
@@ -236,7 +239,7 @@ def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
 
 
 def _output(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read an output; NaN if it is missing."""
+    """Read the sensor output in a table cell, or return NaN if the output is missing."""
     return math.nan if is_missing(cell) else number(table, line, cell, column)
 
 
@@ -276,7 +279,7 @@ def _curve(
 
 
 def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
-    """Refuse a single distance far beyond all others: a typing error, or a number that marks a missing object."""
+    """Refuse a single distance far beyond all others, which is a typing error or a mark for no object."""
     distinct = np.unique(distances)
     if len(distinct) < _FEW or distinct[-1] <= _STRAY * distinct[-2]:
         return
@@ -289,7 +292,7 @@ def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
 
 
 def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
-    """Return the no-object readings given in addition to the file, in the unit of the calibration."""
+    """Return no-object readings that the user gave in addition to the file, in the calibration's unit."""
     if no_object is None:
         return []
     if not isinstance(no_object, (str, os.PathLike)):

@@ -29,29 +29,30 @@ _INVOLVED: Final = 0.1  # smallest component of an involved parameter in the dir
 
 
 def root_mean_square(values: FloatArray) -> float:
-    """Return the root of the mean square."""
+    """Return the root mean square (RMS) of some values."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
 def r_squared(measured: FloatArray, modelled: FloatArray) -> float:
-    """Return the coefficient of determination of xi, 1 - (residual / total sum of squares), as in the letter."""
+    """Return the coefficient of determination of the sensor output (R squared), as the letter computes it."""
     total = float(np.sum((measured - measured.mean()) ** 2))
     return 1 - float(np.sum((measured - modelled) ** 2)) / total if total > 0 else 0.0
 
 
 def slope_error(distance: FloatArray, residuals: FloatArray) -> float:
-    """Return the RMS difference of the slopes of ln xi between neighbors, measured minus modelled [1/m]."""
+    """Return the RMS error of the modeled sensor slope between neighboring distances [1/m]."""
     return root_mean_square(np.diff(residuals) / np.diff(distance))
 
 
 def corrected_akaike(deviance: float, points: int, parameters: int) -> float | None:
-    """Return AICc = -2 ln L + 2 k + 2 k (k + 1) / (N - k - 1); None if N is too small."""
+    """Return the corrected Akaike information criterion AICc, or None if there are too few points."""
+    # AICc = -2 ln L + 2 k + 2 k (k + 1) / (N - k - 1).
     free = points - parameters - 1
     return None if free <= 0 else deviance + 2 * parameters + 2 * parameters * (parameters + 1) / free
 
 
 def runs_p_value(residuals: FloatArray) -> float | None:
-    """Return the one-sided p-value of the runs test by Wald and Wolfowitz (exact); None if all have one sign.
+    """Return the exact one-sided p-value of the Wald-Wolfowitz runs test, or None if all residuals have one sign.
 
     It is the probability of at most as many runs of equal signs in a random order. Zeros are ignored.
     """
@@ -70,7 +71,7 @@ def runs_p_value(residuals: FloatArray) -> float | None:
 def estimates(
     problem: Problem, best: Fits, sensor: SensorModel, *, offset: OffsetEstimate, output_unit: str, informed_by: int
 ) -> dict[str, Any]:
-    """Return parameters, covariance and middle slope of a fit (b = 1), by the names of the fields of `SensorFit`."""
+    """Return parameters, covariance and mid-range slope of a curve fit as fields of `SensorFit`."""
     # If the offset is uncertain, the curve is also fitted with the offsets at both ends of its interval, and the
     # changes of the parameters enter the intervals. The noise was estimated from `informed_by` points.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -128,7 +129,7 @@ def estimates(
 
 
 def _check_identifiable(best: Fits, names: list[str]) -> None:
-    """Refuse a fit of a family in which several parameters change the curve in exactly the same way."""
+    """Raise an error if several parameters change a fitted curve in exactly the same way."""
     norms = np.linalg.norm(best.jacobian[0], axis=0)
     free = np.flatnonzero(norms)  # a parameter at its bound has no derivatives
     if not len(free):
@@ -142,7 +143,7 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
 def _covariance(
     x: FloatArray, own: FloatArray, family: Family, moved: list[FloatArray], *, share: float, inflation: float
 ) -> FloatArray:
-    """Transform the covariance to the parameters of the curve, and add the contribution of the offset."""
+    """Transform the covariance of a fit to the curve's own parameters, and add the effect of the uncertain offset."""
     with np.errstate(over="ignore", invalid="ignore"):  # an unbounded scale has no finite variance
         jacobian = gradient(lambda u: family.parameters(family.coordinates(u)), x)
         covariance = inflation * jacobian @ own @ jacobian.T
@@ -162,7 +163,7 @@ def _parameters(
     unit: str,
     runaway: bool,
 ) -> dict[str, Estimate]:
-    """Transform the intervals of the coordinates to the parameters of the curve."""
+    """Transform the confidence intervals of a fit to the sensor curve's own parameters."""
     parameters = {}
     for i, declared in enumerate(sensor._declared()):
         name, meta, mapped = declared.name, declared.metadata, []
@@ -200,7 +201,9 @@ def fit_sensor(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> SensorFit:
-    """Fit one sensor model, such as the letter's curves L(3), L(5), L(6), to a calibration, on ln xi.
+    """Fit one sensor model to a calibration, such as inverse power L(3) or exponential L(5) and L(6).
+
+    The model is fitted to ln xi.
 
     An invalid option raises `InvalidInputError`.
 
@@ -236,7 +239,7 @@ def fit_sensor(
 
 
 def check_models(models: tuple[str, ...]) -> None:
-    """Refuse an empty list of models, and unknown names."""
+    """Raise an error for an empty list of sensor models and for unknown model names."""
     for model in models:
         if model not in model_names() and model not in sensor_curves(fitted=True, foreign=True):
             raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join(model_names())}")
@@ -245,7 +248,7 @@ def check_models(models: tuple[str, ...]) -> None:
 
 
 def why_not(model: str, prepared: Prepared) -> str:
-    """Return the reason why a model cannot be fitted to readings with a signal; empty if it can."""
+    """Return the reason why a sensor model cannot be fitted to the readings, or an empty text if it can."""
     used = prepared.used
     if model != _TABLE:
         count, size = len(used.distance), _family(model, used).size
@@ -260,7 +263,7 @@ def why_not(model: str, prepared: Prepared) -> str:
 
 
 def model_names() -> tuple[str, ...]:
-    """Return the names of the models that are ranked by default."""
+    """Return the names of the sensor models that are ranked by default."""
     return (*sorted(sensor_curves(fitted=True)), _TABLE)
 
 
@@ -270,7 +273,7 @@ def _family(model: str, used: AveragedCurve) -> Family:
 
 
 def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
-    """Fit one model to prepared readings that carry a signal, or return the reason why it cannot be fitted."""
+    """Fit one sensor model to prepared readings, or return the reason why it cannot be fitted."""
     reason = why_not(model, prepared)
     if reason:
         return reason
@@ -285,7 +288,7 @@ def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
 
 
 def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
-    """Fit one model to prepared readings that carry a signal."""
+    """Fit one sensor model to prepared readings that carry a signal."""
     used, offset, noise = prepared.used, prepared.offset, prepared.noise
     if offset is None or noise is None:
         raise AssertionError
@@ -311,7 +314,7 @@ def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
 def _fit_curve(
     model: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Fit a parametric curve; return ln xi at the distances and the model-specific fields of `SensorFit`."""
+    """Fit a parametric sensor curve, and return its log outputs and the fields of `SensorFit`."""
     used, family = prepared.used, _family(model, prepared.used)
     best = fit_free(used, family, noise, offset.value)
     problem = problem_at(used, family, noise, offset.value)
@@ -327,7 +330,7 @@ def _fit_curve(
 
 
 def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | None:
-    """Return the RMS error of ln xi at distances left out one by one."""
+    """Return the RMS error of the log output at distances that are excluded from the fit one by one."""
     curve, count = problem.curve, len(problem.curve.distance)
     if count - 1 < problem.family.size:
         return None
@@ -340,7 +343,7 @@ def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | No
 def _fit_table(
     _: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Take the averaged curve as a table; return the same values as `_fit_curve`."""
+    """Use the averaged readings as a table, and return their log outputs and the fields of `SensorFit`."""
     distance, xi = prepared.used.distance, prepared.used.output - offset.value
     sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
     without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]
@@ -359,7 +362,7 @@ def _fit_table(
 
 
 def _slope_error(distance: FloatArray, xi: FloatArray, errors: FloatArray, at: float) -> float:
-    """Return the standard error of the slope of a table, from the standard errors of ln xi at its points."""
+    """Return the standard error of the slope of a sensor table, from the standard errors of its log outputs."""
     # The interpolant's slope is not the difference of two neighbors: its error is about 1.4 times as large midway
     # between two points, and 0.7 times as large at a point.
     k = int(np.searchsorted(distance, at))

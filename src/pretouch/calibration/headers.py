@@ -21,7 +21,7 @@ _LONGEST_LINE = 60  # characters of a line that a message shows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextTable:
-    """A parsed text file: header, cells of each column, line number of each row, and how it was parsed."""
+    """A parsed text file with its header, the cells of each column, and the line number of each row."""
 
     file: str
     sha256: str
@@ -36,26 +36,26 @@ class TextTable:
 
     @property
     def place(self) -> str:
-        """File and line of the header, for messages."""
+        """File name and line number of the table header, for error messages."""
         return f"{self.file}, line {self.header_line}"
 
     def row(self, index: int) -> tuple[str, ...]:
-        """Return the cells of a row."""
+        """Return the cells of one row of the table."""
         return tuple(column[index] for column in self.columns)
 
     def title(self, index: int) -> str:
-        """Return the name of a column for messages: its header, with its number if the header is not unique."""
+        """Return the header of a column for messages, with the column number if the header is not unique."""
         title = self.header[index]
         return quoted(title) if title and self.header.count(title) == 1 else f"{index + 1} ({quoted(title)})"
 
     def name(self, index: int) -> str:
-        """Return the name of a label column: its header, or its number if the header is empty."""
+        """Return the header of a label column, or its number if the header is empty."""
         return self.header[index] or f"column {index + 1}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """One column: its index, its header as written, its unit, and the factor to that unit."""
+    """A column of a calibration table: index, header, unit, and the factor that converts numbers to this unit."""
 
     index: int
     title: str
@@ -65,7 +65,9 @@ class Column:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """The columns of a table that hold readings: one pair of columns in a long table, many in a wide one.
+    """The columns of a calibration table that hold readings.
+
+    A long table has one pair of columns, a wide table has many.
 
     A pair has the column of distances, or one distance [m] (infinite without an object), and the column of outputs.
     `distances` and `outputs` describe these columns, and `unit` is that of the outputs. `labels` are the indices of the
@@ -81,23 +83,23 @@ class Layout:
 
 
 def is_number(cell: str) -> bool:
-    """Return whether a cell is a number, with either decimal mark."""
+    """Return whether a table cell is a number with a decimal point or a decimal comma."""
     plain = _ascii(cell)
     return bool(_DOTTED.fullmatch(plain) or _COMMAED.fullmatch(plain))
 
 
 def is_missing(cell: str) -> bool:
-    """Return whether an output is missing: empty, NaN or a dash."""
+    """Return whether a table cell means a missing output: an empty cell, NaN or a dash."""
     return cell.casefold() in _MISSING
 
 
 def is_no_object(cell: str) -> bool:
-    """Return whether a distance means that no object was in range: `inf`, empty, `none`, `no object`."""
+    """Return whether a distance cell means that no object was in range, such as `inf` or `no object`."""
     return cell.casefold() in _NO_OBJECT
 
 
 def is_row(cells: Sequence[str]) -> bool:
-    """Return whether cells are a row of readings: at least a distance and an output, one of them a number."""
+    """Return whether table cells are a row of readings, with at least a distance and an output."""
     numbers = sum(is_number(cell) for cell in cells)
     special = [cell for cell in cells if is_missing(cell) or is_no_object(cell)]
     filled = sum(bool(cell) for cell in special)
@@ -105,22 +107,22 @@ def is_row(cells: Sequence[str]) -> bool:
 
 
 def uses_commas(cells: Sequence[str]) -> bool:
-    """Return whether numbers are written with decimal commas."""
+    """Return whether the numbers in table cells are written with decimal commas."""
     return any("," in cell and _COMMAED.fullmatch(cell) for cell in cells)
 
 
 def quoted(text: str) -> str:
-    """Return a text in quotes for a message, shortened if it is long."""
+    """Return a text in quotes for an error message, shortened if it is long."""
     return repr(text if len(text) <= _LONGEST_LINE else f"{text[: _LONGEST_LINE - 3]}...")
 
 
 def join_first(items: Sequence[str], most: int) -> str:
-    """Join the first items for a message."""
+    """Join the first items of a list for an error message, and mark omitted items by dots."""
     return ", ".join([*items[:most], *(["..."] if len(items) > most else [])])
 
 
 def number(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Parse a cell as a number in the unit of the calibration, with the decimal mark of its file."""
+    """Parse a table cell as a number, and convert it to the unit of the calibration."""
     # The locale is ignored. Decimal arithmetic makes 42.2 mm the float nearest to 0.0422, which 42.2 * 0.001 is not.
     # Numbers that are not finite, or whose products with others could overflow, are refused.
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
@@ -191,14 +193,18 @@ _AT_INFINITY = re.compile(r"[+]?(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", re.
 
 
 class UnitMark(NamedTuple):
-    """A header that is a distance: its number as written, or None without an object, and its unit."""
+    """A distance in a column header: its number as written and its unit.
+
+    The number is None if the column has readings without an object.
+    """
 
     number: str | None
     unit: str | None
 
 
 def split_title(title: str) -> tuple[str, str | None]:
-    """Split `output [V]`, `output (V)` and, for usual names, `output_V` into name and unit."""
+    """Split a column header such as `output [V]`, `output (V)` or `output_V` into name and unit."""
+    # A form such as `output_V` is split only for usual names.
     if len(title) > _LONGEST:
         return title, None
     match = _TITLE.fullmatch(title)
@@ -214,12 +220,12 @@ def split_title(title: str) -> tuple[str, str | None]:
 
 
 def is_length(unit: str | None) -> bool:
-    """Return whether a unit is a unit of length."""
+    """Return whether a unit text such as `mm` is a unit of length."""
     return _exponents(unit) == (1, 0, 0, 0, 0)
 
 
 def is_named(title: str, kind: str) -> bool:
-    """Return whether a header has a usual name of a kind of column."""
+    """Return whether a column header is a usual name for a kind of column, such as `distance` or `output`."""
     # A `setting` is one of the sensor or its surroundings, such as `gain` or `temperature`. A `setting or output` may
     # be the output if no other column is, such as a photocurrent. A `count` numbers the rows, such as `trial`, `#` or
     # an empty header. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`.
@@ -228,7 +234,7 @@ def is_named(title: str, kind: str) -> bool:
 
 
 def output_unit(text: str | None) -> tuple[str, float]:
-    """Convert volts and counts with prefixes to V and counts; return every other unit as it is written."""
+    """Convert an output unit to V or counts with a factor, and leave every other unit as it is written."""
     try:
         unit = parse_unit(text or "")
     except UnitError:
@@ -239,12 +245,12 @@ def output_unit(text: str | None) -> tuple[str, float]:
 
 
 def is_output_unit(unit: str | None) -> bool:
-    """Return whether a unit is volts or counts."""
+    """Return whether a unit of a sensor output is volts or counts."""
     return output_unit(unit)[0] in _KNOWN.values()
 
 
 def distance_mark(title: str) -> UnitMark | None:
-    """Parse a header such as `5 mm`, `d=5mm`, `0.5` or `inf` as a distance; None if it is no distance."""
+    """Parse a column header such as `5 mm`, `d=5mm` or `inf` as a distance, or return None."""
     if title and (is_no_object(title) or _AT_INFINITY.fullmatch(title[:_LONGEST])):
         return UnitMark(None, None)
     match = _AT.fullmatch(title) if len(title) <= _LONGEST else None
@@ -257,7 +263,8 @@ def distance_mark(title: str) -> UnitMark | None:
 
 
 def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
-    """Return whether columns are named by distance; `declared` means that an option gives their unit."""
+    """Return whether the columns of a table are named by distances, such as `5 mm`, one column per distance."""
+    # `declared` means that an option gives the unit of the distances.
     # They are if two headers are distances with units, or if headers are numbers that can have no other meaning.
     marks = [mark for title in header if (mark := distance_mark(title))]
     if any(mark.unit for mark in marks):
@@ -271,7 +278,7 @@ def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
 
 
 def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = False) -> bool:
-    """Return whether the words of a line identify it as the header of a calibration."""
+    """Return whether a line of a file is the header of a calibration table, because it names a distance."""
     # It is if a cell is a name of a distance or has a unit of length, and none is a number, or if columns are named by
     # distance (see `looks_wide`). With `in_words`, cells are the words of a line, which may be prose: "Sensor X" does
     # not name a distance.
@@ -297,7 +304,7 @@ def _exponents(unit: str | None) -> tuple[int, ...]:
 
 
 def output_column(table: TextTable, index: int, layout: Layout) -> Column:
-    """Return the column of no-object outputs with its unit, by default that of the calibration; refuse another unit."""
+    """Return the output column of a file of no-object readings, and refuse a unit other than the calibration's."""
     title = table.header[index]
     header_unit = split_title(title)[1]
     symbol, factor = output_unit(header_unit) if header_unit else (layout.unit, layout.pairs[0][1].factor)

@@ -27,7 +27,9 @@ _HUGE: Final = 1e150  # replaces residuals that are not finite
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fits:
-    """Minima of many problems: parameters x, shape (b, p), residuals, (b, n), and costs (sums of squares), (b,).
+    """Solutions of many least-squares problems: parameters, residuals, Jacobians and sums of squares.
+
+    Parameters x have the shape (b, p), residuals (b, n), and costs (sums of squares) (b,).
 
     The jacobian has the derivatives of the residuals by the parameters, shape (b, n, p); zero for a parameter at a
     bound.
@@ -40,7 +42,7 @@ class Fits:
 
     @property
     def covariances(self) -> FloatArray:
-        """Covariances of the parameters at unit variance of the residuals, shape (b, p, p).
+        """Covariances of the fit parameters if the residuals have unit variance, shape (b, p, p).
 
         Large, not infinite, for a singular problem; zero for parameters at a bound.
         """
@@ -59,7 +61,8 @@ def minimize_many(
     tolerance: float = 1e-10,
     most: int = 60,
 ) -> Fits:
-    """Minimize the sums of squares of many problems within bounds, (p,) or (b, p), each from a row of `start`."""
+    """Solve many least-squares problems within bounds at once, each from its own start point."""
+    # Bounds have the shape (p,) or (b, p); each row of `start` is one problem.
     # A problem has converged when its cost changes by a smaller share than `tolerance`, or its parameters by less than
     # that. All problems end after `most` steps. Starts are clipped to the bounds.
     low, high = (np.broadcast_to(b, start.shape) for b in bounds)
@@ -98,14 +101,14 @@ def _finite(values: FloatArray) -> FloatArray:
 
 
 def _at_bound(x: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Return which parameters are at a bound that the cost pushes them against."""
+    """Return which fit parameters are held at a bound because the cost decreases beyond it."""
     return np.asarray(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
 
 
 def _derivative(
     residuals: Residuals, x: FloatArray, value: FloatArray, which: IntArray, high: FloatArray
 ) -> FloatArray:
-    """Differentiate by forward differences, or backward differences at the upper bound."""
+    """Differentiate residuals by finite differences that stay below the upper bounds."""
     count, size = x.shape
     moved = np.repeat(x[:, None, :], size, axis=1)
     step = _STEP * np.maximum(1.0, np.abs(x))
@@ -119,7 +122,8 @@ def _derivative(
 def _step(
     x: FloatArray, slope: FloatArray, value: FloatArray, damping: FloatArray, bounds: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Solve the damped normal equations for the parameters that no bound holds; zero steps if they overflow."""
+    """Return a Levenberg-Marquardt step for the parameters that are not held at a bound."""
+    # The step is zero if the damped normal equations overflow.
     with np.errstate(all="ignore"):
         step = _newton_step(x, slope, value, damping, bounds)
     return np.where(np.isfinite(step), step, 0.0)
@@ -142,7 +146,8 @@ def _newton_step(
 
 
 def gradient(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """Return the derivatives of a vector function of parameters, shape (p,), by central differences; (outputs, p)."""
+    """Return the derivatives of a vector function with respect to its parameters, by central differences."""
+    # Parameters of shape (p,) give derivatives of shape (outputs, p).
     columns = []
     for i, value in enumerate(x):
         step = 1e-6 * max(1.0, abs(float(value)))
@@ -159,7 +164,8 @@ def intervals(
     coordinates: Callable[[FloatArray], FloatArray],
     rise: float,
 ) -> list[tuple[float, float, bool, bool]]:
-    """Return profile intervals: where the profiles of coordinates have risen by `rise` above the minimum."""
+    """Return profile-likelihood confidence intervals of functions of the fit parameters."""
+    # An interval ends where the profile has risen by `rise` above the minimum.
     # A stiff spring pulls a coordinate to a target: the sum of squares plus the spring's energy is minimized over all
     # parameters. The minimum lies exactly on the profile, at the coordinate that it reaches. So the coordinate need not
     # be a parameter of the model. Steps are doubled until the profile has risen enough; then secants are used. All ends
@@ -201,7 +207,7 @@ def intervals(
 
 
 class _End:
-    """Search for one end of an interval: the end, or the next target."""
+    """Search for one end of a confidence interval."""
 
     def __init__(self, which: int, step: float, center: float) -> None:
         self.which, self.step, self.target = which, step, center + step
@@ -210,7 +216,8 @@ class _End:
         self._inner, self._outer, self._attempt = (center, 0.0), (center, 0.0), 0
 
     def take(self, value: float, height: float) -> bool:
-        """Record the square root of the profile's relative rise at a value; return whether to continue from there."""
+        """Record a point of the likelihood profile, and return whether the search continues from this point."""
+        # `height` is the square root of the profile's rise at a value, relative to the rise at the end.
         further = height < 1
         if further and abs(value - self._inner[0]) < 0.05 * abs(self.target - self._inner[0]):
             self.end = value  # a bound of the parameters ends the search
@@ -232,7 +239,8 @@ class _End:
         return further
 
     def result(self) -> tuple[float, bool]:
-        """Return the end and whether it was reached; after the last attempt, the best value so far."""
+        """Return the end of the confidence interval and whether the search reached it."""
+        # After the last attempt, the end is the best value so far.
         if self.end is not None:
             return self.end, self.reached
         return (self._outer[0], True) if self._outer[1] > 0 else (self._inner[0], False)

@@ -16,7 +16,7 @@ Row = tuple[Cell, ...]
 
 
 def calibration_page(report: CalibrationReport) -> Page:
-    """Return the report page of a calibration, whatever its verdict."""
+    """Create the report page of a calibration: verdict, usable distances, ranking of models and parameters."""
     usable, best, name = report.verdict == "usable", report.best, report.calibration.name
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
     if best is None:
@@ -68,14 +68,15 @@ def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
 
 
 def fit_page(fit: SensorFit) -> Page:
-    """Return the page of a single fit."""
+    """Create the report page of the fit of a single sensor model."""
     low, high = (format_quantity(d, "m") for d in fit.sensor.valid_range)
     headline = f"{fit.model}, {len(fit.distances)} distances, valid from {low} to {high}"
     return Page(kind="Sensor fit", headline=headline, blocks=_parameters(fit, None))
 
 
 def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:
-    """Return the section of a page on its sensor's calibration; `open_lines` has its limits for the answer."""
+    """Create the report section about the sensor calibration behind a design or verification."""
+    # `open_lines` has the limits of the calibration for the answer.
     limits = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
     return (
         Paragraph(text=_headline(report)),
@@ -165,7 +166,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
 
 
 def _given_offset(report: CalibrationReport) -> str:
-    """Say for which offsets the uncertainty of g holds."""
+    """Return a clause that says for which sensor offset the uncertainty of the slope is valid."""
     offset, unit = report.offset, report.calibration.unit
     if offset is None:
         return "over all curves that fit the readings"
@@ -218,7 +219,7 @@ def _interval(low: float, high: float, unit: str, digits: int = 5) -> str:
 
 
 def _scenario_text(fit: SensorFit) -> str:
-    """Write the best curve as the [sensor] section of a scenario file; contact is where the window starts."""
+    """Write the best sensor curve as the `[sensor]` section of a scenario file."""
     lines = ["[sensor]", f'model = "{fit.model}"']
     if fit.model == "table":
         sensor: Any = fit.sensor

@@ -31,7 +31,9 @@ _NARROW: Final = np.linspace(-2.8, 2.8, 9)  # offsets around a known one [SE]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FamilyFits(Value):
-    """The fits of one family at several offsets, increasing, of shape (b,).
+    """Fits of one family of sensor curves at several increasing offsets.
+
+    `offsets` have the shape (b,).
 
     Parameters x, shape (b, 3), have `covariances`, shape (b, 3, 3), at unit variance of the residuals. `costs`, shape
     (b,), are sums of squares that include the prior of the offset.
@@ -44,7 +46,7 @@ class FamilyFits(Value):
     costs: FloatArray
 
     def interval(self, level: float) -> tuple[float, float] | None:
-        """Return the offsets between which the cost is below a level, None if it is nowhere.
+        """Return the range of offsets in which the fit cost is below a level, or None if there is none.
 
         The square root of the cost is interpolated linearly.
         """
@@ -62,7 +64,7 @@ class FamilyFits(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PossibleCurves(Value):
-    """All curves that fit the readings.
+    """All sensor curves that fit the readings, weighted by how well they fit.
 
     Args:
         parts: the fits of each family.
@@ -79,16 +81,16 @@ class PossibleCurves(Value):
 
     @property
     def least(self) -> float:
-        """The smallest sum of squares."""
+        """The smallest sum of squares among all fitted sensor curves."""
         return min(float(part.costs.min()) for part in self.parts)
 
     @property
     def best(self) -> FamilyFits:
-        """The family with the smallest sum of squares."""
+        """The fits of the curve family with the smallest sum of squares."""
         return min(self.parts, key=lambda part: float(part.costs.min()))
 
     def offset(self, kind: str) -> OffsetEstimate:
-        """Return the offset and its 95 % interval: offsets at which any family fits nearly as well as the best."""
+        """Return the offset and its 95 % interval over all curve families that fit nearly as well as the best."""
         ends = [e for part in self.parts if (e := part.interval(self.least + self.rise)) is not None]
         low, high = min(e[0] for e in ends), max(e[1] for e in ends)
         error = (high - low) / (2 * float(np.sqrt(self.rise)))
@@ -96,7 +98,7 @@ class PossibleCurves(Value):
         return OffsetEstimate(value=value, standard_error=error, low=low, high=high, kind=kind)
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw curves with probabilities equal to their weights, each with the offset at which it was fitted."""
+        """Draw random sensor curves with probabilities equal to their weights, each with its offset."""
         rng = np.random.default_rng(seed)
         fits, curves = [(part, i) for part in self.parts for i in range(len(part.offsets))], []
         for number in rng.choice(len(fits), count, p=np.concatenate(self.weights())):
@@ -111,7 +113,7 @@ class PossibleCurves(Value):
         return tuple(curves)
 
     def doubt(self, offset: OffsetEstimate) -> float:
-        """Return how far an offset is from the best-fitting one, in half widths of the 95 % interval.
+        """Return how far an offset is from the best-fitting offset, in half widths of its 95 % interval.
 
         The distance is that of the nearest end of the offset's interval. Beyond all fitted offsets it is infinite.
         """
@@ -122,7 +124,7 @@ class PossibleCurves(Value):
         return float(np.sqrt(max(cost - self.least, 0.0) / self.rise))
 
     def weights(self) -> list[FloatArray]:
-        """Return the weight of each fit; all weights add up to 1."""
+        """Return the weight of each fitted sensor curve; all weights add up to 1."""
         weights = []
         for part in self.parts:
             width = np.gradient(part.offsets) if len(part.offsets) > 1 else np.ones(1)
@@ -132,7 +134,8 @@ class PossibleCurves(Value):
         return [w / total for w in weights]
 
     def slope(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the mean of ln |g| at distances and its standard deviation, between fits and within each fit."""
+        """Return mean and standard deviation of the log of the sensor slope over all curves that fit the readings."""
+        # The value is ln |g|; the deviation includes both the scatter between fits and the error of each.
         rows, spreads, weights = [], [], []
         for part, weight in zip(self.parts, self.weights(), strict=True):
             kept = weight > 1e-6
@@ -162,7 +165,8 @@ def fit_possible_curves(
     informed_by: int | None = None,
     also: float | None = None,
 ) -> PossibleCurves:
-    """Fit every family at every plausible offset, to five points or more (four with a known offset)."""
+    """Fit every family of sensor curves for every plausible offset of the readings."""
+    # A fit needs five points or more, or four with a known offset.
     # The noise was estimated from `informed_by` points, by default those of the curve. `also` is an additional offset.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
@@ -197,7 +201,7 @@ def fit_possible_curves(
 
 
 def _correlation_inflation(residuals: FloatArray, smooth: float) -> float:
-    """Return the factor by which the variance of a fit grows because neighboring residuals are correlated.
+    """Return the factor by which correlated neighboring residuals increase the variance of a fit.
 
     A misfit is smooth: forty points carry no more information about it than the few at which it can bend independently.
     It has the share `smooth` of the variance of the residuals, which is 1. Otherwise the correlation of neighbors
@@ -213,7 +217,7 @@ def _correlation_inflation(residuals: FloatArray, smooth: float) -> float:
 
 
 def _offsets(curve: AveragedCurve, free: Fits, known_offset: OffsetEstimate | None) -> FloatArray:
-    """Return the offsets at which a family is fitted."""
+    """Return the offsets for which a family of sensor curves is fitted."""
     if known_offset is not None:
         return known_offset.value + known_offset.standard_error * (
             _NARROW if known_offset.standard_error > 0 else np.zeros(1)

@@ -31,7 +31,7 @@ _CLEAR_FALL = 6.0  # decrease in standard deviations, from the first to the last
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prepared:
-    """A calibration prepared for fitting.
+    """A calibration prepared for fitting, with its usable distances, offset, noise and outliers.
 
     `informed_by` is the number of distances from which the noise was estimated. `free` are the curves fitted with a
     free offset, if an offset was measured or declared. `witness` has curves through the readings. `no_signal` gives the
@@ -61,7 +61,8 @@ def prepare(
     near_field_peak: float | str | None,
     floor_sigmas: float,
 ) -> Prepared:
-    """Find the window, outliers, offset and noise that all models share; the arguments are those of `fit_sensor`."""
+    """Find the usable distances, outliers, offset and noise that the fits of all sensor models share."""
+    # The arguments are those of `fit_sensor`.
     positive(floor_sigmas, "floor_sigmas")
     calibration = condense(calibration)
     curve = average(calibration)
@@ -105,7 +106,7 @@ def _prepared(
     end: int,
     floor_sigmas: float,
 ) -> Prepared:
-    """Prepare the part of the curve that falls, from its near end to its far end."""
+    """Prepare the falling part of a calibration curve for fitting."""
     place = np.arange(len(curve.distance))
     good = (place >= near.index) & (place < end)
     ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
@@ -158,7 +159,7 @@ def _prepared(
 def _level(
     calibration: Calibration, tail: AveragedCurve, reading_noise: ReadingNoise, offset: OffsetEstimate | None
 ) -> tuple[NoiseEstimate, OffsetEstimate | None, PossibleCurves | None]:
-    """Return the noise of the falling part, the given offset with its error, and the curves with a free offset."""
+    """Return the noise of readings, the given offset with its error, and the curves fitted with a free offset."""
     noise = find_noise(tail, reading_noise, offset)
     if offset is None:
         return noise, None, fit_possible_curves(tail, noise, None)
@@ -180,7 +181,8 @@ def _steep_end(
     good: BoolArray,
     ceilings: CeilingFits,
 ) -> tuple[NearEnd, bool]:
-    """Move the near end to the first reading without flattening; return whether it moved, too."""
+    """Start the usable range at the first reading that saturation does not flatten."""
+    # The second result is whether the start has moved.
     part, place = curve.part(good), np.flatnonzero(good)
     first = ceilings.first_steep(part.distance)
     if first and offset is not None and offset.kind == "declared":  # a wrong offset also bends a curve
@@ -195,7 +197,7 @@ def _steep_end(
 
 
 def _reports_distance(calibration: Calibration) -> str:
-    """Return the message for a sensor whose output is the distance."""
+    """Return the message for a sensor whose output is a distance."""
     return (
         f"The output is a distance in {calibration.unit}: this sensor reports a distance, not a signal that falls with "
         "it. No curve is fitted: enter the curve of the law by hand, and set chain.measures_distance = true."
@@ -203,7 +205,7 @@ def _reports_distance(calibration: Calibration) -> str:
 
 
 def _rising(calibration: Calibration) -> str:
-    """Return the message for an output that rises with distance."""
+    """Return the message for a sensor whose output rises with distance."""
     top = float(max([calibration.outputs.max(), *calibration.no_object]))
     return (
         "The output rises with distance, but a proximity signal falls. For a sensor that reports a distance, enter "
@@ -214,7 +216,7 @@ def _rising(calibration: Calibration) -> str:
 
 
 def _given_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingNoise) -> OffsetEstimate | None:
-    """Return the offset if it is measured or declared; None if it must be fitted."""
+    """Return the sensor offset if it is measured or declared, or None if it must be fitted."""
     if offset == "fit" or (offset == "auto" and not len(calibration.no_object)):
         return None
     if offset == "auto":
@@ -228,7 +230,8 @@ def _given_offset(calibration: Calibration, offset: OffsetChoice, noise: Reading
 
 
 def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimate:
-    """Average no-object readings without outliers; a negative standard error marks one that is not known yet."""
+    """Average the readings without an object, excluding outliers, to measure the sensor offset."""
+    # A standard error that is not known yet is returned as -1.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     kept = readings
@@ -247,7 +250,7 @@ def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimat
 def _nothing(
     calibration: Calibration, curve: AveragedCurve, near: NearEnd, offset: OffsetEstimate | None, reason: str
 ) -> Prepared:
-    """Return the preparation of a calibration with nothing to fit, and the reason."""
+    """Return the preparation of a calibration that has no usable signal, with the reason."""
     window = UsableWindow(
         distances=(),
         start_reason=near.reason,
@@ -267,7 +270,7 @@ def _nothing(
 def _why_no_signal(
     tail: AveragedCurve, window: UsableWindow, offset: OffsetEstimate, noise: NoiseEstimate, unit: str
 ) -> tuple[str, ...]:
-    """Return the reasons why there is no usable signal; empty if there is one."""
+    """Return the reasons why readings have no usable signal; the result is empty if they have one."""
     reasons = []
     count = len(window.distances)
     chance = chance_of_falling(tail.output[: 2 * count])  # a long plateau does not inform about the window
@@ -291,7 +294,8 @@ def _why_no_signal(
 
 
 def chance_of_falling(output: FloatArray) -> float:
-    """Return the p-value that a random order falls as much as this one (Kendall's test, exact; ties count half)."""
+    """Return the exact p-value of Kendall's rank test for readings that fall with distance."""
+    # The p-value is the probability that a random order falls as much; ties count half.
     n = len(output)
     pairs = [float(output[j] - output[i]) for i in range(n) for j in range(i + 1, n)]
     rising = sum(p > 0 for p in pairs) + (sum(p == 0 for p in pairs) + 1) // 2

@@ -24,7 +24,7 @@ def rank_models(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> CalibrationReport:
-    """Fit all models to the same readings with the same offset and noise, rank them by AICc, and give a verdict.
+    """Fit all sensor models to the same readings, rank them by AICc, and judge whether the sensor is usable.
 
     An invalid option raises `InvalidInputError`; a sensor without signal does not.
 
@@ -75,6 +75,6 @@ def rank_models(
 
 
 def _rank(fit: SensorFit) -> tuple[bool, bool, float, float]:
-    """Return the sort key of a fit: by AICc, then models without AICc by cross-validation, the table last."""
+    """Return the sort key of a sensor model: by AICc, then by cross-validation error, with the table last."""
     error = math.inf if fit.cross_validation is None else fit.cross_validation
     return fit.model == "table", fit.aicc is None, fit.aicc or 0.0, error

@@ -19,7 +19,9 @@ from .data import Calibration
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlopeUncertainty(Value):
-    """The slope g and its uncertainty over all curves that fit the readings, where most of the virtual force acts.
+    """The sensor slope and its uncertainty at the distances where most of the virtual force acts.
+
+    It is taken over all curves that fit the readings.
 
     Args:
         distances: from the nearest usable distance to where the signal is a tenth of the signal there [m], shape (N,).
@@ -36,7 +38,7 @@ class SlopeUncertainty(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawnCurve(Value):
-    """A possible curve of the sensor, drawn from those that fit the readings, with its offset.
+    """A sensor curve drawn at random from the curves that fit the readings, with its offset.
 
     Args:
         sensor: the curve, valid on the window.
@@ -48,13 +50,13 @@ class DrawnCurve(Value):
 
 
 class AllowedCurves(Protocol):
-    """Interface of a source of curves that fit the readings."""
+    """Interface of an object that generates sensor curves that fit the readings."""
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Return curves through all readings, monotone between neighbors, independent of any family."""
+        """Return sensor curves through all readings, monotone between neighbors and independent of any family."""
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw curves of ideal families under soft ceilings, by their posterior probabilities."""
+        """Draw random sensor curves with soft saturation by their posterior probabilities."""
 
 
 _FINEST: Final = 1e-4  # smallest relative error of a mean: no sensor is better, and exact numbers need a weight
@@ -63,7 +65,7 @@ _WIDE: Final = 6.0  # standard errors: a 95 % interval wider than this is not de
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate(Value):
-    """A number with its uncertainty.
+    """An estimated number with its standard error and 95 % interval.
 
     Args:
         value: the estimate, in SI.
@@ -80,14 +82,14 @@ class Estimate(Value):
     unit: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the estimate as one JSON object, in SI."""
+        """Return the estimate as a dictionary for JSON, in SI units."""
         interval = (self.low, self.high)
         return {"value": self.value, "standard_error": self.standard_error, "interval": interval, "unit": self.unit}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OffsetEstimate(Value):
-    """The output with no object in range, which is subtracted before the logarithm is taken.
+    """The sensor output without an object in range, which is subtracted before the logarithm is taken.
 
     Args:
         value: the offset o, in the unit of the outputs.
@@ -105,16 +107,16 @@ class OffsetEstimate(Value):
 
     @property
     def is_wide(self) -> bool:
-        """Whether the 95 % interval is so wide that the standard error alone would mislead."""
+        """Whether the 95 % interval of the offset is so wide that the standard error alone would mislead."""
         return self.high - self.low > _WIDE * self.standard_error
 
     @property
     def error_in_words(self) -> str:
-        """The standard error with two digits, without an exponent below a million."""
+        """The standard error of the offset as text with two digits."""
         return f"{self.standard_error:.{2 if self.standard_error < 100 else 6}g}"
 
     def in_words(self, unit: str, digits: int = 4) -> str:
-        """Return the offset with its standard error, or the offset alone if its 95 % interval is much wider.
+        """Return the offset with its standard error as text, or the offset alone if its interval is much wider.
 
         Examples:
             >>> offset = OffsetEstimate(value=180.0, standard_error=1.2, low=177.6, high=182.4, kind="measured")
@@ -130,7 +132,7 @@ class OffsetEstimate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseEstimate(Value):
-    """Deviations of readings from the curve: noise, independent for every reading, and misfit, which stays the same.
+    """Noise of the readings, which is random, and misfit of the curve, which is the same in every reading.
 
     The mean of n readings has the variance (output^2 + (relative xi)^2) / n + (misfit xi)^2 about the curve.
 
@@ -153,17 +155,17 @@ class NoiseEstimate(Value):
     relative_source: str = ""
 
     def relative_of_means(self, count: IntArray) -> FloatArray:
-        """Return the part of the standard deviation of means of `count` readings proportional to xi, relative to xi."""
+        """Return the relative error of the mean of `count` readings from relative noise and misfit."""
         return np.asarray(np.maximum(np.sqrt(self.relative**2 / count + self.misfit**2), _FINEST))
 
     def of_means(self, count: IntArray, signal: FloatArray) -> FloatArray:
-        """Return the standard deviation of means of `count` readings at signals xi, in the unit of the outputs."""
+        """Return the standard deviation of means of `count` readings, in the unit of the outputs."""
         return np.asarray(np.hypot(self.output / np.sqrt(count), self.relative_of_means(count) * signal))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsableWindow(Value):
-    """The distances at which the sensor can be used, with the reasons for both ends.
+    """The range of distances in which a sensor can be used, with the reason for each end.
 
     Args:
         distances: the measured distances inside the window [m], increasing; empty if no signal is above the floor.
@@ -181,12 +183,12 @@ class UsableWindow(Value):
 
     @property
     def l_min(self) -> float:
-        """The smallest usable distance [m]."""
+        """The smallest usable distance of the sensor [m]."""
         return self._end(0)
 
     @property
     def l_max(self) -> float:
-        """The largest usable distance [m]."""
+        """The largest usable distance of the sensor [m]."""
         return self._end(-1)
 
     def _end(self, which: int) -> float:
@@ -197,7 +199,9 @@ class UsableWindow(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SensorFit(Described, Value):
-    """One model fitted to one calibration. Residuals and their statistics refer to the points that were used.
+    """Fit of one sensor model to a calibration, with parameters, uncertainties and residuals.
+
+    Residuals and their statistics refer to the points that were used.
 
     Args:
         model: name of the model.
@@ -249,7 +253,7 @@ class SensorFit(Described, Value):
     page: ClassVar[str] = "pretouch.calibration.page:fit_page"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fit as one JSON object: numbers in SI, None for missing values."""
+        """Return the fit of a sensor model as a dictionary for JSON, in SI units."""
         estimates = self.parameters.items()
         names = ("covariance", "middle_slope", "r_squared", "rmse_log_output", "rmse_log_slope", "aicc")
         more = ("cross_validation", "runs_p_value", "slope_shift", "outliers", "unidentifiable", "warnings")
@@ -271,7 +275,7 @@ class SensorFit(Described, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CalibrationReport(Described, Value):
-    """All models fitted to one calibration, ranked, and the verdict on the sensor.
+    """Ranking of all sensor models for a calibration, and the verdict whether the sensor is usable.
 
     Args:
         calibration: the readings.
@@ -303,11 +307,11 @@ class CalibrationReport(Described, Value):
 
     @property
     def best(self) -> SensorFit | None:
-        """The first of the ranked fits; None without a usable signal."""
+        """The fit of the best-ranked sensor model, or None without a usable signal."""
         return self.fits[0] if self.fits else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the report as one JSON object: numbers in SI, None for missing values."""
+        """Return the calibration report as a dictionary for JSON, in SI units."""
         calibration, slope = self.calibration, self.slope
         source = calibration.source
         fields = {

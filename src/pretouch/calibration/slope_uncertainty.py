@@ -28,7 +28,7 @@ _NORMAL: Final = 1.959964  # standard deviations from the mean to the end of a 9
 
 
 def slope_knowledge(prepared: Prepared) -> SlopeUncertainty | None:
-    """Return the mean and the uncertainty of g over all curves that fit the readings; None with too few readings."""
+    """Return the sensor slope and its uncertainty over all curves that fit, or None with too few readings."""
     curves, used, offset = prepared.possible_curves, prepared.used, prepared.offset
     if curves is None or offset is None:
         return None
@@ -47,7 +47,8 @@ def slope_knowledge(prepared: Prepared) -> SlopeUncertainty | None:
 
 
 def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertainty | None) -> list[str]:
-    """Return warnings where g is too uncertain or differs from the best model, each with what to measure."""
+    """Return warnings about an uncertain sensor slope, each with what to measure."""
+    # One warning is about readings whose slope differs from that of the best model.
     if slope is None:
         return []
     warnings = []
@@ -80,7 +81,7 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
 
 
 def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[float, float, float] | None:
-    """Return the largest significant difference between the local slopes of readings and fit, relative to g.
+    """Return the largest significant difference between the slopes of readings and fitted curve.
 
     The distances between which it occurs follow [m]. Without a difference that is both significant and too large, the
     result is None.

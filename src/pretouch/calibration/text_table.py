@@ -39,7 +39,7 @@ _NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 
 
 def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = None) -> TextTable:
-    """Split a text file into header and rows; options for its columns help to find the header."""
+    """Read a text table such as CSV, and split it into header and rows."""
     # Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. Refused are
     # unreadable or too large files, files without a table, and rows with another number of cells.
     path, options = Path(path), options or ColumnOptions()
@@ -83,7 +83,8 @@ def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = Non
 
 
 def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
-    """Split each line of a list into its cells, in place; `plain` texts have no quotes and are split faster."""
+    """Split each line of a list into its table cells, in place."""
+    # Lines of `plain` text have no quotes and are split faster.
     mark = None if delimiter == _BLANK else delimiter
     for i, line in enumerate(rows):
         if plain and not (mark is None and _NO_OBJECT.search(line)):
@@ -93,7 +94,8 @@ def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
 
 
 def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimiter: str) -> tuple[tuple[str, ...], int]:
-    """Split the header, or number the columns without one; return the number of unit rows below it, too."""
+    """Split the header of a table, or number the columns if there is no header."""
+    # The second result is the number of rows with units below the header.
     widths = Counter(len(row) for row in rows[:_COUNTED] if is_row(row))
     width = max(widths, key=lambda cells: (widths[cells], cells)) if widths else None
     header = tuple(f"column {i + 1}" for i in range(width or 1))
@@ -106,7 +108,7 @@ def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimit
 
 
 def _without_empty_end(header: tuple[str, ...], rows: list[Any]) -> tuple[str, ...]:
-    """Remove empty last columns from the header and, in place, from the rows."""
+    """Remove empty last columns from the header and the rows of a table."""
     whole = width = len(header)
     while width > 1 and not header[width - 1] and all(not r[width - 1] for r in rows if width <= len(r) <= whole):
         width -= 1
@@ -118,7 +120,7 @@ def _without_empty_end(header: tuple[str, ...], rows: list[Any]) -> tuple[str, .
 def _refuse_other_widths(
     file: str, header: tuple[str, ...], rows: Sequence[tuple[str, ...]], numbers: Sequence[int], delimiter: str
 ) -> None:
-    """Refuse rows with another number of cells than the header."""
+    """Raise an error for table rows with another number of cells than the header."""
     for number, row in zip(numbers, rows, strict=True):
         if len(row) != len(header):
             place, hint = f"{file}, line {number}", _hint(row, delimiter)
@@ -129,7 +131,7 @@ def _refuse_other_widths(
 
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
-    """Decode bytes to text, by the byte-order mark if there is one."""
+    """Decode the bytes of a text file, and return the text and its encoding."""
     marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in content and not marked:
         raise _refusal(f"{file}: found binary data, expected a text table such as CSV")
@@ -140,7 +142,7 @@ def _decode(content: bytes, file: str) -> tuple[str, str]:
 
 
 def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
-    """Return the lines that are neither blank nor comments, with their numbers, and the last comment above them."""
+    """Return the lines of a file that are neither blank nor comments, with their line numbers."""
     # The last comment may be the header.
     numbers = array("q")
     texts: list[str] = []
@@ -167,7 +169,8 @@ def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
 
 
 def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -> tuple[int, Lines, tuple[str, ...]]:
-    """Find the header; return its index (-1 if there is none and none is needed), the lines, and notes."""
+    """Find the header line of a calibration file."""
+    # The index is -1 if the file has no header and needs none. Lines and notes are returned as well.
     # Numbers above the header are refused.
     index = _certain_header(lines, options)
     if index is None and _certain_header([*remark, *lines[:1]], options) == 0:
@@ -190,7 +193,7 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
 
 
 def _certain_header(lines: Lines, options: ColumnOptions) -> int | None:
-    """Find the line that names a distance or a selected column, with as many cells as the first row below it."""
+    """Find the line that names a distance or a selected column and is followed by rows of equal width."""
     width: int | None = None
     wanted: list[int] = []
     for i in range(min(len(lines), _SEARCHED)):
@@ -208,7 +211,7 @@ def _certain_header(lines: Lines, options: ColumnOptions) -> int | None:
 
 
 def _is_header(line: str, width: int, options: ColumnOptions) -> bool:
-    """Return whether a line with `width` cells names a distance or a selected column."""
+    """Return whether a line of `width` cells names a distance or a column that the user selected."""
     delimiter = _delimiter(line)
     header = _header_cells(line, delimiter, width)
     if len(header) != width or width < 2:
@@ -218,7 +221,7 @@ def _is_header(line: str, width: int, options: ColumnOptions) -> bool:
 
 
 def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[int, Lines]:
-    """Take the first line as the header, unless numbers far below it make that doubtful."""
+    """Take the first line of a file as the header, unless numbers far below make this doubtful."""
     data = next((i for i, (_, t) in enumerate(lines[:_SEARCHED]) if is_row(_cells(t, _any_delimiter(t)))), None)
     if data is None:
         return 0, lines
@@ -239,13 +242,13 @@ def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[
 
 
 def _delimiter(line: str) -> str:
-    """Find the delimiter outside brackets and quotes; blanks if there is no other."""
+    """Find the delimiter of the columns in a header line, outside brackets and quotes."""
     bare = re.sub(rf'"[^"]*"|{_BRACKETED}', "", line)
     return next((mark for mark in ("\t", ";", ",") if mark in bare.strip()), _BLANK)
 
 
 def _any_delimiter(line: str) -> str:
-    """Find the delimiter of a row, in which commas may be decimal marks."""
+    """Find the delimiter of the columns in a row of numbers, in which commas may be decimal marks."""
     delimiter = _delimiter(line)
     if delimiter != ",":
         return delimiter
@@ -255,7 +258,7 @@ def _any_delimiter(line: str) -> str:
 
 
 def _cells(line: str, delimiter: str) -> tuple[str, ...]:
-    """Split a row into cells."""
+    """Split a table row into cells."""
     if delimiter == _BLANK:
         return tuple(word.strip('"').strip() for word in _ROW_WORD.findall(line))
     try:
@@ -265,7 +268,7 @@ def _cells(line: str, delimiter: str) -> tuple[str, ...]:
 
 
 def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str, ...]:
-    """Split a header; if the delimiter is blanks, units in brackets and words of one name are kept together."""
+    """Split a header line into column names, and keep units in brackets with their names."""
     if delimiter != _BLANK:
         return _cells(line, delimiter)
     words: list[str] = []
@@ -282,7 +285,7 @@ def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str,
 
 
 def _hint(row: Sequence[str], delimiter: str) -> str:
-    """Return a hint on the likely cause of a row with another number of cells."""
+    """Return a hint on why a table row has another number of cells than the header."""
     if not is_row(row) and sum(is_number(cell) for cell in row) < 2:
         return "; put # before a line that holds no reading"
     if delimiter == ",":

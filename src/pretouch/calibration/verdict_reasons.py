@@ -25,7 +25,7 @@ _SMALL_FALL = 0.3  # decrease of ln xi over the window below which only the mean
 
 
 def left_out(prepared: Prepared) -> tuple[str, ...]:
-    """Return a sentence for each group of readings that no model was fitted to."""
+    """Return a sentence for each group of readings that the fits do not use, such as outliers."""
     calibration, window, groups = prepared.calibration, prepared.window, []
     at_bad = np.isin(calibration.distances, prepared.outlier_distances)
     single = [i for i in prepared.outliers if not at_bad[i]]
@@ -60,7 +60,7 @@ def _readings(count: Any) -> str:
 
 
 def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
-    """Return the sentence that describes the fit of a usable sensor without reservations."""
+    """Return a sentence that describes how well the best model fits a usable sensor."""
     low, high = (format_quantity(d, "m") for d in (prepared.window.l_min, prepared.window.l_max))
     if not fits:
         return f"The signal is usable from {low} to {high}, but none of the requested models fits it."
@@ -72,7 +72,7 @@ def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
 
 
 def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None) -> list[str]:
-    """Return the reservations about a usable signal, each with what to do about it."""
+    """Return warnings about a sensor with a usable signal, each with its remedy."""
     calibration, window, used = prepared.calibration, prepared.window, prepared.used
     low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))
     signal = used.output - (fits[0].offset.value if fits else 0.0)
@@ -103,7 +103,7 @@ def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUnc
 
 
 def _offset_reservations(prepared: Prepared) -> list[str]:
-    """Return reservations about an offset that is impossible, or that the readings contradict."""
+    """Return warnings about a sensor offset that is impossible or contradicts the readings."""
     unit, offset, noise, reasons = prepared.calibration.unit, prepared.offset, prepared.noise, []
     if offset is None or noise is None:
         return []
@@ -135,7 +135,7 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
 
 
 def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
-    """Return a reservation if even the best model does not follow the readings."""
+    """Return a warning if even the best sensor model does not follow the readings."""
     if prepared.noise is None or prepared.noise.misfit <= _LARGE_MISFIT:
         return []
     table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""

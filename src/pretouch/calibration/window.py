@@ -23,7 +23,7 @@ _SHARE: Final = 0.2  # outputs above the lowest one by less than this share of t
 
 
 def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
-    """Return whether the output grows with distance instead of falling."""
+    """Return whether the sensor output rises with distance instead of falling."""
     # Toward a near-field peak the output rises, too, but then it falls farther.
     steady = curve.steady
     peak = int(np.argmax(steady))
@@ -35,7 +35,7 @@ def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
 
 
 def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
-    """Return the index after the last point before the output rises again; the number of points if it does not.
+    """Return how many points precede a renewed rise of the output; without a rise, return the number of points.
 
     Points that may already include a part of the rise are excluded as well.
     """
@@ -53,7 +53,7 @@ def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
 
 
 def _error(curve: AveragedCurve, noise: ReadingNoise) -> float:
-    """Return the standard deviation of a mean in the flat part of the curve."""
+    """Return the standard deviation of averaged readings in the flat part of the curve."""
     if noise.sigma is not None:
         error = noise.sigma / np.sqrt(float(np.median(curve.count)))
         return float(np.hypot(error, noise.resolution / np.sqrt(12.0)))
@@ -72,7 +72,7 @@ _CLIPPED_SHARE: Final = 0.99  # share of full scale; converters and amplifiers c
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NearEnd:
-    """Where the usable part of a curve starts: its index in the averaged curve, the reason, and the clipping level.
+    """The near end of the usable distances: its index in the averaged readings, the reason, and the clipping level.
 
     `flat` is true if the output has no slope there, as at a detected peak.
     """
@@ -92,7 +92,7 @@ def find_window(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> UsableWindow:
-    """Find the distances at which a sensor can be used.
+    """Find the range of distances in which a sensor can be used.
 
     The window starts beyond the last clipped distance, at the near-field peak or farther. It ends before the first
     distance at which the averaged signal is less than `floor_sigmas` standard errors above the offset, unless the next
@@ -139,7 +139,7 @@ def find_window(
 
 
 def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
-    """Turn a number, or a number and its standard error, into a declared offset."""
+    """Convert a number, or a number and its standard error, to an estimate of the sensor offset."""
     value, error = offset if isinstance(offset, (tuple, list)) else (offset, 0.0)
     value, error = float(finite(value, "offset")), float(nonnegative(error, "standard error of the offset"))
     reach = 1.959964 * error
@@ -149,7 +149,8 @@ def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
 def find_near_end(
     calibration: Calibration, curve: AveragedCurve, saturation: float | str | None, near_field_peak: float | str | None
 ) -> NearEnd:
-    """Find the first usable distance and the reason; if all are clipped, the index is the number of distances."""
+    """Find the smallest usable distance of a sensor and the reason for it."""
+    # If all readings are clipped, the index is the number of distances.
     level, source = _saturation(calibration, curve, saturation)
     saturated = calibration.outputs >= (np.inf if level is None else level)
     index = _end_of_clipping(np.isin(curve.distance, calibration.distances[saturated]))
@@ -168,7 +169,7 @@ def find_near_end(
 
 
 def _end_of_clipping(clipped: BoolArray) -> int:
-    """Return the index after the last clipped point; an isolated one inside the curve is an outlier."""
+    """Return the index after the last clipped reading; an isolated clipped reading is an outlier."""
     supported = [
         i for i in np.flatnonzero(clipped) if i == 0 or clipped[i - 1] or (i + 1 < len(clipped) and clipped[i + 1])
     ]
@@ -176,7 +177,7 @@ def _end_of_clipping(clipped: BoolArray) -> int:
 
 
 def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | str | None) -> tuple[float | None, str]:
-    """Return the clipping level and its source."""
+    """Return the output level at which a sensor clips, and how the level was found."""
     if option is None:
         return None, ""
     if not isinstance(option, str):
@@ -199,7 +200,7 @@ def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | 
 
 
 def _peak(curve: AveragedCurve, start: int, option: float | str | None) -> tuple[int, str]:
-    """Return the index at which the curve begins to fall, and its source."""
+    """Return the index of the distance beyond which the output falls, and how it was found."""
     if option is None:
         return start, ""
     if option != "auto":
@@ -227,7 +228,7 @@ def window_of(
     left_out: tuple[int, ...] = (),
     last: tuple[int, str] | None = None,
 ) -> UsableWindow:
-    """Find the far end of the window, and return the window."""
+    """Find the largest usable distance of a sensor, and return the range of usable distances."""
     # Points `left_out` are skipped; `last` is the index after the last point that may be used, and the reason.
     stop, reason = last or (len(curve.distance), "last measured distance")
     indices = [i for i in range(near.index, stop) if i not in left_out]

@@ -32,7 +32,9 @@ HIGHEST_ORDER = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditioning:
-    """Conditioning of readings at the sensor's rate: offset, floor, running median, low-pass, and rules for rejection.
+    """Conditioning of sensor readings: offset, detection threshold, median filter, low-pass and rejection rules.
+
+    It runs at the sensor's rate.
 
     Args:
         floor: detection threshold > 0 after the offset is subtracted [unit of xi]; choose it above noise and drift.
@@ -88,7 +90,7 @@ class Conditioning:
             )
 
     def numbers(self, period: float) -> SensingNumbers:
-        """Return the parameters of `pretouch_observe` for a loop with the period T [s]."""
+        """Return the conditioning as a C structure for a control loop with a given period [s]."""
         sensor_period = period if self.sensor_period is None else self.sensor_period
         if sensor_period < period * (1 - 1e-9):
             raise InvalidInputError(
@@ -116,14 +118,15 @@ class Conditioning:
         )
 
     def fade_step(self, period: float) -> float:
-        """Return the share of the force that is removed in one loop period [s]; 1 means that it is removed at once."""
+        """Return the share of the virtual force that fades in one loop period [s] if a reading is overdue."""
+        # A share of 1 removes the force at once.
         sensor_period = period if self.sensor_period is None else self.sensor_period
         fade_time = _FADE_PERIODS * sensor_period if self.fade_time is None else self.fade_time
         return min(period / fade_time, 1.0) if fade_time > 0 else 1.0
 
 
 def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[FilterSection, ...]:
-    """Design a Butterworth low-pass of order 0 (none) to 8 with a cutoff [Hz] for a sensor's rate [Hz]."""
+    """Design a Butterworth low-pass of order 0 (none) to 8 for a sensor's sampling rate [Hz]."""
     # The result equals that of scipy.signal, which a test checks. Importing scipy.signal would take too long.
     if not isinstance(order, int) or isinstance(order, bool) or not 0 <= order <= HIGHEST_ORDER:
         raise InvalidInputError(
@@ -146,13 +149,13 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[F
 
 
 def _first_order(warped: float) -> FilterSection:
-    """Return the filter section of the real pole, by the bilinear transform."""
+    """Return the first-order filter section of a real pole, by the bilinear transform."""
     b = warped / (1 + warped)
     return FilterSection(b, b, 0.0, (warped - 1) / (1 + warped), 0.0)
 
 
 def _second_order(warped: float, damping: float) -> FilterSection:
-    """Return the filter section of a complex pole pair, by the bilinear transform."""
+    """Return the second-order filter section of a complex pole pair, by the bilinear transform."""
     square = warped * warped
     size = 1 + 2 * damping * warped + square
     b = square / size
@@ -161,7 +164,7 @@ def _second_order(warped: float, damping: float) -> FilterSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualAdmittance:
-    """Virtual mass, damping and stiffness M_a, D_a, K_a of L(1).
+    """Virtual mass, damping and stiffness of the controller's admittance, M_a, D_a and K_a of L(1).
 
     Args:
         mass: M_a > 0 [kg].
@@ -182,7 +185,7 @@ class VirtualAdmittance:
 
 
 def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumbers:
-    """Discretize the admittance L(1) exactly for one period T [s] with a constant force.
+    """Discretize the admittance L(1) exactly for one control period with a constant force.
 
     Let z_1, z_2 be the roots of the free motion times the period. All six numbers follow from the divided differences
     G_0 = exp[z_1, z_2] and G_1 = exp[0, z_1, z_2]. Both are entire functions, so critical damping, zero stiffness and
@@ -205,7 +208,8 @@ def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumber
 
 
 def _differences(p: float, q: float) -> tuple[float, float]:
-    """Return exp[z1, z2] and exp[0, z1, z2] for z1 + z2 = p <= 0 and z1 z2 = q >= 0."""
+    """Return divided differences of the exponential function, from which the discretization follows."""
+    # The results are exp[z1, z2] and exp[0, z1, z2] for z1 + z2 = p <= 0 and z1 z2 = q >= 0.
     d = p * p / 4 - q
     magnitude = -p / 2 + math.sqrt(d) if d > 0 else math.sqrt(q)
     if magnitude < _SERIES_RADIUS:
@@ -230,7 +234,9 @@ def _differences(p: float, q: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of the virtual force and of the motion relative to the reference; None means no limit.
+    """Limits of the virtual force and of the robot's motion relative to the reference.
+
+    None means no limit.
 
     All limits hold together for any force. A speed is allowed only if the plant can stop from it within the excursion
     limit at the largest deceleration. The stopping distance is piecewise linear in the speed, so the largest speed
@@ -265,7 +271,9 @@ class Limits:
 
 
 def stopping_distance(limits: MotionLimits, speed: float) -> float:
-    """Return the stopping distance [m] from a speed >= 0 [m/s], braking in whole periods of constant deceleration.
+    """Return the distance [m] in which the robot stops from a speed [m/s], braking in whole control periods.
+
+    The deceleration is constant in each period.
 
     All periods but the last brake with the largest deceleration; the last one removes the remaining speed.
     """
@@ -277,5 +285,5 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
 
 
 def format_output(value: float) -> str:
-    """Return a sensor output with the placeholder "unit of \u03be" as its unit."""
+    """Format a sensor output as text with "unit of \u03be" as its unit."""
     return f"{value:.6g} [unit of \u03be]"

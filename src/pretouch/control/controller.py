@@ -46,7 +46,7 @@ _new: Final[Any] = tuple.__new__
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Controller:
-    """The sampled controller of the letter's Fig. 1: it turns readings into a reference of the robot's own controller.
+    """The sampled controller of the letter's Fig. 1, which turns sensor readings into a robot's reference motion.
 
     Args:
         period: period T of the control loop [s].
@@ -89,11 +89,16 @@ class Controller:
 
     @property
     def step(self) -> Callable[..., Any]:
-        """The step as a function: (parameters, state, sample) -> (next state, output). Robots use `begin` instead."""
+        """One control step as a function from parameters, state and sample to next state and output.
+
+        Robots use `begin` instead.
+        """
         return as_step(self.law.step)
 
     def begin(self, position: float = 0.0, velocity: float = 0.0) -> Run:
-        """Start a run for a robot's control loop; it holds parameters and state, and a step takes about a microsecond.
+        """Start a run of the controller for a robot's control loop.
+
+        The run holds parameters and state, and a step takes about a microsecond.
 
         Args:
             position: the plant's position relative to its reference [m].
@@ -107,7 +112,8 @@ class Controller:
         return run(step, self.parameters(), self.start(position, velocity))
 
     def parameters(self) -> Any:
-        """Return all parameters of the step; with the letter's law, `pretouch_parameters` of pretouch_law.h."""
+        """Return all parameters of the control step."""
+        # With the letter's law, the parameters are `pretouch_parameters` of pretouch_law.h.
         sensing = self.conditioning.numbers(self.period)
         drive = DriveNumbers(
             hold=sensing.sensor_period,
@@ -121,7 +127,7 @@ class Controller:
         return _join_parts(ControllerNumbers, sensing, drive, self.law.numbers(self))
 
     def start(self, position: float = 0.0, velocity: float = 0.0) -> Any:
-        """Return the state before the first step: nothing detected, no force. Arguments as in `begin`."""
+        """Return the controller's state before the first step, with nothing detected and no force."""
         x, v = finite(position, "position", "m"), finite(velocity, "velocity", "m/s")
         limits = self._motion_limits()
         ahead = x if v >= 0 else -x
@@ -135,18 +141,18 @@ class Controller:
         return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())
 
     def with_gain(self, gain: float) -> Controller:
-        """Return the same controller with another gain D_p [N s]; its law must be a damper."""
+        """Return a copy of the controller with another gain D_p [N s]; its law must be a damper."""
         law: Any = self.law
         if not hasattr(law, "with_gain"):
             raise InvalidInputError(f"gain: found the law {type(law).__name__}, which has no gain; use with_value")
         return replace(self, law=law.with_gain(gain))
 
     def with_value(self, value: float) -> Controller:
-        """Return the same controller with another value of the law's number, such as D_p [N s]."""
+        """Return a copy of the controller with another value of its law's number, such as the gain D_p."""
         return replace(self, law=self.law.with_value(value))
 
     def rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the controller and those that its law reports by `rows`."""
+        """Yield table rows with the parameters of the controller and its law, for a report."""
         yield "law", type(self.law).__name__
         yield "period", Measured(self.period, "s")
         law_rows = getattr(self.law, "rows", None)
@@ -169,7 +175,7 @@ class Controller:
         yield "contact threshold", Measured(self.contact_threshold, "N")
 
     def _conditioning_rows(self) -> Iterator[Row]:
-        """Yield table rows with the conditioning of readings."""
+        """Yield table rows with the conditioning of sensor readings, for a report."""
         c, numbers = self.conditioning, self.conditioning.numbers(self.period)
         yield "nominal time between readings", Measured(numbers.sensor_period, "s")
         yield "subtracted offset", format_output(c.offset)
@@ -191,7 +197,8 @@ class Controller:
 
 
 def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law: Any) -> Any:
-    """Join the three parts; for a compiled step in one block of memory, in which the law's part comes last."""
+    """Join the parameters (or the state) of sensing, drive and law of a controller."""
+    # For a compiled step, all parts are one block of memory, in which the law's part comes last.
     if not isinstance(law, ctypes.Structure):
         return Parts(sensing, drive, law)
     kind = base if isinstance(law, dict(base._fields_)["law"]) else _with_law(base, type(law))
@@ -200,7 +207,7 @@ def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law
 
 @cache
 def _with_law(base: type[Structure], law: type[ctypes.Structure]) -> type[Structure]:
-    """Return the structure with the law's part replaced by another type."""
+    """Return a copy of a C structure type in which the type of the law's part is replaced."""
     fields = [(name, law if name == "law" else kind) for name, kind in base._fields_]
     return type(base.__name__, (Structure,), {"_fields_": fields})
 
@@ -210,7 +217,7 @@ def _limit(value: float | None) -> float:
 
 
 class Run:
-    """A running controller: it holds parameters and state, and updates the state at each step.
+    """A running controller that holds parameters and state, and updates the state at each step.
 
     `Controller.begin` makes one. Only one thread at a time may call `step`.
 
@@ -236,7 +243,7 @@ class Run:
 
     @property
     def state(self) -> Any:
-        """A copy of the state after the last step, in the form that `Controller.step` takes."""
+        """A copy of the controller's state after the last step."""
         return copy_of(self._memory)
 
     def step(
@@ -250,7 +257,7 @@ class Run:
         reference_velocity: float = 0.0,
         reference_acceleration: float = 0.0,
     ) -> Output:
-        """Run one period: take the fields of a `Sample`, return the reference of the robot for this period."""
+        """Run one control period: take a sensor reading, and return the reference motion of the robot."""
         _pack_sample(
             *(self._sample, 0, reading, age, contact_force),
             *(reference_position, reference_velocity, reference_acceleration, 1 if fresh else 0),
@@ -261,7 +268,7 @@ class Run:
 
 
 class _PythonRun(Run):
-    """A running controller whose step is written in Python."""
+    """A running controller whose step is written in Python instead of compiled code."""
 
     __slots__ = ("_parameters", "_state", "_step")
 

@@ -25,7 +25,9 @@ _STEP = CompiledStep("step_drag")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualDrag:
-    """Virtual force F = -phi |s'| s' with s = ln xi, applied as impulses, during approaches only.
+    """Sampled virtual drag, which reduces every approach speed by the same fraction.
+
+    The force is F = -phi |s'| s' with s = ln xi, applied as impulses, during approaches only.
 
     While it acts, the admittance's pull toward the object is switched off, so d ln|l'|/dl = phi g^2/M. The relative
     speed to an object of constant velocity therefore falls by the same fraction at every speed, from detection to
@@ -101,21 +103,21 @@ class VirtualDrag:
 
     @property
     def continuous(self) -> str:
-        """The name of the law in continuous time that this one samples."""
+        """The name of the continuous-time law that this sampled law approximates."""
         return "virtual-drag"
 
     @property
     def value(self) -> float:
-        """The drag phi [N s^2], the number that a design chooses."""
+        """The drag phi [N s^2], which is the number that a design chooses."""
         return self.drag
 
     @property
     def step(self) -> CompiledStep:
-        """The controller's step with this law: `pretouch_step_drag` of native/law/pretouch_law.c."""
+        """The controller's compiled step for the virtual drag, `pretouch_step_drag` of native/law/pretouch_law.c."""
         return _STEP
 
     def numbers(self, controller: Setting) -> DragNumbers:
-        """Return the parameters as plain numbers, with the admittance and the sensor's period of a controller."""
+        """Return the parameters of the virtual drag as a C structure."""
         c, a = controller.conditioning, controller.admittance
         sensor_period = controller.period if c.sensor_period is None else c.sensor_period
         share = 1.0 if self.smoothing_time == 0 else -math.expm1(-sensor_period / self.smoothing_time)
@@ -143,7 +145,7 @@ class VirtualDrag:
         )
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield table rows with the parameters of the law other than phi."""
+        """Yield table rows with the parameters of the virtual drag other than phi, for a report."""
         yield "noise of a reading", format_output(self.noise)
         yield "relative noise of a reading", Measured(self.relative_noise)
         yield "step of the readings", format_output(self.resolution)
@@ -158,9 +160,9 @@ class VirtualDrag:
             yield "known acceleration of the object", Measured(self.known_acceleration, "m/s^2")
 
     def with_value(self, value: float) -> VirtualDrag:
-        """Return the same law with another phi [N s^2]."""
+        """Return a copy of the virtual drag with another drag phi [N s^2]."""
         return replace(self, drag=value)
 
     def start(self) -> DragState:
-        """Return the law's state before the first reading."""
+        """Return the state of the virtual drag before the first reading."""
         return DragState(0.0, 0.0, 0.0, 0.0)

@@ -42,7 +42,9 @@ _drive: Final = kernel("drive", POINTER, POINTER, POINTER, POINTER, POINTER, POI
 
 
 class Parts(NamedTuple):
-    """Parameters or state of a controller whose law is a Python function: one part each for sensing, drive and law.
+    """Parameters or state of a controller in three parts: sensing, drive and law.
+
+    The law is a Python function.
 
     Args:
         sensing: parameters or state of `observe`.
@@ -57,36 +59,39 @@ class Parts(NamedTuple):
 
 
 class Setting(Protocol):
-    """The part of a `Controller` on which the parameters of its law may depend."""
+    """The settings of a `Controller` on which the parameters of its law may depend."""
 
     @property
     def period(self) -> float:
-        """Period T of the control loop [s]."""
+        """The period of the control loop [s]."""
 
     @property
     def conditioning(self) -> Conditioning:
-        """How raw readings become ln xi."""
+        """How the controller conditions raw sensor readings."""
 
     @property
     def admittance(self) -> VirtualAdmittance:
-        """The virtual dynamics of L(1)."""
+        """The virtual mass, damping and stiffness of the controller, as in L(1)."""
 
 
 class SteppedLaw(Protocol):
-    """A law that a controller can run. Unlike a `Law`, it needs no number that a design chooses."""
+    """Interface of a control law that a controller can run.
+
+    Unlike a `Law`, it needs no number that a design chooses.
+    """
 
     @property
     def step(self) -> Any:
-        """The whole step of the controller with this law, in Python or compiled; it runs once per period."""
+        """The whole control step with this law, in Python or compiled, which runs once per period."""
 
     def numbers(self, controller: Setting) -> Any:
-        """Return the law's parameters in a controller; a ctypes structure if the step is compiled.
+        """Return the parameters of the control law, as a ctypes structure if the step is compiled.
 
         `Controller.parameters` calls this before a run. The step reads the result from `parameters.law`.
         """
 
     def start(self) -> Any:
-        """Return the law's state before the first reading; a ctypes structure if the step is compiled.
+        """Return the state of the control law before the first reading, as a ctypes structure if the step is compiled.
 
         `Controller.start` calls this. The step reads the result from `state.law`. States are never changed in place:
         a step in Python returns the next state.
@@ -94,7 +99,7 @@ class SteppedLaw(Protocol):
 
 
 class Law(SteppedLaw, Protocol):
-    """A sampled law: it turns ln xi and the robot's own motion into a force.
+    """Interface of a sampled control law, which turns the log output and the robot's own motion into a force.
 
     A custom law is a dataclass with these six members and one function. In Python the function is
     `state, output = step(parameters, state, sample)`: it calls `observe`, computes the force of the law, and calls
@@ -108,19 +113,25 @@ class Law(SteppedLaw, Protocol):
 
     @property
     def continuous(self) -> Any:
-        """The law in continuous time that this one samples, used for predictions: a name, or a ContinuousLaw."""
+        """The continuous-time law that this sampled law approximates, used for predictions.
+
+        It is a name or a ContinuousLaw.
+        """
 
     @property
     def value(self) -> float:
-        """The number that a design chooses, such as the gain [N s] of a damper; `continuous` defines its unit."""
+        """The number that a design chooses, such as the gain [N s] of a damper.
+
+        `continuous` defines its unit.
+        """
 
     def with_value(self, value: float) -> Law:
-        """Return the same law with another value of its number; a design calls this for every value that it tries."""
+        """Return a copy of the control law with another value of the number that a design chooses."""
 
 
 @dataclass(frozen=True, slots=True)
 class CompiledStep:
-    """A law's step as machine code, with the signature of `pretouch_law_step` in native/law/pretouch_law.h.
+    """A control step as machine code, with the signature of `pretouch_law_step` in native/law/pretouch_law.h.
 
     Args:
         function: the compiled function, such as a scipy.LowLevelCallable; or the name of a step of the compiled core.
@@ -129,14 +140,14 @@ class CompiledStep:
     function: Any
 
     def located(self) -> int:
-        """Return the address of the function in this process; a Python function has none and is refused."""
+        """Return the memory address of the compiled function, or raise an error for a Python function."""
         address = entry(self.function) if isinstance(self.function, str) else machine_code(self.function)
         if address is None:
             raise InvalidInputError(f"step: found {self.function!r}, expected a compiled function")
         return address
 
     def __call__(self, parameters: Any, state: Any, sample: Sample) -> tuple[Any, Output]:
-        """Run one period and return the next state and the output; parameters and state are structures or arrays."""
+        """Run one control period with the compiled step, and return the next state and the output."""
         after, out = copy_of(state), RawOutput()
         places = (location(memory, name)[0] for memory, name in ((parameters, "parameters"), (after, "state")))
         PROTOTYPE(self.located())(*map(ctypes.c_void_p, places), ctypes.byref(raw_sample(sample)), ctypes.byref(out))
@@ -144,12 +155,15 @@ class CompiledStep:
 
 
 def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
-    """Return a step, compiled or not, as a Python function, `state, output = step(parameters, state, sample)`."""
+    """Return a control step, compiled or not, as a Python function."""
+    # A step is called as `state, output = step(parameters, state, sample)`.
     return step if isinstance(step, CompiledStep) or machine_code(step) is None else CompiledStep(step)
 
 
 def start_sensing(numbers: SensingNumbers) -> SensingState:
-    """Return the state of `observe` before the first reading, with nothing detected; `Controller.start` calls this.
+    """Return the state of the reading filters before the first reading, with nothing detected.
+
+    `Controller.start` calls this.
 
     Args:
         numbers: `parameters.sensing` of a controller, or `Conditioning.numbers` for a law without one.
@@ -160,7 +174,9 @@ def start_sensing(numbers: SensingNumbers) -> SensingState:
 
 
 def start_drive(position: float, velocity: float) -> DriveState:
-    """Return the state of `drive` at the start, with no force; `Controller.start` calls this.
+    """Return the state of the virtual object at the start, with no force.
+
+    `Controller.start` calls this.
 
     Args:
         position: position of the plant relative to its reference [m].
@@ -172,7 +188,7 @@ def start_drive(position: float, velocity: float) -> DriveState:
 
 
 def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tuple[SensingState, Observation]:
-    """Check, filter and difference a reading: the first block of a step.
+    """Check, filter and difference a sensor reading; this is the first block of a control step.
 
     Args:
         numbers: `parameters.sensing` of the controller.
@@ -190,7 +206,9 @@ def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tup
 def push_by_drag(
     numbers: DragNumbers, state: DragState, observation: Observation, drive_state: DriveState
 ) -> tuple[DragState, Push]:
-    """Compute the force of a virtual drag, after `observe` and before `drive`, for custom laws based on a drag.
+    """Compute the force of a virtual drag in a control step, for custom laws based on a drag.
+
+    It is called after `observe` and before `drive`.
 
     Without `own_advance` the impulse is proportional to phi. A law that chooses phi at each reading therefore calls
     this with a drag of 1 N s^2 and multiplies the impulse.
@@ -212,7 +230,7 @@ def push_by_drag(
 def drive(
     numbers: DriveNumbers, state: DriveState, observation: Observation, push: Push, sample: Sample
 ) -> tuple[DriveState, Output]:
-    """Move the virtual object over one period: deliver the impulse, limit the force, integrate L(1).
+    """Move the virtual object over one control period by the force and the admittance L(1).
 
     This is the last block of a step.
 
@@ -232,7 +250,7 @@ def drive(
 
 
 def raw_sample(sample: Any) -> RawSample:
-    """Convert a sample to its C structure."""
+    """Convert the inputs of a control step to their C structure."""
     s, fresh = sample, bool(sample.fresh)
     return RawSample(
         s.reading, s.age, s.contact_force, s.reference_position, s.reference_velocity, s.reference_acceleration, fresh
@@ -240,7 +258,7 @@ def raw_sample(sample: Any) -> RawSample:
 
 
 def output_of(raw: RawOutput) -> Output:
-    """Convert the C structure of an output to a tuple."""
+    """Convert the C structure of a control step's output to a named tuple."""
     return Output(*(getattr(raw, name) for name in Output._fields))
 
 
@@ -249,7 +267,9 @@ _STEP = CompiledStep("step_damper")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualDamper:
-    """The letter's virtual damper, F_p = D_p xi'/xi of L(2), as impulses D_p d(ln xi), exact at any sampling rate.
+    """The letter's virtual damper, F_p = D_p xi'/xi of L(2), applied as an impulse for each new reading.
+
+    The impulses D_p d(ln xi) are exact at any sampling rate.
 
     Args:
         gain: D_p [N s]; negative gains mitigate the impact.
@@ -275,39 +295,39 @@ class VirtualDamper:
 
     @property
     def continuous(self) -> str:
-        """The name of the law in continuous time that this one samples, L(2)."""
+        """The name of the continuous-time virtual damper L(2) that this sampled law applies."""
         return "virtual-damper"
 
     @property
     def value(self) -> float:
-        """The gain D_p [N s], the number that a design chooses."""
+        """The gain D_p [N s], which is the number that a design chooses."""
         return self.gain
 
     @property
     def step(self) -> CompiledStep:
-        """The controller's step with this law: `pretouch_step` of native/law/pretouch_law.c."""
+        """The controller's compiled step for the virtual damper, `pretouch_step` of native/law/pretouch_law.c."""
         return _STEP
 
     def numbers(self, controller: Setting) -> DamperNumbers:
-        """Return the parameters as plain numbers, for the controller's period."""
+        """Return the parameters of the virtual damper as a C structure, for the controller's period."""
         ramp_step = min(controller.period / self.ramp_time, 1.0) if self.ramp_time > 0 else 1.0
         return DamperNumbers(self.gain, self.release, ramp_step, bool(self.approach_only))
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield table rows with the parameters of the law other than its gain."""
+        """Yield table rows with the parameters of the virtual damper other than its gain, for a report."""
         if self.approach_only:
             yield "acts", f"during approaches only, with a release of {self.release:.4g} in ln \u03be"
         if self.ramp_time:
             yield "ramp of the gain", Measured(self.ramp_time, "s")
 
     def with_gain(self, gain: float) -> VirtualDamper:
-        """Return the same law with another gain [N s]."""
+        """Return a copy of the virtual damper with another gain [N s]."""
         return replace(self, gain=gain)
 
     def with_value(self, value: float) -> VirtualDamper:
-        """Return the same law with another gain [N s]."""
+        """Return a copy of the virtual damper with another gain [N s]."""
         return self.with_gain(value)
 
     def start(self) -> DamperState:
-        """Return the law's state before the first reading."""
+        """Return the state of the virtual damper before the first reading."""
         return DamperState(0.0, 0.0)

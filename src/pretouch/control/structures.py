@@ -17,7 +17,7 @@ _integers = partial(numbers, kind=ctypes.c_int32)
 
 
 class Status(IntFlag):
-    """Status flags of a step; several may be set together.
+    """Status flags of a control step, of which several may be set together.
 
     DETECTING: the filtered output is above the floor. STALE: a reading is due and no usable one arrived.
     SATURATED, INVALID (not finite, late or out of order), IMPLAUSIBLE (faster than any approach): the reason why a
@@ -40,7 +40,9 @@ class Status(IntFlag):
 
 
 class Sample(NamedTuple):
-    """Inputs of the controller at the start t_k of a period; any number is accepted, also NaN.
+    """Inputs of the controller at the start of a control period.
+
+    Any number is accepted, also NaN.
 
     Args:
         reading: raw output of the sensor [its unit].
@@ -62,7 +64,9 @@ class Sample(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Reference of the robot's own controller for the period from t_k to t_k + T.
+    """Output of a control step: the reference of the robot's own controller for one period.
+
+    The period lasts from t_k to t_k + T.
 
     Args:
         position: x_v at t_k + T [m].
@@ -82,7 +86,7 @@ class Output(NamedTuple):
 
 
 class RawSample(Structure):
-    """The C structure of a `Sample`."""
+    """The inputs of a control step (`Sample`) as a C structure."""
 
     _fields_ = (
         *numbers("reading", "age", "contact_force"),
@@ -92,7 +96,7 @@ class RawSample(Structure):
 
 
 class RawOutput(Structure):
-    """The C structure of an `Output`."""
+    """The output of a control step (`Output`) as a C structure."""
 
     _fields_ = (
         *numbers("position", "velocity", "acceleration", "virtual_force", "log_level"),
@@ -101,13 +105,16 @@ class RawOutput(Structure):
 
 
 class FilterSection(Structure):
-    """A second-order section of the low-pass."""
+    """Coefficients of a second-order section of the low-pass filter."""
 
     _fields_ = numbers("b0", "b1", "b2", "a1", "a2")
 
 
 class SensingNumbers(Structure):
-    """Parameters of `observe`; see `Conditioning`."""
+    """Parameters of the conditioning of sensor readings, as a C structure.
+
+    See `Conditioning`.
+    """
 
     _fields_ = (
         *numbers("period", "sensor_period", "offset", "floor", "saturation", "timeout", "largest_rate"),
@@ -117,7 +124,7 @@ class SensingNumbers(Structure):
 
 
 class MedianState(Structure):
-    """The last readings, in order of arrival and sorted."""
+    """The last readings in the median filter, in order of arrival and sorted by size."""
 
     _fields_ = (
         ("arrived", ctypes.c_double * _MEDIAN),
@@ -127,7 +134,7 @@ class MedianState(Structure):
 
 
 class SensingState(Structure):
-    """State of `observe`: the last usable reading and the filters."""
+    """State of the conditioning of sensor readings: the last usable reading and the filters."""
 
     _fields_ = (
         *numbers("quiet", "measured", "level", "filtered", "log_level"),
@@ -138,7 +145,7 @@ class SensingState(Structure):
 
 
 class Observation(Structure):
-    """Conditioned sensor signal on which a law acts.
+    """The conditioned sensor signal on which a control law acts.
 
     Args:
         change: change of ln xi since the previous usable reading; 0 if there is none.
@@ -160,19 +167,29 @@ class Observation(Structure):
 
 
 class DamperNumbers(Structure):
-    """Gain [N s], width of the release, rise of the ramp per period, whether the law acts on approaches only."""
+    """Parameters of the virtual damper as a C structure, with the gain [N s].
+
+    The others are the width of the release, the rise of the ramp per period, and whether the law acts on approaches
+    only.
+    """
 
     _fields_ = (*numbers("gain", "release", "ramp_step"), *_integers("approach_only"))
 
 
 class DamperState(Structure):
-    """Active share of the gain, 0 to 1, and the level that ln xi has to exceed if the law acts on approaches only."""
+    """State of the virtual damper: the active share of its gain, and the level that counts as a new approach.
+
+    ln xi has to exceed this level if the law acts on approaches only.
+    """
 
     _fields_ = numbers("ramp", "mark")
 
 
 class DragNumbers(Structure):
-    """Parameters of the virtual drag; see `VirtualDrag` and native/law/pretouch_law.h."""
+    """Parameters of the virtual drag as a C structure.
+
+    See `VirtualDrag` and native/law/pretouch_law.h.
+    """
 
     _fields_ = (
         *numbers("drag", "variance", "relative_variance", "level_share", "rate_share", "width", "still"),
@@ -182,13 +199,16 @@ class DragNumbers(Structure):
 
 
 class DragState(Structure):
-    """Smoothed level and rate of ln xi, the threshold that the level has to exceed, and the remaining hold time [s]."""
+    """State of the virtual drag: smoothed log output and rate, detection threshold and remaining hold time.
+
+    The level of ln xi has to exceed the threshold.
+    """
 
     _fields_ = numbers("level", "rate", "mark", "hold")
 
 
 class Push(Structure):
-    """Push of a law in one step; negative values push the robot back.
+    """Force and impulse that a control law applies in one step; negative values push the robot back.
 
     Args:
         impulse: impulse of a new reading [N s], delivered as a constant force over one sensor period; else 0.
@@ -199,7 +219,10 @@ class Push(Structure):
 
 
 class AdmittanceNumbers(Structure):
-    """Exact discretization of L(1) for (x~, x~') and a constant force: transition matrix and input vector."""
+    """Exact discretization of the admittance L(1) by a transition matrix and an input vector.
+
+    The state is (x~, x~'), and the force is constant over a period.
+    """
 
     _fields_ = numbers(
         "position_from_position",
@@ -212,13 +235,19 @@ class AdmittanceNumbers(Structure):
 
 
 class MotionLimits(Structure):
-    """Period, largest speed, acceleration and excursion; `NO_LIMIT` for a missing limit."""
+    """Control period and largest speed, acceleration and excursion, as a C structure.
+
+    `NO_LIMIT` stands for a missing limit.
+    """
 
     _fields_ = numbers("period", "speed", "acceleration", "excursion")
 
 
 class DriveNumbers(Structure):
-    """Parameters of `drive`; see `Controller`."""
+    """Parameters of the virtual object that moves the robot, as a C structure.
+
+    See `Controller`.
+    """
 
     _fields_ = (
         *numbers("hold", "fade_step", "largest_force", "contact_gain", "contact_threshold"),
@@ -228,30 +257,33 @@ class DriveNumbers(Structure):
 
 
 class Delivery(Structure):
-    """Impulse in delivery: constant force [N], remaining impulse [N s], impulse delivered ahead [N s], fading."""
+    """An impulse that the controller applies to the robot over several periods.
+
+    The fields are constant force [N], remaining impulse [N s], impulse delivered ahead [N s], and fading.
+    """
 
     _fields_ = numbers("steady", "rest", "ahead", "fading")
 
 
 class MotionState(Structure):
-    """The virtual object's motion relative to the reference: x~ [m] and x~' [m/s]."""
+    """Position [m] and velocity [m/s] of the virtual object relative to the reference."""
 
     _fields_ = numbers("position", "velocity")
 
 
 class DriveState(Structure):
-    """State of `drive`: the impulse in delivery, the motion, the last reference position."""
+    """State of the virtual object: impulse in delivery, motion, and last reference position."""
 
     _fields_ = (("delivery", Delivery), ("motion", MotionState), *numbers("reference"))
 
 
 class ControllerNumbers(Structure):
-    """Parameters of a step with the letter's law."""
+    """Parameters of a control step with the letter's virtual damper, as a C structure."""
 
     _fields_ = (("sensing", SensingNumbers), ("drive", DriveNumbers), ("law", DamperNumbers))
 
 
 class ControllerState(Structure):
-    """State of a step with the letter's law."""
+    """State of a control step with the letter's virtual damper, as a C structure."""
 
     _fields_ = (("sensing", SensingState), ("drive", DriveState), ("law", DamperState))

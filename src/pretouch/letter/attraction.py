@@ -40,7 +40,7 @@ INPUTS: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Solve motions that start near the uniform one, and test that an energy of the deviation falls."""
+    """Solve motions near the letter's uniform motion, and check that the energy of their deviation falls."""
     a, b, around, same = float(ran["a"]), float(ran["b"]), ran["around"], np.isclose(ran["speeds"], ran["a"])
     root = float(np.sqrt(1 + 8 * INPUTS["b_2"] * INPUTS["D_p"] * INPUTS["v_o"] / INPUTS["K_a"]))
     apart = around.distance - a * around.time - b

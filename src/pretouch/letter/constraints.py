@@ -42,7 +42,7 @@ CASES: Final[tuple[dict[str, float], ...]] = (
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Minimize L(20) under limits of the excursion and of the relative velocity at contact."""
+    """Minimize the letter's objective L(20) under limits of the excursion and of the velocity at contact."""
     designs = [_design(case) for case in CASES]
     return Reproduction(
         summary="The letter states that such limits can be passed to the solver, without an example. Here the optimum "

@@ -49,7 +49,7 @@ SECOND, PLACE = "-0.136", "Section IV-D, Fig. 4"
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Compare the positions at contact with the printed ones."""
+    """Compare the computed positions at contact with the numbers printed in the letter's Fig. 4."""
     motions = {name: ran["motions"][label] for name, label in NAMES.items()}
     power, first, second = (float(m.position[-1]) for m in motions.values())
     rounded = over_rounding("exponential-1", _position)
@@ -87,7 +87,8 @@ def _position(curve: SensorModel, method: str = "auto") -> float:
 
 
 def _r_squared(motions: Mapping[str, Any], name: str) -> float:
-    """Return R² of a motion against the integrated inverse power curve, up to the earlier contact."""
+    """Return R², the agreement of a motion with the integrated motion on the inverse power curve."""
+    # The comparison ends at the earlier of the two contacts.
     reference, motion = motions["inverse-power"], motions[name]
     time = np.linspace(0.0, min(reference.time[-1], motion.time[-1]), 1000)
     truth = np.interp(time, reference.time, reference.position)

@@ -33,7 +33,7 @@ MODELS: Final = {"exponential-1": ("closed-form", "9.74"), "exponential-2": ("un
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Compare the relative velocities at contact with the printed ratios."""
+    """Compare the computed relative velocities at contact with the letter's printed ratios."""
     motions = {name: ran["motions"][label] for name, label in NAMES.items()}
     taken = {name: 100 * float(ran["reduction"][label]) for name, label in NAMES.items()}
     true, hardware = PRINTED["inverse-power"], "the letter's value was measured on hardware"
@@ -63,7 +63,7 @@ def reproduce(ran: Ran) -> Reproduction:
 
 
 def _reduction(curve: SensorModel, method: str) -> float:
-    """Return the reduction of the obstacle's speed at contact [%]."""
+    """Return the reduction of the obstacle's speed at contact in percent."""
     contact = find_contact(approach(), curve, EXPERIMENT_GAIN.value, method=method).contact
     return float(100 - 100 * contact.relative_velocity / approach().obstacle.velocity)
 

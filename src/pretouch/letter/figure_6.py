@@ -43,7 +43,8 @@ SHOWN: Final = [0, 4, 9, 19, 29, 49, 99]  # 0.01, 0.05, 0.1, 0.2, 0.3, 0.5 and 1
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Design the gain for 100 speeds, three curves and both readings of l'_typ."""
+    """Design the gain for 100 speeds and three sensor curves as in the letter's Fig. 6."""
+    # The letter's l'_typ can be understood in two ways; gains are designed for both.
     speeds = ran["speeds"]
     gains = {s: {name: np.asarray(ran["gains"][value, name]) for name in MODELS} for s, value in SCALES.items()}
     titles = {"following": "l'_typ follows the obstacle", "fixed": "l'_typ fixed at 0.3 m/s"}

@@ -36,7 +36,7 @@ LIMIT: Final = 4.5  # N
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Replace the relative velocity in L(20) by the peak force of the impact."""
+    """Design gains for the letter's objective L(20) with the peak impact force instead of the relative velocity."""
     by_force, impacts = dict(ran["designs"]), ran["impacts"]
     limited = {"constraints": [Constraint(name="impact_force", limit=LIMIT)], "impact": impacts["linear spring"]}
     problem = (approach(), sensor("inverse-power"), f_1())

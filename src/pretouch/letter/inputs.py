@@ -18,7 +18,7 @@ from .printed import Parameter, resolution
 
 
 def _parameters(place: str, *lines: str) -> tuple[Parameter, ...]:
-    """Parse inputs of one place in the letter, each written as `name: symbol = value unit`."""
+    """Parse the inputs that a place in the letter states, each written as `name: symbol = value unit`."""
     matches = [re.fullmatch(r"(.+): (.+) = (\S+) ?(.*)", text) for line in lines for text in line.split("; ")]
     return tuple(Parameter(m[1], m[2], m[3], m[4], place) for m in matches if m)
 
@@ -67,7 +67,7 @@ BOUNDS: Final = (-20.0, -0.01)
 
 
 def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
-    """Make a sensor curve of the letter by its key in SENSORS, with the printed or other parameter values.
+    """Create a sensor curve of the letter with the printed or other parameter values.
 
     Returns:
         The curve.
@@ -87,13 +87,14 @@ def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
 
 
 def approach(speed: float | FloatArray | None = None) -> Scenario:
-    """Make the encounter of Sections IV-B and V-A, with the printed or another speed of the obstacle [m/s]."""
+    """Create the letter's encounter with an approaching obstacle, at the printed or another speed [m/s]."""
+    # Sections IV-B and V-A of the letter describe this encounter.
     values = {p.symbol: p.value for p in APPROACH}
     return _encounter(values, values["v_o"] if speed is None else -speed)
 
 
 def disruption() -> Scenario:
-    """Make the encounter of Section V-B."""
+    """Create the encounter of the letter's Section V-B."""
     values = {p.symbol: p.value for p in DISRUPTION}
     return _encounter(values, values["v_o"], values["v_o"] - values["μ"])
 
@@ -109,13 +110,13 @@ def _encounter(
 
 
 def f_1() -> Objective:
-    """Make the letter's objective f_1, L(20), with the weights and typical values of Section V-A."""
+    """Create the letter's objective f_1, L(20), with the weights and typical values of Section V-A."""
     w_1, w_2, x_typ, v_typ = (p.value for p in F_1)
     return excursion_objective(position_scale=x_typ, velocity_scale=v_typ, position_weight=w_1, velocity_weight=w_2)
 
 
 def f_2() -> Objective:
-    """Make the letter's objective f_2, L(22), with the weights and typical values of Section V-C."""
+    """Create the letter's objective f_2, L(22), with the weights and typical values of Section V-C."""
     w_3, w_4, t_typ, v_typ = (p.value for p in F_2)
     return time_objective(time_scale=t_typ, velocity_scale=v_typ, time_weight=w_3, velocity_weight=w_4)
 
@@ -123,13 +124,13 @@ def f_2() -> Objective:
 def best_gain(
     curve: SensorModel, scenario: Scenario | None = None, objective: Objective | None = None, method: str = "auto"
 ) -> float:
-    """Return the optimal gain within BOUNDS [N s], by default for f_1 and the approach; NaN without an optimum."""
+    """Return the optimal gain [N s] for an encounter of the letter, or NaN without an optimum."""
     gain = design_gain(Task(scenario or approach(), curve, objective or f_1(), bounds=BOUNDS, method=method)).gain
     return float("nan") if gain is None else gain
 
 
 def over_rounding(name: str, evaluate: Callable[[SensorModel], Any]) -> Any:
-    """Return the range of a function over all sensors whose parameters round to the printed ones.
+    """Return the range of a function over all sensors whose parameters round to the values in the letter.
 
     The scale of the sensor is fixed, because it cancels in the virtual force.
 

@@ -29,7 +29,7 @@ _DATA: Final = (
 
 
 def letter_page(report: LetterReport) -> Page:
-    """Return the page of a report, complete or partial.
+    """Create the page that reports how well pretouch reproduces the letter.
 
     Args:
         report: the reproductions.
@@ -67,7 +67,7 @@ def letter_page(report: LetterReport) -> Page:
 
 
 def _overview(report: LetterReport) -> PageTable:
-    """Return a table that counts the verdicts of each part, with links; zeros are omitted."""
+    """Return a table that counts the agreements of each part of the letter, with links."""
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
         for r in report.reproductions
@@ -92,7 +92,7 @@ def _closing(report: LetterReport) -> str:
 
 
 def _failures(report: LetterReport) -> Iterator[str]:
-    """Yield warnings about findings that do not hold and unexplained disagreements, with links."""
+    """Yield warnings about findings that are not confirmed and about unexplained differences from the letter."""
     for f in report.findings:
         if not f.holds:
             steps = "; ".join(f"{step.name}: {step}" for step in f.failed)
@@ -142,7 +142,7 @@ def _part(part: Reproduction) -> PageSection:
 
 
 def _comparison_blocks(part: Reproduction) -> Iterator[PageTable | Listing | Paragraph]:
-    """Yield the table of printed and computed numbers, then each reason with the numbers that it explains."""
+    """Yield the table of printed and computed numbers, then the reason for each difference."""
     head = ("number", "place", "printed", "computed", "difference", "range over input rounding", "verdict")
     rows = [
         (

@@ -16,7 +16,10 @@ _LONGEST: Final = 14
 
 
 class Agreement(Enum):
-    """Agreement of a printed number with the computed one: a word, a symbol and its meaning."""
+    """Degree to which a printed number of the letter agrees with the computed number.
+
+    A member is a word, a symbol and its meaning.
+    """
 
     AGREES = "agrees", "\u25cf", "the computed number rounds to the printed digits"
     WITHIN_INPUTS = "agrees-within-inputs", "\u25cb", "agrees for other inputs that round to the printed inputs"
@@ -27,19 +30,19 @@ class Agreement(Enum):
     meaning: str
 
     def __new__(cls, word: str, shape: str, meaning: str) -> Agreement:
-        """Make a member whose value is the word."""
+        """Create a degree of agreement whose value is its word, such as `agrees`."""
         member = object.__new__(cls)
         member._value_, member.shape, member.meaning = word, shape, meaning
         return member
 
     @property
     def words(self) -> str:
-        """The word with spaces instead of hyphens."""
+        """The degree of agreement as words with spaces instead of hyphens."""
         return str(self.value).replace("-", " ")
 
 
 def resolution(printed: str) -> float:
-    """Return one unit in the last place of a printed number.
+    """Return one unit in the last decimal place of a printed number.
 
     Examples:
         >>> resolution("-0.082"), resolution("1.30e-5"), resolution("474")
@@ -50,7 +53,7 @@ def resolution(printed: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Parameter(Value):
-    """One input of an experiment, as printed in the letter.
+    """An input of an experiment as the letter prints it.
 
     Args:
         name: name of the input.
@@ -68,13 +71,13 @@ class Parameter(Value):
 
     @property
     def value(self) -> float:
-        """The value in the printed unit."""
+        """The value of the input in the unit that the letter prints."""
         return float(self.printed)
 
 
 @dataclass(frozen=True, slots=True)
 class Printed(Value):
-    """One printed number compared with the computed one.
+    """A number printed in the letter, compared with the computed number.
 
     Args:
         name: name of the number.
@@ -102,12 +105,15 @@ class Printed(Value):
 
     @property
     def difference(self) -> float:
-        """The computed minus the printed number, in its unit."""
+        """The computed number minus the printed number, in the unit of the printed number."""
         return self.value - float(self.printed)
 
     @property
     def agreement(self) -> Agreement:
-        """Agreement of the two numbers: they agree if the computed number rounds to the printed digits."""
+        """Whether the computed number rounds to the printed digits, or how the two differ.
+
+        It is a member of `Agreement`.
+        """
         if self.hardware:
             return Agreement.MEASURED
         half = resolution(self.printed) / 2 * (1 + 1e-9)
@@ -119,22 +125,22 @@ class Printed(Value):
 
     @property
     def reason(self) -> str:
-        """Why the two differ; empty if they agree or if no reason is known."""
+        """The reason why printed and computed number differ, or an empty text."""
         return self.why if self.agreement in {Agreement.DISAGREES, Agreement.MEASURED} else ""
 
     @property
     def unexplained(self) -> bool:
-        """Whether the numbers disagree without a known reason."""
+        """Whether printed and computed number disagree without a known reason."""
         return self.agreement is Agreement.DISAGREES and not self.why
 
     @property
     def ours(self) -> str:
-        """The computed number, with two decimals more than the printed one."""
+        """The computed number as text, with two more decimals than the printed number."""
         return numeral(self.value, self.printed)
 
     @property
     def off_by(self) -> str:
-        """The computed minus the printed number, with its sign."""
+        """The computed number minus the printed number as text with its sign."""
         notation = self.printed
         if "e" in notation.lower() and math.isfinite(self.difference):
             notation = "1e0" if self.difference else "0"
@@ -142,11 +148,14 @@ class Printed(Value):
 
     @property
     def span(self) -> str:
-        """The range of the computed number over the rounding of the printed inputs; empty if not computed."""
+        """The range of the computed number over the rounding of the printed inputs, as text.
+
+        It is empty if not computed.
+        """
         return " to ".join(numeral(end, self.printed) for end in self.over_inputs or ())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison in plain values."""
+        """Return the comparison of a printed with a computed number as a dictionary of plain values."""
         low, high = self.over_inputs or (None, None)
         names = ("name", "printed", "value", "unit", "difference", "place", "reason")
         document = {name: getattr(self, name) for name in names}
@@ -154,7 +163,7 @@ class Printed(Value):
 
 
 def numeral(value: float, printed: str, sign: str = "") -> str:
-    """Format a number like a printed one, with two more decimals; with six digits if the text would be far longer.
+    """Format a number like a printed number, with two more decimals.
 
     Returns:
         The number as text.
@@ -163,6 +172,7 @@ def numeral(value: float, printed: str, sign: str = "") -> str:
         >>> numeral(-0.091534, "-0.082"), numeral(1.2987e-5, "1.30e-5"), numeral(0.00034, "-0.088", "+")
         ('-0.09153', '1.2987e-5', '+0.00034')
     """
+    # A number whose text would be far longer gets six digits.
     if not math.isfinite(value):
         return "not a number" if math.isnan(value) else "infinite" if value > 0 else "-infinite"
     mantissa, exponential, _ = printed.lower().partition("e")
@@ -174,5 +184,5 @@ def numeral(value: float, printed: str, sign: str = "") -> str:
 
 
 def short_exponent(text: str) -> str:
-    """Return the text with e-5 for e-05 and e5 for e+05."""
+    """Shorten the exponents in a text, for example from e-05 to e-5."""
     return re.sub(r"e([+-]?)0*(\d)", lambda match: f"e{match[1].strip('+')}{match[2]}", text)

@@ -11,7 +11,7 @@ from pretouch._core.values import Value
 
 @dataclass(frozen=True, slots=True)
 class Program(Value):
-    """A complete script of ten to twenty lines, which uses pretouch and makes a figure.
+    """A complete Python script of ten to twenty lines that uses pretouch and draws a figure.
 
     Args:
         about: the docstring of the script.
@@ -28,7 +28,7 @@ class Program(Value):
 
     @property
     def text(self) -> str:
-        """The whole script."""
+        """The whole script as text."""
         lines = [f'"""{self.about}"""', ""]
         third_party = [*(["import numpy as np"] if "np." in self.body else []), *self.imports]
         lines += [*third_party, *([""] if third_party else []), "import pretouch as pt", ""]
@@ -46,7 +46,7 @@ class Program(Value):
 
 
 def _as_code(value: Any, names: Mapping[str, Any]) -> str:
-    """Return the call that creates a value, with names for earlier values and without default arguments."""
+    """Return Python code that creates a value, without default arguments."""
     for name, earlier in names.items():
         if value == earlier:
             return name

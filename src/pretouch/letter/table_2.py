@@ -56,7 +56,7 @@ WAYS: Final = {
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Solve the motion L(4) for every gain of the table, and compare the objective L(20) at contact L(21)."""
+    """Solve the motion equation L(4) for the gains of Table II, and compare the objective L(20) at contact, L(21)."""
     gains = [*map(float, PRINTED), -10.0]
     values = _contacts(sensor("inverse-power"), gains)
     ranges = over_rounding("inverse-power", lambda curve: _contacts(curve, gains))
@@ -87,7 +87,7 @@ def reproduce(ran: Ran) -> Reproduction:
 
 
 def _contacts(curve: SensorModel, gains: Sequence[float]) -> FloatArray:
-    """Return x, l' and f_1 at contact for every gain, shape (3, n)."""
+    """Return plant position, relative velocity and objective f_1 at contact for every gain, shape (3, n)."""
     contact, speed = find_contact(approach(), curve, gains).contact, abs(approach().obstacle.velocity)
     return np.stack([contact.position, contact.relative_velocity, f_1().value(contact, speed)])
 

@@ -50,7 +50,7 @@ STEPS: Final = (("-0.5", "-0.6", "45", "17", "2.65"), ("-0.6", "-0.7", "11", "6"
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Compare the second scenario with the measurements, and recompute the printed trade-off factors."""
+    """Compare the letter's second scenario with its measurements, and recompute the printed trade-off factors."""
     time, speed = np.asarray(ran["contact"].time), -np.asarray(ran["contact"].relative_velocity)
     optimum = best_gain(sensor("fingertip"), disruption(), f_2())
     printed = np.array([float(text) for text, _ in PRINTED.values()])

@@ -16,7 +16,7 @@ from pretouch._core.values import Value
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Body(Value):
-    """Base of the bodies: checks the fields."""
+    """Base class of obstacle, robot and reference of an encounter; it checks the fields."""
 
     def __post_init__(self) -> None:
         check_declared(self, arrays=True, before=f"{type(self).__name__.lower()} ")
@@ -24,7 +24,9 @@ class _Body(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch(_Body):
-    """A stretch of an obstacle's course with constant acceleration. It begins at the end of the previous stretch.
+    """A part of an obstacle's course with constant acceleration, which follows the previous part.
+
+    Position and velocity are continuous between parts.
 
     Position and velocity are continuous. An abrupt stop is a short stretch with a large acceleration; a thrown object
     has the acceleration of gravity.
@@ -40,7 +42,9 @@ class Stretch(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacle(_Body):
-    """The object's contact surface, with the uniform acceleration of L(9) or a course of stretches.
+    """The object that the robot meets, with uniform acceleration as in L(9) or with several accelerations.
+
+    Position and velocity are those of the object's contact surface.
 
     Args:
         position: x_o at t = 0 [m].
@@ -82,7 +86,7 @@ class Obstacle(_Body):
                 )
 
     def velocity_at(self, time: Any) -> Any:
-        """Return x_o' [m/s] at times [s] that broadcast with the fields, before any contact."""
+        """Return the obstacle's velocity [m/s] at given times [s] before any contact."""
         t, since, velocity = np.asarray(time, dtype=np.float64), 0.0, self.velocity
         for stretch in self.course:
             velocity = velocity + stretch.acceleration * np.clip(t - since, 0.0, stretch.until - since)
@@ -91,7 +95,7 @@ class Obstacle(_Body):
         return float_or_array(velocity + self.acceleration * remaining)
 
     def one_acceleration(self) -> Any:
-        """Return the constant x_o'' [m/s^2].
+        """Return the constant acceleration of the obstacle [m/s^2], or raise an error if it has a course.
 
         Raises:
             InvalidInputError: the obstacle has a course.
@@ -111,7 +115,7 @@ def _first(value: Any, which: Any) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plant(_Body):
-    """Position and velocity of the robot's contact surface at the start.
+    """Position and velocity of the robot's contact surface at the start of an encounter.
 
     Args:
         position: x at t = 0 [m].
@@ -124,7 +128,7 @@ class Plant(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reference(_Body):
-    """The task's reference x_d, with a uniform acceleration.
+    """The reference position x_d of the robot's task, which may accelerate uniformly.
 
     Args:
         position: x_d at t = 0 [m].

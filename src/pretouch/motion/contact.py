@@ -20,15 +20,15 @@ from .request import Request
 
 
 class Columns(Protocol):
-    """Source of the quantities of a result; each quantity is computed when it is first read."""
+    """Interface of an object that computes each quantity of a result when the quantity is first read."""
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run; a float for a single run."""
+        """Return a quantity such as the contact time for all encounters; a single encounter gives a float."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownColumns(Value):
-    """Quantities that have all been computed in advance.
+    """Quantities of encounters that have all been computed in advance.
 
     Args:
         columns: the quantities of every run by name, of the broadcast shape; made read-only.
@@ -41,13 +41,13 @@ class KnownColumns(Value):
             values.setflags(write=False)
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run; a float for a single run."""
+        """Return a quantity such as the contact time for all encounters; a single encounter gives a float."""
         values = self.columns[name]
         return values if values.ndim else values.item()
 
 
 class _Quantity:
-    """Attribute that reads a quantity from the columns of its owner."""
+    """Attribute that reads a quantity from the `columns` of the object to which it belongs."""
 
     __slots__ = ("name",)
 
@@ -60,7 +60,7 @@ class _Quantity:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ContactState(Value):
-    """State at the end of a run, and the largest demands on the robot during it; floats, or arrays of one shape.
+    """State of an encounter at its end, with the largest demands on the robot, as floats or arrays.
 
     Each quantity is computed when it is first read.
 
@@ -101,11 +101,11 @@ class ContactState(Value):
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """Return the names of all quantities."""
+        """Return the names of all quantities of a contact state, such as `relative_velocity`."""
         return tuple(name for name, value in vars(cls).items() if isinstance(value, _Quantity))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the quantities by name."""
+        """Return all quantities of a contact state as a dictionary by name."""
         return {name: getattr(self, name) for name in self.names()}
 
     def _compared(self) -> tuple[Any, ...]:
@@ -120,7 +120,7 @@ class ContactState(Value):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ContactResult(InNotebooks, Value):
-    """Result of `find_contact` for one encounter or an array of encounters.
+    """Result of `find_contact` for one encounter or for an array of encounters.
 
     Status and time of every run are available at once; other quantities are computed when they are first read.
 
@@ -165,18 +165,18 @@ class ContactResult(InNotebooks, Value):
 
     @property
     def status(self) -> Any:
-        """How each run ended; a ContactStatus, or an array of its integer values."""
+        """How each encounter ended, as a ContactStatus or an array of its integer values."""
         status = self.columns.column("status")
         return status if np.ndim(status) else ContactStatus(int(status))
 
     @property
     def reached(self) -> BoolArray:
-        """Which runs ended in contact."""
+        """A boolean array that is true for encounters that ended in contact."""
         return np.asarray(np.asarray(self.columns.column("status")) == ContactStatus.CONTACT)
 
     @property
     def contact(self) -> ContactState:
-        """The state at contact.
+        """The state at contact; reading it raises an error if an encounter ended without contact.
 
         Raises:
             ResultUnavailableError: a run did not end in contact; `status` reports how it ended.
@@ -194,7 +194,7 @@ class ContactResult(InNotebooks, Value):
 
     @property
     def gradients(self) -> ContactGradients:
-        """Exact derivatives of the quantities at contact by every input, computed when they are first read.
+        """Exact derivatives of the quantities at contact with respect to every input of the encounter.
 
         Raises:
             ResultUnavailableError: derivatives are not available for this method or law.
@@ -208,7 +208,7 @@ class ContactResult(InNotebooks, Value):
         return gradients
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as one JSON object, with the quantities at the end of the run; see `status`."""
+        """Return the result of an encounter as a dictionary for JSON."""
         status = self.status.label if isinstance(self.status, ContactStatus) else self.status
         others = {name: getattr(self, name) for name in ("closest_distance", "settling_distance", "impulse_residual")}
         content: dict[str, Any] = plain({"status": status, "gain": self.gain, **self.end.as_dict(), **others})
@@ -222,7 +222,7 @@ class ContactResult(InNotebooks, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Motion(InNotebooks, Value):
-    """Sampled motion from the entry into the detection range to the end; time is the last axis of all arrays.
+    """Sampled motion of an encounter from its start to its end; time is the last axis of all arrays.
 
     Args:
         time: t [s], equally spaced.
@@ -259,7 +259,7 @@ def motion_of(
     bodies: Mapping[str, FloatArray],
     course: Mapping[str, FloatArray],
 ) -> Motion:
-    """Assemble the motion of encounters whose obstacle and reference are uniformly accelerated.
+    """Assemble the sampled motion of encounters whose obstacle and reference accelerate uniformly.
 
     Args:
         result: the result of the encounters.
@@ -289,7 +289,7 @@ def motion_of(
 
 
 def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
-    """Return a trace as a motion, with the virtual force by L(2)."""
+    """Convert the samples of a compiled solver to a motion, with the virtual force by L(2)."""
     each, reference = request.relative, request.scenario.reference
     distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))
     columns = {"p": each.p, "v": each.v, "a": each.a, "r": reference.position}
@@ -310,6 +310,6 @@ def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, re
 
 
 def _column(values: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return a quantity of encounters as a column, of length 1 if all encounters share it."""
+    """Return a quantity of several encounters as a column, of length 1 if all encounters share its value."""
     array = np.asarray(values, dtype=np.float64)
     return (array if array.size == 1 or array.ndim == 1 else np.broadcast_to(array, shape)).reshape(-1, 1)

@@ -66,10 +66,11 @@ _AT_PROBES: Final = np.vander(_PROBES, _DEGREE + 1, increasing=True)
 
 
 def reach_of(scenario: Scenario) -> float:
-    """Return an upper bound of the initial distances [m], rounded up to a power of two so that few values occur.
+    """Return an upper bound of the initial distances of encounters [m], rounded up to a power of two.
 
     Encounters that start beyond LARGEST_START are ignored, since they must not change how the others are solved.
     """
+    # Rounding limits how many different values occur.
     distance = scenario.distance
     largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
     if largest > LARGEST_START:
@@ -78,25 +79,27 @@ def reach_of(scenario: Scenario) -> float:
 
 
 def _largest_start(distance: Any) -> float:
-    """Return the largest of the distances [m] that do not exceed LARGEST_START; 0 if there is none."""
+    """Return the largest initial distance [m] that is not too large for integration, or 0 if there is none."""
     return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= LARGEST_START))
 
 
 def check_curve(sensor: SensorModel, distance: Any) -> None:
-    """Refuse a custom curve that breaks a law of sensor curves nearer than the initial distances [m], of any shape."""
+    """Raise an error if a custom sensor curve is invalid nearer than the initial distances of encounters [m]."""
     if not is_built_in(sensor):
         near = type(distance) is float and distance <= LARGEST_START
         refuse_invalid_curve(sensor, distance if near else _largest_start(distance))
 
 
 def farthest(scenario: Scenario, sensor: SensorModel) -> float:
-    """Return an upper bound of the initial distances [m]: a power of two, or the end of the curve."""
+    """Return an upper bound of the distances at which encounters start [m], limited to the sensor range."""
     return min(reach_of(scenario), sensor.valid_range[1])
 
 
 @cache_by_curve(256)
 def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate ln xi on overlapping windows.
+    """Approximate a sensor curve by polynomials on overlapping distance intervals, for the compiled kernels.
+
+    The polynomials describe ln xi.
 
     Args:
         sensor: the curve.
@@ -122,19 +125,20 @@ def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
 
 
 def shared_curve(table: FloatArray) -> Curves:
-    """Return the windows of one curve that all encounters share, in the form of the block kernel."""
+    """Return the polynomials of a sensor curve in the form in which a compiled solver uses them for all encounters."""
     return table, np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
 
 
 def line_windows(slope: float, top: float) -> FloatArray:
-    """Return the window, as in `curve_windows`, of a constant slope [1/m] up to a distance [m], maybe infinite."""
+    """Return the data that describe a sensor curve of constant slope [1/m] to the compiled solver."""
     row = np.array([[0.0, 0.0, top, 0.0, 0.0, 0.0, slope]])
     row.setflags(write=False)
     return row
 
 
 def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
-    """Return the single window of a curve whose 1 / g is linear in l between two distances [m]; None for others."""
+    """Return the data that describe an inverse power curve to the compiled solver, or None for another curve."""
+    # For the inverse power curve, 1 / g is linear in l.
     if any(low < k < high for k in sensor.knots):
         return None
     distance = low + (high - low) * np.concatenate([[0.0], np.sin(np.pi / 4 * np.linspace(0, 1, 65)) ** 4, [1.0]])
@@ -160,7 +164,7 @@ def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | N
 def polynomial_windows(
     slope: Callable[[FloatArray], FloatArray], edges: Sequence[float], degree: int, *, most: int | None = None
 ) -> FloatArray | None:
-    """Return windows on which polynomials of a given degree approximate one curve, or several curves at once.
+    """Approximate one or several sensor curves by polynomials of a given degree on overlapping intervals.
 
     Args:
         slope: function from distances [m], shape (m,), to g [1/m], shape (m,), or (k, m) for k curves.
@@ -197,7 +201,8 @@ def polynomial_windows(
 
 
 def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, degree: int) -> FloatArray | None:
-    """Return the coefficients of ln xi in l - (low + high) / 2, or None if they do not approximate every slope."""
+    """Return polynomial coefficients of ln xi on an interval, or None if they do not approximate every slope."""
+    # The variable of the polynomial is l - (low + high) / 2.
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     middle, half = (low + high) / 2, (high - low) / 2
     with np.errstate(all="ignore"):
@@ -213,7 +218,7 @@ def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, deg
 
 
 class CurveError(InvalidInputError):
-    """A curve cannot be approximated.
+    """Raised for a sensor curve that polynomials cannot approximate.
 
     Args:
         message: what was found, what is expected, what to do.
@@ -227,7 +232,9 @@ class CurveError(InvalidInputError):
 
 @cache_by_curve(256)
 def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate the slope g of a curve between two valid distances [m] by polynomials on adaptively halved pieces.
+    """Approximate the slope of a sensor curve by polynomials on adaptively halved distance intervals.
+
+    The curve is approximated between two valid distances [m].
 
     Returns:
         One row per piece, ascending: its middle [m], its half width [m] and the coefficients of g [1/m] in
@@ -275,14 +282,15 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
 def interpolate(
     function: Callable[[FloatArray], FloatArray], middle: FloatArray, half: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Interpolate on pieces: return values at the nodes, coefficients of (l - middle) / half, and the largest error."""
+    """Interpolate a function on several intervals by polynomials."""
+    # The result holds the values at the nodes, the coefficients of (l - middle) / half, and the largest error.
     values, probed = (function(middle[:, None] + half[:, None] * z) for z in (_NODES, _PROBES))
     coefficients = values @ _TO_COEFFICIENTS.T
     return values, coefficients, np.abs(coefficients @ _AT_PROBES.T - probed).max(axis=-1)
 
 
 def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
-    """Return g [1/m] at distances [m], clipped to the valid range."""
+    """Return the sensor slope [1/m] at distances [m] that are clipped to the valid range."""
     distance = np.clip(distance, *sensor.valid_range)
     with np.errstate(all="ignore"):  # values that are not finite are found below
         slope = np.asarray(sensor.log_slope(distance))
@@ -298,7 +306,9 @@ def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
 
 @cache_by_curve(256)
 def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> float:
-    """Find the distance up to which a curve can be approximated; a custom curve may fail below its `maximum_distance`.
+    """Find the largest distance up to which polynomials can approximate a sensor curve.
+
+    A custom curve may fail below its `maximum_distance`.
 
     The search covers the distances from `low` to `high`. The curve must be usable at least up to `start`, all in m.
 
@@ -321,7 +331,9 @@ def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> f
 
 
 def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> Iterator[tuple[float, bool]]:
-    """Yield increasing upper ends [m] of a curve from `low`, and whether the curve continues beyond them.
+    """Yield increasing upper ends of a sensor curve [m], and whether the curve continues beyond each.
+
+    The curve starts at `low`.
 
     A motion may leave the approximated range and come back. The first end is `reach` [m]; the curve is needed at least
     up to `start` [m].
@@ -336,7 +348,7 @@ def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> I
 
 
 def _last_finite(sensor: SensorModel, good: float, bad: float) -> float:
-    """Return the largest distance with a finite slope between `good` (finite slope) and `bad` (no finite slope)."""
+    """Return the largest distance with a finite sensor slope between a good and a bad distance."""
     while good < bad:
         middle = 0.5 * (good + bad)
         if not good < middle < bad:

@@ -38,7 +38,9 @@ def _unknown_damping(value: Any, slope: Any, relative_velocity: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomLaw(Value):
-    """A custom `ContinuousLaw`: any force F of s = ln xi, its rate s' = g(l) l' and one number.
+    """A user-defined control law whose force depends on the log output, its rate of change and one number.
+
+    In symbols, the force F depends on s = ln xi, s' = g(l) l' and the number.
 
     The motion of the admittance L(1), M x~'' + D x~' + K x~ = F, is integrated in time by SciPy's LSODA, which handles
     stiff motions. Encounters are solved one after the other, in about 10 to 50 ms each. Turning points of the distance
@@ -101,7 +103,7 @@ class CustomLaw(Value):
         method: str = "auto",
         horizon: float = 600.0,
     ) -> ContactResult:
-        """Find the contact by the method "integration"."""
+        """Find the contact of encounters under the custom law by numerical integration."""
         request = self._request(scenario, sensor, value, method, horizon)
         return _result(request, self._runs(request))
 
@@ -115,7 +117,7 @@ class CustomLaw(Value):
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Sample the motion by the same integration."""
+        """Sample the motion of encounters under the custom law by numerical integration."""
         request = self._request(scenario, sensor, value, method, horizon)
         runs = self._runs(request)
         sampled = [run.sample(samples) for run in runs]

@@ -37,7 +37,7 @@ _ROUNDS: Final = 4  # refinements of the grid on which a peak is searched
 
 
 class RelativeEncounter(NamedTuple):
-    """An encounter relative to its reference, as in layout.Relative, with the reference's start and the gain."""
+    """Parameters of one encounter relative to its reference, with the reference's start and the gain."""
 
     mass: float
     damping: float
@@ -54,7 +54,10 @@ class RelativeEncounter(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """A piece: course of the distance, x~ [m] and x~' [m/s] as a function of time, steps [s], and the final event."""
+    """Part of a motion in which the object only approaches, only recedes, or keeps its distance.
+
+    x~ [m] and x~' [m/s] are a function of time; the piece ends with an event.
+    """
 
     course: int
     states: Callable[[Any], FloatArray]
@@ -63,11 +66,11 @@ class _Piece(NamedTuple):
 
 
 class _UnresolvedError(Exception):
-    """The motion needs too many evaluations of the force."""
+    """Raised if integrating a motion needs too many evaluations of the force."""
 
 
 class CustomLawRun:
-    """The solution of one encounter under a custom law.
+    """Solution of one encounter under a custom control law by numerical integration.
 
     Args:
         encounter: the encounter.
@@ -114,7 +117,7 @@ class CustomLawRun:
         return self.encounter.v + self.encounter.a * time - u
 
     def _force(self, distance: float, speed: float) -> float:
-        """Return F [N] at l [m] and l' [m/s]."""
+        """Return the virtual force [N] at a distance [m] and a relative velocity [m/s]."""
         at = min(max(distance, self.low), self.high)
         return self._checked_force(at, self.sensor.log_output(at), self.sensor.log_slope(at) * speed)
 
@@ -124,7 +127,7 @@ class CustomLawRun:
         return np.array(list(map(self._checked_force, at.tolist(), outputs.tolist(), rates.tolist())))
 
     def _checked_force(self, distance: float, output: float, rate: float) -> float:
-        """Call the force function and check that it returns one finite number."""
+        """Call the custom force function and check that it returns a single finite number."""
         force = self.force(self.encounter.value, output, rate)
         if type(force) is float and math.isfinite(force):
             return force
@@ -137,13 +140,13 @@ class CustomLawRun:
         return float(array)
 
     def _acting(self, course: int, pull: Any, force: Any) -> Any:
-        """Return the part of the pull K x~ + D x~' that acts [N]."""
+        """Return the part of the admittance's spring and damper force that acts on the virtual mass [N]."""
         if course == _ALONG:
             return force - self.encounter.mass * self.encounter.a
         return np.maximum(pull, 0.0) if self.suspends_admittance and course == _APPROACH else pull
 
     def _integrate(self, horizon: float) -> ContactStatus:
-        """Integrate piece by piece and return the status at the end."""
+        """Integrate the motion part by part, and return how the encounter ended."""
         g, time, state = self.encounter, 0.0, np.array([self.encounter.x0, self.encounter.u0])
         distance, speed = self._distance(time, g.x0), self._speed(time, g.u0)
         course = int(np.sign(speed)) or self._course(time, state)
@@ -169,7 +172,7 @@ class CustomLawRun:
                 course = _RECEDE if course == _ALONG else self._course(time, state)
 
     def _end_here(self, state: FloatArray, status: ContactStatus) -> ContactStatus:
-        """End the run in this state; a run without duration gets one piece as well."""
+        """End the encounter in its present state, and make sure that at least one part of its motion exists."""
         if not self.pieces:
             self.pieces.append(
                 _Piece(_RECEDE, lambda t: np.multiply.outer(state, np.ones(np.shape(t))), np.zeros(2), None)
@@ -177,7 +180,7 @@ class CustomLawRun:
         return status
 
     def _course(self, time: float, state: FloatArray) -> int:
-        """Return the course of the distance after l' = 0."""
+        """Return whether the object approaches, recedes or keeps its distance after the relative velocity was zero."""
         x, u = state
         for delay in (0.0, _SOON):
             below, above = self._acceleration_limits(time + delay, (x + u * delay, u + self.encounter.a * delay))
@@ -186,14 +189,15 @@ class CustomLawRun:
         return _APPROACH if below < 0 else _RECEDE if above > 0 else _ALONG
 
     def _acceleration_limits(self, time: float, state: Any) -> tuple[float, float]:
-        """Return the limits of l'' [m/s^2] at l' = 0, from an approach and from a recession."""
+        """Return the relative acceleration at zero relative velocity, just after an approach and a recession."""
+        # The results are the limits of l'' [m/s^2] at l' = 0 from both sides.
         g, (x, u) = self.encounter, state
         free = g.a - self._force(self._distance(time, x), 0.0) / g.mass
         pull = g.stiffness * x + g.damping * u
         return free + float(self._acting(_APPROACH, pull, 0.0)) / g.mass, free + pull / g.mass
 
     def _excludes_approach(self, distance: float, u: float, course: int) -> bool:
-        """Return whether a later approach can be excluded while the object does not approach."""
+        """Return whether it is certain that a receding or resting object never approaches again."""
         g = self.encounter
         if course == _ALONG and g.v == g.a == u == 0:
             self.settling = distance
@@ -207,7 +211,7 @@ class CustomLawRun:
         return True
 
     def _has_reached_end(self, distance: float) -> bool:
-        """Return whether an approach has reached the lower end of the curve, and end the last piece there."""
+        """Return whether an approach has reached the lower end of the sensor curve, and cut the motion there."""
         from scipy.optimize import brentq  # noqa: PLC0415 - loads slowly
 
         g, piece = self.encounter, self.pieces[-1]
@@ -223,7 +227,8 @@ class CustomLawRun:
         return bool(self.exact_end)
 
     def _piece(self, time: float, state: FloatArray, course: int, border: float, horizon: float) -> _Piece | None:
-        """Return the next piece, until l' changes its sign or l reaches a border; None if it cannot be resolved."""
+        """Integrate until the relative velocity changes sign or a border of the curve is reached, or return None."""
+        # None means that the motion cannot be resolved.
         # LSODA becomes implicit if a motion is stiff. With a tolerance of 1e-13 it is more accurate than DOP853 with
         # 1e-12 and takes half the time. At a gain of -100 N s it takes 30 ms, Radau 0.5 s and DOP853 3 s.
         from scipy.integrate import solve_ivp  # noqa: PLC0415 - loads slowly
@@ -259,7 +264,7 @@ class CustomLawRun:
         return None if run.status < 0 else _Piece(course, run.sol, run.t, ended)
 
     def _quantities(self, piece: _Piece, time: FloatArray) -> dict[str, FloatArray]:
-        """Return the quantities at times [s] of a piece, by name."""
+        """Return all quantities of the motion, by name, at given times [s]."""
         g, (x, u) = self.encounter, piece.states(time)
         distance, speed = self._distance(time, x), self._speed(time, u)
         force, pull = self._forces(distance, speed), g.stiffness * x + g.damping * u
@@ -280,7 +285,7 @@ class CustomLawRun:
         }
 
     def columns(self) -> dict[str, float]:
-        """Return the quantities of ContactState and ContactResult."""
+        """Return all quantities at the end of the encounter, by name."""
         g, last = self.encounter, self.pieces[-1]
         end = {
             name: float(values[0]) for name, values in self._quantities(last, last.steps[-1:]).items()
@@ -310,7 +315,8 @@ class CustomLawRun:
         return max(largest, float(np.abs(values[name]).max()))
 
     def _residual(self, end: dict[str, float], pieces: list[tuple[_Piece, dict[str, FloatArray]]]) -> float:
-        """Return the residual of the impulse balance over the largest of its terms, M |l'(0)| and D l(0)."""
+        """Return the residual of the impulse balance, relative to its largest term or the initial momentum."""
+        # The terms of the initial momentum are M |l'(0)| and D l(0).
         g, integrals = self.encounter, np.zeros(3)
         for piece, values in pieces:
             each = [
@@ -324,7 +330,7 @@ class CustomLawRun:
         return float(abs(math.fsum(terms)) / largest) if largest > 0 else 0.0
 
     def sample(self, samples: int) -> dict[str, FloatArray]:
-        """Return the course at equally spaced times, ends included, shape (samples,)."""
+        """Return the motion at equally spaced times, including start and end."""
         stops = [float(piece.steps[-1]) for piece in self.pieces]
         times = np.linspace(0.0, stops[-1], samples)
         index = np.minimum(np.searchsorted(stops, times), len(stops) - 1)
@@ -338,13 +344,13 @@ class CustomLawRun:
 
 
 def _grid(steps: FloatArray) -> FloatArray:
-    """Return the start of each step with the quadrature nodes inside it, and the end of the last step."""
+    """Return the start of each integration step, the quadrature nodes inside it, and the end of the last step."""
     nodes = np.append(-1.0, _NODES)
     inside = steps[:-1, None] + np.diff(steps)[:, None] * (nodes + 1) / 2
     return np.append(inside.ravel(), steps[-1])
 
 
 def _event(function: Any, direction: int) -> Any:
-    """Return an event function: an integration ends at its zero if it is passed in the given direction."""
+    """Mark a function as an event that ends an integration when the function crosses zero in one direction."""
     function.terminal, function.direction = True, direction
     return function

@@ -31,7 +31,9 @@ from .scenario import Scenario
 
 
 class DragColumns(Value):
-    """Lazily computed quantities of encounters under the virtual drag; equal if their requests are.
+    """Quantities of encounters under the virtual drag, each computed when it is first read.
+
+    Two objects are equal if their requests are.
 
     Args:
         request: the encounters.
@@ -70,7 +72,7 @@ class DragColumns(Value):
         return (r.scenario, r.sensor, r.drag, r.horizon)
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run; a float for a single run.
+        """Return a quantity such as the contact time for all encounters; a single encounter gives a float.
 
         Args:
             name: a quantity of ContactState or ContactResult; `quadrature_error`, the estimated relative error of the
@@ -89,19 +91,20 @@ class DragColumns(Value):
         return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
-        """Return a quantity of every run, shape (n,)."""
+        """Return a quantity such as the contact time for all encounters, as a one-dimensional array."""
         if name not in self._columns:
             self._columns[name] = np.asarray(_DERIVED[name](self))
         return np.asarray(self._columns[name])
 
     @property
     def gradients(self) -> DragGradients:
-        """The exact derivatives of the contact."""
+        """The exact derivatives of the quantities at contact under the virtual drag."""
         return DragGradients(self)
 
 
 def _approach_start(request: DragRequest, high: float) -> tuple[FloatArray, IntArray]:
-    """Return the start of each approach [s] and a status, -1 for an approach; else the time and status of the end."""
+    """Return when each object begins to approach, or when and how an encounter without approach ends."""
+    # An approach has the status -1.
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
     begins = np.zeros(count)
@@ -117,7 +120,8 @@ def _approach_start(request: DragRequest, high: float) -> tuple[FloatArray, IntA
 
 
 def _final_status(request: DragRequest, status: IntArray, end: dict[str, FloatArray], low: float) -> IntArray:
-    """Return the status: contact, touch or end of the curve; set distance and l' of a touch to zero."""
+    """Return how each encounter ended: with a contact, with a touch at zero speed, or at the end of the curve."""
+    # Distance and l' of a touch are set to zero.
     b, time, distance, speed = request.bodies, end["time"], end["distance"], end["relative_velocity"]
     terms = np.abs(b["p"]) + (np.abs(b["v"]) + np.abs(b["a"]) * time / 2) * time
     turns = (request.velocity < 0) & (request.acceleration > 0)
@@ -186,7 +190,7 @@ _ROUNDING: Final = 1e-9
 
 
 def solve_drag(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, *, horizon: float = _HORIZON) -> ContactResult:
-    """Find the contact of an encounter under a virtual drag phi [N s^2]; see `Drag` in laws.py."""
+    """Find the contact of encounters under a virtual drag [N s^2]."""
     return ContactResult(DragColumns(make_drag_request(scenario, sensor, drag, horizon)), "quadrature")
 
 
@@ -198,7 +202,7 @@ def sample_drag(
     horizon: float = _HORIZON,
     samples: int = 200,
 ) -> Motion:
-    """Sample the whole motion of an encounter under the virtual drag; see `Drag` in laws.py."""
+    """Sample the whole motion of encounters under the virtual drag."""
     columns = DragColumns(make_drag_request(scenario, sensor, drag, horizon))
     r, end = columns.request, columns.raw("time")
     times = end[:, None] * np.linspace(0.0, 1.0, samples)
@@ -221,7 +225,9 @@ def sample_drag(
 
 
 def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
-    """Return G, the integral of g^2 from the contact to a distance; phi = M ln(1/rho) / G gives the speed ratio rho.
+    """Return the integral G of the squared sensor slope g^2 from contact to a distance.
+
+    The drag phi = M ln(1/rho) / G gives the speed ratio rho.
 
     Args:
         sensor: the sensor curve.

@@ -32,7 +32,7 @@ _CHANGE: Final[FloatArray] = legendre.legvander(legendre.leggauss(NODES)[0], NOD
 
 
 class DragRun(Protocol):
-    """Solved encounters, as in DragColumns."""
+    """Interface of solved encounters under the virtual drag."""
 
     request: DragRequest
     path: DragPath
@@ -40,11 +40,14 @@ class DragRun(Protocol):
     begins: FloatArray
 
     def raw(self, name: str) -> FloatArray:
-        """Return a quantity of every run, shape (n,)."""
+        """Return a quantity such as the contact time for all encounters, as a one-dimensional array."""
 
 
 class _State(NamedTuple):
-    """State at nodes: quantities of the bodies, t [s], l [m], |l'| [m/s] and k g^2 l'^2 [m/s^2]."""
+    """State of several encounters under the virtual drag at the quadrature nodes.
+
+    The fields are quantities of the bodies, t [s], l [m], |l'| [m/s] and k g^2 l'^2 [m/s^2].
+    """
 
     bodies: dict[str, FloatArray]
     time: FloatArray
@@ -54,17 +57,17 @@ class _State(NamedTuple):
 
 
 def largest_acceleration(c: DragRun) -> FloatArray:
-    """Return max |x''| [m/s^2] of each run."""
+    """Return the largest acceleration of the robot [m/s^2] in each encounter."""
     return _peaks(c, lambda s: s.bodies["r_a"] - s.rate, c.raw("acceleration")[:, None])[0]
 
 
 def largest_force(c: DragRun) -> tuple[FloatArray, FloatArray]:
-    """Return max |F| [N] of each run, and the distance at which it occurs [m]."""
+    """Return the largest virtual force [N] in each encounter and the distance at which it occurs [m]."""
     return _peaks(c, lambda s: s.bodies["mass"] * s.rate, c.raw("virtual_force")[:, None])
 
 
 def largest_speed(c: DragRun) -> FloatArray:
-    """Return max |x'| [m/s] of each run."""
+    """Return the largest speed of the robot [m/s] in each encounter."""
     b = c.request.bodies
     waiting = b["u0"] + b["r_v"] + b["r_a"] * c.begins
     ends = np.stack([b["u0"] + b["r_v"], waiting, c.raw("velocity")], axis=1)
@@ -72,7 +75,7 @@ def largest_speed(c: DragRun) -> FloatArray:
 
 
 def largest_travel(c: DragRun) -> FloatArray:
-    """Return max |x - x(0)| [m] of each run."""
+    """Return the largest distance of the robot from its start [m] in each encounter."""
     b = c.request.bodies
     turning = np.zeros(len(c.begins))  # turning point of the reference, while the plant moves with it
     np.divide(-(b["u0"] + b["r_v"]), b["r_a"], out=turning, where=b["r_a"] != 0)
@@ -93,7 +96,7 @@ def _obstacle_velocity(b: dict[str, FloatArray], time: FloatArray) -> FloatArray
 
 
 def _peaks(c: DragRun, quantity: Callable[[_State], Any], at_ends: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the largest magnitude of a quantity over each run.
+    """Return the largest magnitude of a quantity over each encounter under the virtual drag.
 
     Args:
         c: the solved encounters.
@@ -120,7 +123,7 @@ def _peaks(c: DragRun, quantity: Callable[[_State], Any], at_ends: FloatArray) -
 
 
 def _largest(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return maximum and its z, shape (n,) each, of the polynomial through the values at the nodes of each cell."""
+    """Return the maximum of an interpolating polynomial on each distance interval, and its position."""
     fine = values @ _AT_FINE.T
     best = fine.argmax(axis=1)
     z = _FINE[best]
@@ -137,7 +140,8 @@ def _largest(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def impulse_residual(c: DragRun) -> FloatArray:
-    """Return the larger relative residual of M l' = M l'(0) + M a_o t + phi int s' ds and of its moment."""
+    """Return the relative residual of the impulse balance under the virtual drag."""
+    # The result is the larger residual of M l' = M l'(0) + M a_o t + phi int s' ds and of the moment of this equation.
     r = c.request
     impulse, moment = np.zeros(len(c.begins)), np.zeros(len(c.begins))
     for cells, nodes in c.path.walk():
@@ -166,7 +170,9 @@ _INPUTS: Final = {
 
 @dataclass(frozen=True, slots=True, repr=False)
 class DragGradients(Value):
-    """Derivatives of quantities at contact by the inputs of an encounter; see `ContactResult.gradients`.
+    """Exact derivatives of quantities at contact under the virtual drag, with respect to the inputs of an encounter.
+
+    See `ContactResult.gradients`.
 
     They are exact. They are NaN if a run does not end in contact, if it touches with l' = 0, and if it does not start
     with an approach.
@@ -185,7 +191,7 @@ class DragGradients(Value):
     inputs: tuple[str, ...] = field(init=False, default=tuple(_INPUTS))
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a quantity at contact by an input.
+        """Return the derivative of a quantity at contact with respect to an input of the encounter.
 
         Args:
             quantity: one of `quantities`.
@@ -207,12 +213,12 @@ class DragGradients(Value):
         return float(derivative[0]) if shape == () else derivative.reshape(shape)
 
     def unit(self, quantity: str, by: str) -> str:
-        """Return the unit of a derivative."""
+        """Return the unit of the derivative of a quantity with respect to an input."""
         return f"({_QUANTITIES[quantity]})/({_INPUTS[by]})"
 
 
 def _derivative(c: DragRun, quantity: str, by: str) -> FloatArray:
-    """Return the derivative of a quantity by an input, shape (n,)."""
+    """Return the derivative of a quantity at contact with respect to an input, for every encounter."""
     r, on = c.request, c.lanes
     time, square = (np.full(len(r.mass), np.nan) for _ in range(2))
     square[on], time[on] = _changes(c, by)
@@ -230,7 +236,7 @@ def _derivative(c: DragRun, quantity: str, by: str) -> FloatArray:
 
 
 def _changes(c: DragRun, by: str) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives of w = l'^2 at the end of each approach, and of its time, by an input."""
+    """Return how the squared speed at the end of each approach, and its duration, change with an input."""
     r, on = c.request, c.lanes
     k, a, v = r.strength[on], r.acceleration[on], r.velocity[on]
     square, time = np.zeros(len(on)), np.zeros(len(on))

@@ -49,17 +49,18 @@ _TO_COME: Final[FloatArray] = _SO_FAR[::-1, ::-1].copy()
 
 
 def so_far(values: FloatArray) -> FloatArray:
-    """Integrate from the start of each cell to each of its nodes, shape (n, nodes), over z from -1 to 1."""
+    """Integrate over each interval from its start to each of its quadrature nodes."""
+    # Each interval has the variable z from -1 to 1. The result has the shape (n, nodes).
     return np.asarray(values @ _SO_FAR)
 
 
 def evaluate_at(values: FloatArray, z: FloatArray) -> FloatArray:
-    """Interpolate values at the nodes of each cell to one z per cell, shape (n,)."""
+    """Interpolate values at quadrature nodes to one position in each interval."""
     return np.asarray(np.einsum("ij,ij->i", legendre.legvander(z, NODES - 1), values @ TO_TERMS.T))
 
 
 def where_reached(rates: FloatArray, total: FloatArray) -> FloatArray:
-    """Return the z of each cell up to which positive rates at its nodes integrate to a total, shape (n,)."""
+    """Return the position in each interval up to which positive rates integrate to a given total."""
     terms = rates @ _INTEGRAL.T
     low, high = np.full(len(total), -1.0), np.ones(len(total))
     z = 2 * total / np.maximum(rates @ WEIGHTS, np.finfo(float).tiny) - 1
@@ -76,7 +77,7 @@ def where_reached(rates: FloatArray, total: FloatArray) -> FloatArray:
 
 
 class DragApproach(NamedTuple):
-    """Start of approaches, one column per quantity.
+    """Start values of several approaches under the virtual drag, one array per quantity.
 
     Args:
         strength: k = phi / M [m].
@@ -94,7 +95,7 @@ class DragApproach(NamedTuple):
 
 
 class DragCells(NamedTuple):
-    """One cell of each of some encounters.
+    """Distance intervals over which the motions of several encounters are integrated, one per encounter.
 
     Args:
         lane: indices of the encounters.
@@ -113,18 +114,20 @@ class DragCells(NamedTuple):
     time: FloatArray
 
     def some(self, which: BoolArray | IntArray) -> DragCells:
-        """Return the cells of some rows."""
+        """Return the distance intervals of some of the encounters."""
         columns: Any = tuple(column[which] for column in self)
         return DragCells(*columns)
 
     def share(self, z: FloatArray) -> FloatArray:
-        """Return the traversed share of each cell at one z per cell."""
+        """Return which share of each distance interval has been traversed at position z."""
         r = (1 + z) / 2
         return np.asarray(r - self.bend * r * (1 - r))
 
 
 class _Nodes(NamedTuple):
-    """Quantities at the nodes of cells, shape (n, nodes), and at their ends, shape (n,).
+    """Quantities of several encounters at the quadrature nodes of a distance interval.
+
+    At nodes the shape is (n, nodes), at the ends (n,).
 
     Args:
         distance: l [m].
@@ -151,12 +154,12 @@ class _Nodes(NamedTuple):
     duration: FloatArray
 
     def replace_rows(self, which: BoolArray, rows: _Nodes) -> None:
-        """Replace the rows of some cells."""
+        """Replace the quantities of some encounters."""
         for column, new in zip(self, rows, strict=True):
             column[which] = new
 
     def error(self) -> FloatArray:
-        """Return the last two Legendre coefficients of the integrands, relative to the largest, shape (n,)."""
+        """Return the relative size of the last two Legendre coefficients, an estimate of the quadrature error."""
         return np.maximum(_last_terms(self.pace), _last_terms(self.grown))
 
 
@@ -167,7 +170,7 @@ def _last_terms(values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DragPath(Value):
-    """Approaches that were solved to their ends.
+    """Approaches under the virtual drag that were solved to their ends.
 
     Args:
         sensor: the sensor curve.
@@ -194,14 +197,16 @@ class DragPath(Value):
     steps: list[DragCells] = field(default_factory=list)
 
     def walk(self) -> Iterator[tuple[DragCells, _Nodes]]:
-        """Yield all cells with the quantities at their nodes, evaluated again."""
+        """Yield all distance intervals with the quantities at their nodes, which are computed again."""
         for cells in self.steps:
             yield cells, _evaluate(self.sensor, self.approach, cells)
 
 
 @np.errstate(all="ignore")  # cells with NaN are halved until they count as unresolved
 def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: float) -> DragPath:
-    """Solve approaches until l = end, until they come to rest, or until the horizon.
+    """Solve approaches under the virtual drag until contact, until rest, or until the longest allowed time.
+
+    They end at l = `end`.
 
     Args:
         sensor: the sensor curve, valid from `end` to the farthest start.
@@ -249,7 +254,8 @@ def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: flo
 
 
 def _next_cells(path: DragPath, lanes: IntArray, room: FloatArray, scale: FloatArray) -> DragCells:
-    """Propose a cell for each encounter: up to the next border, or as far as both integrands are likely smooth."""
+    """Propose the next integration interval of each encounter, short enough for an accurate quadrature."""
+    # An interval ends at the next border at the latest.
     square, start, strength = path.square[lanes], path.distance[lanes], path.approach.strength[lanes]
     push = 2 * path.approach.acceleration[lanes]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -269,7 +275,7 @@ def _next_cells(path: DragPath, lanes: IntArray, room: FloatArray, scale: FloatA
 
 
 def _shorten_to_end(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells, _Nodes, IntArray, FloatArray]:
-    """Evaluate cells; shorten those in which l' becomes zero or the time reaches the horizon.
+    """Shorten the distance intervals in which an object comes to rest or the longest allowed time ends.
 
     Args:
         path: the path so far.
@@ -306,7 +312,7 @@ def _shorten_to_end(path: DragPath, cells: DragCells, horizon: float) -> tuple[D
 
 
 def _evaluate(sensor: SensorModel, approach: DragApproach, cells: DragCells) -> _Nodes:
-    """Return the quantities at the nodes of cells."""
+    """Return the quantities at the quadrature nodes of distance intervals."""
     bend, width, square = (column[:, None] for column in (cells.bend, cells.width, cells.square))
     twice = 2 * approach.acceleration[cells.lane]
     passed = width * (_R - bend * _R * (1 - _R))

@@ -25,7 +25,9 @@ _LEAST: Final = 1e-100  # smaller values count as zero, since their squares unde
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DragRequest(Value):
-    """Checked arguments of one call: encounters, curve, values of phi.
+    """Checked inputs of a call for the virtual drag: encounters, sensor curve and drags.
+
+    The drags are values of phi.
 
     Args:
         scenario: the encounters.
@@ -43,7 +45,7 @@ class DragRequest(Value):
 
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
-        """The quantities of L(9) of every encounter: plant, obstacle (relative to the reference) and reference."""
+        """Position, velocity and acceleration of obstacle, plant and reference of every encounter, as in L(9)."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
         columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.drag)
         flat = [np.broadcast_to(c, self.shape).astype(np.float64).reshape(-1) for c in columns]
@@ -51,37 +53,37 @@ class DragRequest(Value):
 
     @property
     def mass(self) -> FloatArray:
-        """The virtual mass M [kg]."""
+        """The virtual mass M of each encounter [kg]."""
         return self.bodies["mass"]
 
     @property
     def strength(self) -> FloatArray:
-        """The drag divided by the mass, k [m]."""
+        """The virtual drag divided by the virtual mass [m]."""
         return self.bodies["phi"] / self.mass
 
     @property
     def distance(self) -> FloatArray:
-        """The distance l at the start [m]."""
+        """The distance between robot and object at the start of each encounter [m]."""
         return self.bodies["p"] - self.bodies["x0"]
 
     @property
     def velocity(self) -> FloatArray:
-        """The relative velocity l' at the start [m/s]."""
+        """The relative velocity of the object at the start of each encounter [m/s]."""
         return _flush_underflow(self.bodies["v"] - self.bodies["u0"])
 
     @property
     def acceleration(self) -> FloatArray:
-        """The acceleration a_o of the obstacle relative to the reference [m/s^2]."""
+        """The acceleration of the obstacle relative to the reference [m/s^2]."""
         return _flush_underflow(self.bodies["a"])
 
     @property
     def returns(self) -> Any:
-        """The encounters that begin at rest or receding, and then accelerate toward the robot."""
+        """Whether the object starts at rest or receding and then accelerates toward the robot."""
         return (self.velocity >= 0) & (self.acceleration < 0)
 
     @property
     def farthest(self) -> FloatArray:
-        """The largest distance [m] of each encounter, from which the law acts."""
+        """The largest distance of each encounter [m], from which the virtual drag acts."""
         rise = np.zeros_like(self.distance)
         with np.errstate(over="ignore"):  # infinite: farther than any sensor range
             np.divide(-(self.velocity**2), 2 * self.acceleration, out=rise, where=self.returns)
@@ -89,7 +91,7 @@ class DragRequest(Value):
 
 
 def _flush_underflow(values: FloatArray) -> FloatArray:
-    """Set values to 0 whose squares would underflow."""
+    """Set numbers to 0 whose squares would underflow."""
     return np.where(np.abs(values) < _LEAST, 0.0, values)
 
 
@@ -97,7 +99,7 @@ _BEYOND: Final = f"expected a magnitude of at most {MAGNITUDES[1]:g} in SI, so t
 
 
 def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float) -> DragRequest:
-    """Check a call and flatten it.
+    """Check the inputs of a call for the virtual drag and flatten its arrays of encounters.
 
     Args:
         scenario: the encounters.
@@ -140,7 +142,7 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
 
 
 def _check_plant(request: DragRequest) -> None:
-    """Refuse encounters in which the admittance would not be switched off during the whole approach."""
+    """Refuse encounters in which the admittance would pull the robot during the approach."""
     b = request.bodies
     ahead, advance = b["x0"], b["u0"]
     _refuse(
@@ -165,7 +167,7 @@ def _check_plant(request: DragRequest) -> None:
 
 
 def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
-    """Refuse a curve whose ln xi rises with the distance, since the law would then act on a receding object."""
+    """Refuse a sensor curve whose output rises with distance, since the drag would act on a receding object."""
     distance = np.linspace(low, high, _PROBES)
     slope = np.asarray(sensor.log_slope(distance))
     if not (np.isfinite(slope) & (slope <= 0)).all():

@@ -19,33 +19,37 @@ Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
 
 @runtime_checkable
 class NoisyEvaluator(Protocol):
-    """An evaluator with numbered noise: its i-th encounter has the noise of run i for every gain."""
+    """A solver of encounters with reproducible noise: encounter i has the same noise for every gain."""
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
-        """Solve encounters."""
+        """Solve encounters for one sensor and one or several gains."""
 
     def after(self, runs: int) -> NoisyEvaluator:
-        """Return the same evaluator with the noise of later runs: its first encounter has that of the given run."""
+        """Return the same solver with the noise of later runs, starting with the given run number."""
 
 
 @runtime_checkable
 class ManySensorEvaluator(Protocol):
-    """An evaluator that solves encounters with one sensor each in one call, the i-th with the noise of run i."""
+    """A solver that simulates encounters with one sensor each in a single call.
+
+    The i-th encounter has the noise of run i.
+    """
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
-        """Solve encounters."""
+        """Solve encounters for one sensor and one or several gains."""
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: Any) -> ContactResult:
-        """Solve encounters; their last axis is that of the sensors."""
+        """Solve encounters that have one sensor each; the last axis of the result is that of the sensors."""
 
 
 def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
-    """Return an evaluator that skips the noise of some runs; one without numbered noise is returned unchanged."""
+    """Return a solver of encounters that skips the noise of some runs."""
+    # A solver without numbered noise is returned unchanged.
     return evaluator.after(runs) if isinstance(evaluator, NoisyEvaluator) else evaluator
 
 
 def _law_and_value(value: Any, law: Any) -> tuple[ContinuousLaw, Any]:
-    """Return the law and the values of its number; `value` may be a sampled law, which contains both."""
+    """Return the control law and the values of its number; a sampled law contains both."""
     if law is DAMPER and hasattr(value, "continuous"):
         return continuous_law(value), value.value
     return continuous_law(law), value
@@ -61,7 +65,7 @@ def find_contact(
     method: str = "auto",
     horizon: float = 600.0,
 ) -> ContactResult:
-    """Find the first contact of an encounter, l = 0 of L(21) and L(23), and the demands on the robot until then.
+    """Find the first contact of encounters, at zero distance as in L(21) and L(23), and the demands on the robot.
 
     The motion is that of L(1) with the virtual force L(2), of another law, or the uniform motion L(16)-(19). A distance
     that reaches zero and turns there, within 1e-12 of its terms, is a contact with l' = 0. A distance that only decays
@@ -113,7 +117,7 @@ def solve_motion(
     horizon: float = 600.0,
     samples: int = 200,
 ) -> Motion:
-    """Solve an encounter and sample its whole motion by L(1), with the virtual force L(2) or another law.
+    """Solve the motion equation L(1) with the virtual force L(2) or another law, and sample the whole motion.
 
     Args:
         scenario: one encounter or an array of encounters.

@@ -50,7 +50,10 @@ _COUNT: Final = 10  # coefficients of a piece
 
 
 class GradientRows(Picklable):
-    """Derivatives of time and l' at contact by the relative inputs, computed when they are first read."""
+    """Derivatives of contact time and contact velocity with respect to the inputs, computed when they are first read.
+
+    The inputs are relative to the reference.
+    """
 
     __slots__ = ("_followed", "_rows", "_solution")
 
@@ -60,7 +63,8 @@ class GradientRows(Picklable):
         self._followed: dict[str, FloatArray] = {}
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Return the derivatives of time and l' by RELATIVE_INPUTS with these indices, (2, k, n); NaN if undefined."""
+        """Return the derivatives of contact time and contact velocity with respect to some inputs; NaN if undefined."""
+        # `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
         if self._rows is None:
             everything = range(len(RELATIVE_INPUTS))
             indices = everything if self._solution.request.size <= _KEPT else which
@@ -71,7 +75,8 @@ class GradientRows(Picklable):
         return self._rows[:, list(which)]
 
     def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
-        """Return the derivatives of time and l', (2, n), by a curve parameter; `slope` is dg/d(parameter)."""
+        """Return the derivatives of contact time and contact velocity with respect to a sensor parameter."""
+        # `slope` is dg/d(parameter). The result has the shape (2, n).
         if name not in self._followed:
             rows = np.full((2, self._solution.request.size), np.nan)
             where = np.flatnonzero(self._differentiable())
@@ -80,7 +85,7 @@ class GradientRows(Picklable):
         return self._followed[name]
 
     def _differentiable(self) -> BoolArray:
-        """Return which runs end in a contact with l' < 0; a touch with l' = 0 has no derivatives."""
+        """Return which encounters end in a contact at nonzero speed; other contacts have no derivatives."""
         reached = self._solution.status == ContactStatus.CONTACT
         return np.asarray(reached & (self._solution.raw("relative_velocity") < 0))
 
@@ -100,14 +105,14 @@ class GradientRows(Picklable):
         return rows
 
     def _decays(self) -> FloatArray:
-        """Return the duration of each motion over its fastest time constant."""
+        """Return the duration of each motion divided by its fastest time constant."""
         request = self._solution.request
         r = request.relative
         damping = r.damping + r.gain * request.sensor.log_slope(0.0)
         return np.asarray(damping / r.mass * self._solution.raw("time"))
 
     def _linear(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Fill the rows of runs with a closed form; return the remaining runs."""
+        """Compute the derivatives of encounters with a closed form, and return which encounters remain."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.slope
         r = request.relative
@@ -126,7 +131,7 @@ class GradientRows(Picklable):
         return np.asarray(pending & (status != 0))
 
     def _in_lanes(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Fill the rows of runs whose contact vectorized Taylor steps prove; return the remaining runs."""
+        """Compute derivatives of many encounters at once by a Taylor-series solver, and return which remain."""
         request = self._solution.request
         curves = shared_curve(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(pending)
@@ -145,7 +150,7 @@ class GradientRows(Picklable):
     def _by_guaranteed_path(
         self, where: IntArray, indices: list[int], slope: SlopeSensitivity | None = None
     ) -> FloatArray:
-        """Return the derivatives of some encounters by the guaranteed path; NaN if it does not reach the contact."""
+        """Compute the derivatives of some encounters by the most robust solver; NaN without contact."""
         request = self._solution.request
         values, gain = request.part(where)
         sensor = request.sensor
@@ -170,7 +175,9 @@ class GradientRows(Picklable):
 
 
 def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: float) -> tuple[FloatArray, FloatArray]:
-    """Approximate the slope of a curve and a change of it on common pieces from l = 0 up to a distance [m].
+    """Approximate the sensor slope, and its derivative with respect to a parameter, on common intervals.
+
+    They reach from l = 0 up to a distance [m].
 
     Returns:
         Pieces as from `curve_pieces`, and the coefficients of the change in the same variable, shape (pieces, 1, 10),
@@ -200,7 +207,8 @@ def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: f
 def _halve(
     pieces: FloatArray, poor: BoolArray, columns: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-    """Halve pieces without changing their polynomials; both halves inherit the columns."""
+    """Halve distance intervals without changing the polynomials on them."""
+    # Both halves of a piece inherit its columns.
     old, parts = pieces[poor], [pieces[~poor]]
     for side in (-0.5, 0.5):
         change = np.array([[comb(j, i) * side ** (j - i) * 0.5**i for j in range(_COUNT)] for i in range(_COUNT)])
@@ -211,7 +219,7 @@ def _halve(
 
 
 def bend_at_contact(sensor: SensorModel) -> float:
-    """Return dg/dl [1/m^2] at l = 0 of a curve that is valid there.
+    """Return the derivative of the sensor slope with respect to distance at contact, dg/dl [1/m^2].
 
     It is the derivative of the polynomial that approximates g next to the surface. Its error is about 1e-11 of g over
     the length on which the curve changes.

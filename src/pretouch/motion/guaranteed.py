@@ -32,10 +32,12 @@ _MOST: Final = 16_384  # largest chunk
 
 
 def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Solve m encounters of a request, selected by indices, or all of them, by its method.
+    """Solve encounters by the most robust solver, one encounter at a time.
+
+    It solves m encounters of a request, selected by indices, or all of them, by the method of the request.
 
     Returns:
-        PageTable of layout.COLUMNS, shape (m, 15), and the numbers of ContactStatus, shape (m,).
+        Table of layout.COLUMNS, shape (m, 15), and the numbers of ContactStatus, shape (m,).
     """
     if request.many is not None:
         return _curve_by_curve(request, request.many, np.arange(request.size) if which is None else which)
@@ -53,7 +55,7 @@ def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[F
 
 
 def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
-    """Return rows of layout.COLUMNS filled with NaN, and statuses filled with UNRESOLVED."""
+    """Return result rows that are filled with NaN, and statuses that are filled with UNRESOLVED."""
     rows, status = np.empty((count, len(COLUMNS))), np.empty(count, dtype=np.int64)
     rows.fill(np.nan)
     status.fill(ContactStatus.UNRESOLVED)
@@ -61,12 +63,13 @@ def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
 
 
 def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Fill `trace` with layout.TRACE_COLUMNS at ascending times until the end of each run, shape (n, times, 4)."""
+    """Sample the motion of encounters at ascending times until the end of each."""
+    # `trace` is filled with layout.TRACE_COLUMNS, shape (n, times, 4).
     _SOLVERS[request.method][1](request, times, trace)
 
 
 def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Solve encounters with one curve each."""
+    """Solve encounters that have one sensor curve each."""
     rows, status = _unresolved(len(which))
     place, curve = np.divmod(which, len(many))
     for index in np.unique(curve):
@@ -76,7 +79,7 @@ def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tupl
 
 
 def _mark_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
-    """Mark runs with numbers that are not finite as unresolved, in the state of their start."""
+    """Mark encounters whose results are not finite as unresolved, and reset them to their start."""
     bad = np.flatnonzero(~np.isfinite(rows[:, _ALWAYS_FINITE]).all(axis=1))
     if len(bad):
         r = request.some(bad if which is None else which[bad])
@@ -93,7 +96,7 @@ _ALWAYS_FINITE: Final = [i for i, name in enumerate(COLUMNS) if name != "settlin
 
 
 def _solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve some encounters by the closed form L(10)-(13); the contact is the first zero of l."""
+    """Solve some encounters by the closed form of the distance, L(10)-(13); contact is its first zero."""
     values, gain = request.part(which)
     solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
 
@@ -110,7 +113,9 @@ def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Integrate L(1) with the virtual force L(2) for some encounters; repeat those that leave the pieces of the curve.
+    """Integrate the motion equation L(1) with the virtual force L(2) for some encounters.
+
+    Encounters that leave the approximated part of the curve are repeated with a longer part.
 
     With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14). Encounters that start too far away stay
     unresolved.
@@ -139,7 +144,8 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
 
 
 def _is_integrable(values: FloatArray) -> BoolArray:
-    """Return which encounters start near enough to be integrated; `values` as from Scenario.relative, (n, 10)."""
+    """Return which encounters start near enough to be integrated."""
+    # `values` are those of Scenario.relative, shape (n, 10).
     followed: BoolArray = values[:, 5] - values[:, 3] <= LARGEST_START  # p - x~(0)
     return followed
 
@@ -162,7 +168,7 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, bool, bool]]]:
-    """Yield increasing ranges of the curve: the upper end [m], the pieces, and the limits for the kernel."""
+    """Yield increasing distance ranges of the sensor curve with their polynomials and limits for the solver."""
     r, sensor = request.relative, request.sensor
     low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
     distance = r.p - r.x0
@@ -174,7 +180,8 @@ def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, 
 
 
 def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
-    """Return b_2 [1/m^2] and c_2 [1/m] of a curve whose slope is linear in the distance; b_2 = 0 if it is constant."""
+    """Return curvature b_2 [1/m^2] and rate c_2 [1/m] of a sensor curve whose slope is linear in the distance."""
+    # b_2 = 0 for a constant slope.
     if sensor.constant_log_slope is not None:
         return 0.0, sensor.constant_log_slope
     low, high = sensor.valid_range
@@ -193,7 +200,7 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
 def uniform_motion(
     values: FloatArray, curvature: float, rate: float, gain: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Solve L(15) for the uniform motion l = A t + B of L(16): A by L(17), B by L(18).
+    """Solve the motion equation L(15) by a uniform motion l = A t + B, L(16), with coefficients by L(17) and L(18).
 
     L(17) requires the root with 0 <= |A| <= |v_o| and the sign of v_o. With s = sqrt(1 + 8 b_2 D_p v_o / K_a) the roots
     are 2 v_o / (1 + s) and 2 v_o / (1 - s). Only the first can satisfy both conditions, and it becomes v_o for
@@ -226,7 +233,7 @@ def uniform_motion(
 
 
 def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve some encounters by the uniform motion L(16)-(19), up to their contact l = 0."""
+    """Solve some encounters by the uniform-motion solution L(16)-(19) until contact."""
     curvature, rate = _second_order_parameters(request.sensor)
     values, gain = request.part(which)
     a, b = uniform_motion(values, curvature, rate, gain)
@@ -258,7 +265,8 @@ def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, stat
 
 
 def _trace_uniform_motion(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Fill `trace` with distance and speed of l = A t + B, or of a constant distance if there is no such motion."""
+    """Sample distance and speed of the uniform motion l = A t + B."""
+    # Without such a motion, the sampled distance is constant.
     r = request.relative
     values, gain = request.part(slice(None))
     a, b = (x[:, None] for x in uniform_motion(values, *_second_order_parameters(request.sensor), gain))

@@ -35,7 +35,7 @@ _WIDEST: Final = 12  # middle, half width and ten coefficients of a piece
 
 
 class _CurvesOfCore(Structure):
-    """The C structure pretouch_curves."""
+    """The sensor curves of several encounters as the C structure pretouch_curves."""
 
     _fields_ = (
         ("windows", POINTER),
@@ -48,7 +48,7 @@ class _CurvesOfCore(Structure):
 
 
 class _PiecesOfCore(Structure):
-    """The C structure pretouch_pieces."""
+    """A sensor curve as the C structure pretouch_pieces, with polynomials on adjacent distance intervals."""
 
     _fields_ = (
         ("pieces", POINTER),
@@ -81,7 +81,9 @@ def find_contacts(
     gradients: FloatArray | None = None,
     peaks: FloatArray | None = None,
 ) -> None:
-    """Find first contacts of M x~'' + (D + c) x~' + K x~ = c (v + a t), c = slope gain, l = p + v t + a t^2 / 2 - x~.
+    """Find the first contacts of encounters with a constant sensor slope by their closed-form solution.
+
+    They solve M x~'' + (D + c) x~' + K x~ = c (v + a t) with c = slope gain and l = p + v t + a t^2 / 2 - x~.
 
     If the status is OPEN, the other results are NaN.
 
@@ -127,7 +129,7 @@ def solve_linear(
     *,
     status: IntArray,
 ) -> None:
-    """Solve the motion L(7) for a constant slope, with the distance L(8), one encounter at a time, for any parameters.
+    """Solve the motion equation L(7) and its distance form L(8) for a constant slope, encounter by encounter.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -143,7 +145,7 @@ def solve_linear(
 
 
 def respond_many(rows: FloatArray, times: FloatArray, out: FloatArray) -> None:
-    """Solve M y'' + D y' + K y = f_0 + f_1 t and evaluate the solution at some times.
+    """Solve M y'' + D y' + K y = f_0 + f_1 t for several oscillators and evaluate the solutions.
 
     Args:
         rows: M, D, K, y(0), y'(0), f_0, f_1 in SI units, shape (n, 7).
@@ -167,7 +169,7 @@ def contact_times(
     gradients: FloatArray | None = None,
     peaks: FloatArray | None = None,
 ) -> None:
-    """Find the first contact of encounters, if it can be proved to be the first.
+    """Find the first contact of each encounter if a compiled solver can prove that no earlier one exists.
 
     Args:
         inputs: the first nine columns of layout.Relative, or all eleven for peaks; shape (n,) or (1,), contiguous.
@@ -196,7 +198,7 @@ def contact_times(
 
 
 def of_core(curves: Curves, n: int) -> _CurvesOfCore:
-    """Return the C structure of the curves of n encounters; the arrays must outlive it."""
+    """Return the C structure of the sensor curves of n encounters; the arrays must outlive the structure."""
     windows, starts, curve_of = curves
     rows, width = windows.shape
     shared = len(curve_of) == 1
@@ -209,13 +211,14 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
 
 
 def _is_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return whether the windows of one shared curve are in the table, without the overhead of NumPy functions."""
+    """Return whether a table contains the polynomials of the one sensor curve that all encounters share."""
+    # This check avoids the overhead of NumPy functions.
     which = int(curve_of[0])
     return 0 <= which < len(starts) - 1 and 0 <= int(starts[which]) <= int(starts[which + 1]) <= rows
 
 
 def _are_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return whether the table contains the windows of every curve, and every encounter refers to one of the curves."""
+    """Return whether a table contains the polynomials of every sensor curve to which an encounter refers."""
     if len(starts) == 0 or starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
         return False
     return len(curve_of) == 0 or bool(curve_of.min() >= 0 and curve_of.max() < len(starts) - 1)
@@ -230,7 +233,7 @@ def solve_series(
     status: IntArray,
     course: tuple[FloatArray, FloatArray] | None = None,
 ) -> None:
-    """Integrate L(1) with the virtual force L(2) for a curve in pieces: L(4), L(7) or L(14), depending on the curve.
+    """Integrate the motion equation L(1) with the virtual force L(2): L(4), L(7) or L(14) for the letter's curves.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -261,7 +264,7 @@ def follow_gradients(
     derivatives: FloatArray,
     status: NDArray[np.int8],
 ) -> None:
-    """Integrate encounters that end in contact, with the derivatives of time and l' at contact by the inputs.
+    """Integrate encounters up to contact, with derivatives of contact time and velocity with respect to the inputs.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).

@@ -21,7 +21,7 @@ from .solution import Solution
 
 
 class LawNumber(NamedTuple):
-    """Description of the number of a law that a design chooses.
+    """Description of the one number of a control law that a design chooses, such as the gain D_p.
 
     Args:
         name: such as "gain".
@@ -37,35 +37,35 @@ class LawNumber(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Name and symbol, such as "gain D_p"."""
+        """Name and symbol of the law's number, such as "gain D_p"."""
         return f"{self.name} {self.symbol}"
 
     def equals(self, value: float) -> str:
-        """Return symbol, value and unit as text, such as "D_p = -0.7 N s"."""
+        """Return symbol, value and unit of the law's number as text, such as "D_p = -0.7 N s"."""
         return f"{self.symbol} = {self.text(value)}"
 
     def text(self, value: float, digits: int = 4) -> str:
-        """Return a value with its unit as text, such as "-0.7 N s"."""
+        """Return a value of the law's number with its unit as text, such as "-0.7 N s"."""
         return pretty_unit(format_quantity(value, self.unit, digits))
 
     @property
     def mitigating(self) -> str:
-        """The sign of mitigating values as a word."""
+        """The sign of values that mitigate impacts, as a word: "positive" or "negative"."""
         return "positive" if self.sign > 0 else "negative"
 
     @property
     def plot_symbol(self) -> str:
-        """The symbol in a plot, such as "D\u209a"."""
+        """The symbol of the law's number in a plot, such as "D\u209a"."""
         return self.symbol.replace("_p", "\u209a")
 
     def plot_text(self, value: float, digits: str = ".4g") -> str:
-        """Return a value with its unit for a plot, such as "-0.7 N s"."""
+        """Return a value of the law's number with its unit for a plot, such as "-0.7 N s"."""
         return f"{value:{digits}} {pretty_unit(self.unit)}"
 
 
 @runtime_checkable
 class ContinuousLaw(Protocol):
-    """A law in continuous time, without sampling, for designs and predictions.
+    """Interface of a control law in continuous time, without sampling, for designs and predictions.
 
     `DAMPER` and `DRAG` are the built-in laws; `CustomLaw` makes a law of any force.
 
@@ -80,20 +80,20 @@ class ContinuousLaw(Protocol):
 
     @property
     def kind(self) -> str:
-        """The name of the law."""
+        """The name of the control law in files and reports."""
 
     @property
     def number(self) -> LawNumber:
-        """Description of the number that a design chooses."""
+        """Description of the law's number that a design chooses, such as the gain D_p."""
 
     @property
     def degree(self) -> int | None:
-        """The power of s' to which the force is proportional, or None."""
+        """The power of the log output's rate of change to which the virtual force is proportional, or None."""
 
     def contact(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, *, method: str = ..., horizon: float = ...
     ) -> ContactResult:
-        """Find the contact of encounters; values of the law's number broadcast with them."""
+        """Find the contact of encounters for one or several values of the law's number."""
 
     def motion(
         self,
@@ -105,16 +105,17 @@ class ContinuousLaw(Protocol):
         horizon: float = ...,
         samples: int = ...,
     ) -> Motion:
-        """Sample the whole motion of encounters."""
+        """Sample the whole motion of encounters for one or several values of the law's number."""
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return dF/dl' [N s/m] at a slope g [1/m] and a relative velocity l' [m/s]; NaN if it is unknown."""
+        """Return the damping of the law [N s/m], the derivative of its force with respect to relative velocity."""
+        # An unknown damping is NaN.
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Damper:
-    """The letter's virtual damper, F_p = D_p g(l) l' of L(2), in continuous time."""
+    """The letter's virtual damper in continuous time, with the force F_p = D_p g(l) l' of L(2)."""
 
     kind: ClassVar[str] = "virtual-damper"
     number: ClassVar[LawNumber] = LawNumber("gain", "D_p", "N*s", -1)
@@ -132,7 +133,7 @@ class Damper:
         method: str = "auto",
         horizon: float = 600.0,
     ) -> ContactResult:
-        """Find the contact; see `find_contact`."""
+        """Find the contact of encounters under the virtual damper, as `find_contact` does."""
         request = make_request(scenario, sensor, value, method, horizon)
         return ContactResult(Solution(request), request.method)
 
@@ -146,7 +147,7 @@ class Damper:
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Sample the motion; see `solve_motion`."""
+        """Sample the motion of encounters under the virtual damper, as `solve_motion` does."""
         request = make_request(scenario, sensor, value, method, horizon)
         result = ContactResult(Solution(request, whole=True), request.method)
         end = np.atleast_1d(np.asarray(result.end.time)).ravel()
@@ -158,14 +159,16 @@ class Damper:
         return motion_from_trace(request, times, trace, result)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return D_p g [N s/m], which does not depend on the speed."""
+        """Return the damping of the virtual damper, gain times slope [N s/m], which is the same at every speed."""
         return np.asarray(value) * slope + np.zeros_like(relative_velocity)
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Drag:
-    """The virtual drag, F = -phi s'^2 while s = ln xi grows and 0 otherwise, in continuous time (docs/drag.md).
+    """The virtual drag in continuous time, which decelerates an approach and does not act on a receding object.
+
+    The force is F = -phi s'^2 while s = ln xi grows, and 0 otherwise (docs/drag.md).
 
     The admittance's pull toward the object is switched off during an approach: M x~'' = F - max(K x~ + D x~', 0). From
     rest at the reference, or behind it, the motion is M l'' = M a_o + phi g^2 l'^2, solved by quadrature for any curve.
@@ -214,7 +217,7 @@ class Drag:
         method: str = "auto",
         horizon: float = 600.0,
     ) -> ContactResult:
-        """Find the contact by the method "quadrature"."""
+        """Find the contact of encounters under the virtual drag by quadrature over the distance."""
         from .drag import solve_drag  # noqa: PLC0415 - only drags need it
 
         _check_quadrature(method)
@@ -230,14 +233,15 @@ class Drag:
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Sample the motion, by the same quadrature."""
+        """Sample the motion of encounters under the virtual drag by quadrature over the distance."""
         from .drag import sample_drag  # noqa: PLC0415 - only drags need it
 
         _check_quadrature(method)
         return sample_drag(scenario, sensor, value, horizon=horizon, samples=samples)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return 2 phi g^2 |l'| [N s/m] in an approach, and 0 if the object recedes."""
+        """Return the damping of the virtual drag [N s/m], which grows with the approach speed."""
+        # The damping is 2 phi g^2 |l'| in an approach, and 0 for a receding object.
         return 2 * np.asarray(value) * np.square(slope) * np.maximum(0.0 - np.asarray(relative_velocity), 0.0)
 
 
@@ -257,7 +261,7 @@ LAWS: Final[dict[str, ContinuousLaw]] = {law.kind: law for law in (DAMPER, DRAG)
 
 
 def continuous_law(law: Any) -> ContinuousLaw:
-    """Return the law in continuous time of a law, a name in LAWS, or a sampled law.
+    """Return the continuous-time form of a control law that is given as an object, a name or a sampled law.
 
     Raises:
         InvalidInputError: the argument is no law, and its attribute `continuous` does not name one.

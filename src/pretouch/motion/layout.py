@@ -9,7 +9,7 @@ from pretouch._core.numbers import FloatArray
 
 
 class Relative(NamedTuple):
-    """Encounters relative to their reference, as in L(8) and L(9), and their gains, as flat columns.
+    """Quantities of encounters relative to their reference, as in the equations L(8) and L(9), with gains.
 
     Each column has one number that all encounters share, or one number per encounter. The motion of the reference is
     needed only for absolute quantities.
@@ -74,12 +74,14 @@ RESOLUTION: Final = 1e-12
 
 
 def by_name(rows: FloatArray) -> dict[str, FloatArray]:
-    """Return views of rows of COLUMNS by their names."""
+    """Return views of the columns of a result table by their names."""
     return dict(zip(COLUMNS, rows.T, strict=True))
 
 
 class ContactStatus(IntEnum):
-    """How a run ended. `label` is the word for it in files and JSON.
+    """How an encounter ended, such as in contact or without contact.
+
+    `label` is the word for it in files and JSON.
 
     A distance that reaches zero and turns there is a touch: the run ends in CONTACT with l' = 0, by every method. A
     smallest distance counts as zero within 1e-12 of the terms whose difference it is. A distance that only decays to
@@ -95,12 +97,12 @@ class ContactStatus(IntEnum):
 
     @property
     def label(self) -> str:
-        """The word for this status in files and JSON."""
+        """The word for this end of an encounter in files and JSON."""
         return _ENDINGS[self][0]
 
     @property
     def meaning(self) -> str:
-        """One sentence that explains the status."""
+        """A sentence that explains how an encounter with this status ended."""
         return _ENDINGS[self][1]
 
 

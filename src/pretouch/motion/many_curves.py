@@ -21,7 +21,9 @@ _METHODS: Final = ("auto", "integration")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ManyCurves:
-    """Curves of one kind with different parameters; none has a constant slope, and all are valid down to l = 0.
+    """Sensor curves of one kind with different parameters, one for each encounter.
+
+    None has a constant slope, and all are valid down to l = 0.
 
     Args:
         sensor: the curve from which they are made.
@@ -38,7 +40,7 @@ class ManyCurves:
         return len(self.sensors)
 
     def windows(self, reach: float) -> ManyWindows:
-        """Return the windows of all curves up to a distance [m] or the end of the curve; they are cached."""
+        """Return the polynomials of all sensor curves up to a distance [m], and cache them."""
         if reach not in self._windows:
             tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
             images = find_images(self.sensor, self.values)
@@ -49,7 +51,7 @@ class ManyCurves:
         return self._windows[reach]
 
     def check(self, scenario: Scenario) -> None:
-        """Refuse encounters that start outside the range of their curve; their shape broadcasts with (n,).
+        """Raise an error for an encounter that starts outside the valid range of its sensor curve.
 
         Raises:
             OutOfRangeError: an encounter does.
@@ -66,15 +68,16 @@ class ManyCurves:
             )
 
     def falls(self, scenario: Scenario) -> bool:
-        """Return whether ln xi of every curve falls with the distance, from the contact to all starts."""
+        """Return whether every sensor output falls with the distance, from contact to all starts."""
         return self.windows(reach_of(scenario)).falling
 
     def slope_at_contact(self) -> FloatArray:
-        """Return g [1/m] of each curve at l = 0, shape (n,)."""
+        """Return the slope g [1/m] of each sensor curve at contact."""
         return np.array([sensor.log_slope(0.0) for sensor in self.sensors])
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return ln xi of each curve at distances [m] of the shape (..., n), clipped to its range."""
+        """Return the log output ln xi of each sensor curve at distances [m], clipped to its valid range."""
+        # Distances have the shape (..., n).
         inside = [np.clip(distance[..., i], *sensor.valid_range) for i, sensor in enumerate(self.sensors)]
         return np.stack([s.log_output(d) for s, d in zip(self.sensors, inside, strict=True)], axis=-1)
 
@@ -82,7 +85,7 @@ class ManyCurves:
 def many_curves(
     sensor: SensorModel, values: Mapping[str, FloatArray], sensors: tuple[SensorModel, ...], method: str
 ) -> ManyCurves | None:
-    """Combine curves that can be solved together.
+    """Combine sensor curves so that encounters with different sensors are solved together.
 
     Returns:
         The set; None if a curve has a constant slope or is not valid at contact, or if another method is requested.

@@ -43,7 +43,7 @@ _SIGN_PROBES: Final = 17  # distances per window at which the sign of g is check
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ManyWindows:
-    """Windows of many curves.
+    """Polynomials that approximate many sensor curves, in one table.
 
     Args:
         table: windows as from `curve_windows`, curve by curve; a curve that cannot be approximated has none.
@@ -58,7 +58,10 @@ class ManyWindows:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Images:
-    """Curves that are images of one curve: that curve, and the scale s and shift t [m] of each image, shape (n,)."""
+    """Sensor curves that result from one curve by scaling and shifting the distance.
+
+    Each has a scale s and a shift t [m], shape (n,).
+    """
 
     sensor: SensorModel
     scale: FloatArray
@@ -66,7 +69,7 @@ class Images:
 
 
 def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images | None:
-    """Find a curve whose images are all curves with these parameters, (n,) each; None if there is none."""
+    """Find a sensor curve from which all given curves result by scaling and shifting the distance, or None."""
     if not values:  # curves that differ in the points of a table
         return None
     curve, default = sensor.bare
@@ -86,7 +89,8 @@ def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images
 
 
 def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> float | None:
-    """Return k of a parameter that scales the distance, 0 for a parameter without effect, None for others."""
+    """Return the exponent with which a sensor parameter scales the distance."""
+    # A parameter without effect has the exponent 0. A parameter with another effect gives None.
     nominal = float(getattr(sensor, name))
     powers = []
     for value in (float(values.min()), nominal, float(values.max())):
@@ -103,7 +107,8 @@ def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> flo
 
 
 def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
-    """Return the windows of images, scaled and shifted, from l = 0 to the upper end of each [m], shape (n,)."""
+    """Return the polynomials of sensor curves that result from one curve by scaling and shifting."""
+    # The windows reach from l = 0 to the upper end of each curve, `tops` [m], shape (n,).
     sensor, scale, shift = images.sensor, images.scale, images.shift
     low, high = sensor.valid_range
     ends = scale * tops + shift
@@ -127,7 +132,9 @@ def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
 def windows_side_by_side(
     sensors: Sequence[SensorModel], values: Mapping[str, FloatArray], tops: FloatArray
 ) -> ManyWindows:
-    """Approximate curves of one kind on common windows; curves that need other windows get their own.
+    """Approximate many sensor curves of one kind by polynomials on common distance intervals.
+
+    Curves that need other intervals get their own.
 
     The windows are chosen for the curves with the smallest and the largest value of each parameter, and one between
     them. The approximation of every curve is then tested on these windows.
@@ -162,7 +169,7 @@ def windows_side_by_side(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Whole:
-    """One polynomial of g over all windows for each of some curves.
+    """One polynomial per sensor curve that approximates its slope over the whole distance range.
 
     Windows overlap and are short where a curve bends, so one polynomial needs fewer evaluations of a curve.
 
@@ -179,16 +186,17 @@ class _Whole:
     top: float
 
     def basis(self, distance: FloatArray) -> FloatArray:
-        """Return the Chebyshev polynomials at distances [m]."""
+        """Return the Chebyshev polynomials at some distances [m]."""
         return np.asarray(np.polynomial.chebyshev.chebvander(2 * distance / self.top - 1, len(self.nodes) - 1))
 
     def slope(self, distance: FloatArray) -> FloatArray:
-        """Return g [1/m] of the chosen curves."""
+        """Return the slope g [1/m] of each chosen sensor curve at some distances [m]."""
         return np.asarray((self.basis(distance) @ self.terms).T)
 
 
 def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
-    """Return a polynomial that approximates each of some curves, tested between its nodes; or None."""
+    """Return polynomials that approximate the slopes of some sensor curves, or None."""
+    # The polynomials are tested between their nodes.
     for count in _COUNTS:
         basis = chebyshev_basis(count)
         at, between = ((1 + z) * top / 2 for z in (basis.nodes, chebyshev_extremes(count)))
@@ -201,7 +209,8 @@ def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
 
 
 def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return coefficients of ln xi of every curve on common windows, (n, windows, terms), and whether they fit."""
+    """Approximate every sensor curve by polynomials on common intervals, and return which curves fit."""
+    # The coefficients are those of ln xi, shape (n, windows, terms).
     degree = frame.shape[1] - TERMS - 1
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     low, high = frame[:, LOW, None], frame[:, TOP, None]
@@ -225,7 +234,7 @@ def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: Float
 
 
 def _of_cubics(sensor: PiecewiseCubic) -> FloatArray:
-    """Return one window for each interval of a curve that consists of cubic polynomials."""
+    """Return the polynomial table of a sensor curve that already consists of cubic polynomials."""
     edges = np.array(sensor.distances)
     low, top = edges[:-1], edges[1:]
     slack = SLACK * (top - low)
@@ -237,13 +246,13 @@ def _of_cubics(sensor: PiecewiseCubic) -> FloatArray:
 
 
 def _own_windows(sensor: SensorModel, top: float, degree: int) -> FloatArray:
-    """Return the windows of one curve with polynomials of a degree; no rows if they cannot approximate it."""
+    """Return the polynomials of a sensor curve on intervals of its own, or an empty table if none approximate it."""
     windows = polynomial_windows(sensor.log_slope, (0.0, top), degree)
     return np.zeros((0, TERMS + degree + 1)) if windows is None else windows
 
 
 def _one_by_one(sensors: Sequence[SensorModel], tops: FloatArray) -> ManyWindows:
-    """Return the windows of many curves, each computed separately."""
+    """Return the polynomials of many sensor curves, each computed separately."""
     tables = [curve_windows(sensor, 0.0, float(top)) for sensor, top in zip(sensors, tops, strict=True)]
     widths = {table.shape[1] for table in tables if len(table)}
     if len(widths) > 1:  # all rows of the table must have the same width
@@ -265,7 +274,7 @@ def _make_windows(table: FloatArray, starts: IntArray, *, falling: bool | None =
 
 
 def _falls(table: FloatArray) -> bool:
-    """Return whether g < 0 on all windows."""
+    """Return whether the sensor slope is negative on all intervals of a polynomial table."""
     middle, terms = table[:, MIDDLE], table[:, TERMS:]
     if terms.shape[1] == 1:
         ends = terms / (table[:, [LOW, TOP]] - middle[:, None])

@@ -16,7 +16,7 @@ _SHOWN = ("time", "relative_velocity", "position", "displacement", "largest_excu
 
 
 def scenario_page(scenario: Scenario) -> Page:
-    """Return the page of an encounter, or of the shape of an array of them."""
+    """Create the description of an encounter that a notebook shows."""
     if scenario.shape:
         return Page(kind="Encounters", headline=f"Encounters of shape {scenario.shape}")
     speed, distance = float(scenario.relative_velocity), format_quantity(float(scenario.distance), "m")
@@ -28,7 +28,7 @@ def scenario_page(scenario: Scenario) -> Page:
 
 
 def contact_page(result: ContactResult) -> Page:
-    """Return the page of a contact, or of the number of contacts of an array."""
+    """Create the description of a contact that a notebook shows."""
     status: Any = result.status
     if result.reached.ndim:
         count, total = int(result.reached.sum()), result.reached.size
@@ -39,7 +39,7 @@ def contact_page(result: ContactResult) -> Page:
 
 
 def motion_page(motion: Motion) -> Page:
-    """Return the page of a motion: its figure, and how it ends."""
+    """Create the description of a motion that a notebook shows, with its figure and its end."""
     if motion.time.ndim > 1:
         return Page(kind="Motions", headline=f"Motions of shape {motion.time.shape[:-1]}")
     page = contact_page(motion.result)

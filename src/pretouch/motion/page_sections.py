@@ -61,26 +61,27 @@ _INTEGRATOR: Final = (
 
 
 class _Answer(Protocol):
-    """The result of a design, as far as it reports how encounters were solved."""
+    """Interface of a design result that reports how its encounters were solved."""
 
     @property
     def method(self) -> str:
-        """How encounters were solved."""
+        """The method that solved the encounters of a design."""
 
     @property
     def on_evaluator(self) -> bool:
-        """Whether an evaluator of the user solved the encounters."""
+        """Whether a solver that the user provided has solved the encounters."""
 
 
 def solved_on(answer: _Answer) -> str:
-    """Return what solved the encounters: `motion` (L(1)), `loop` (sampled loop) or `other` (custom evaluator)."""
+    """Return whether a design used the motion equations, a simulated loop or a custom solver."""
+    # The words are `motion`, `loop` and `other`.
     if not answer.on_evaluator:
         return "motion"
     return "loop" if answer.method == "loop" else "other"
 
 
 def scenario_rows(scenario: Scenario) -> Iterator[Row]:
-    """Yield table rows with every input of an encounter."""
+    """Yield table rows with every input of an encounter, for a report."""
     symbols = {"mass": " M_a", "damping": " D_a", "stiffness": " K_a"}
     for name, unit in SCENARIO_INPUTS.items():
         part, _, field = name.partition(".")
@@ -97,7 +98,7 @@ def scenario_rows(scenario: Scenario) -> Iterator[Row]:
 
 
 def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
-    """Yield table rows with the parameters of a curve and its valid range."""
+    """Yield table rows with the parameters and the valid range of a sensor curve, for a report."""
     yield "curve", sensor.name
     part: Any = sensor
     while part := getattr(part, "sensor", None):
@@ -110,7 +111,7 @@ def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
 
 
 def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> PageSection:
-    """Return the section that lists the inputs of a page: encounter, sensor, and further rows."""
+    """Create the report section that lists the inputs: encounter, sensor, and further rows."""
     encounter = PageTable(rows=(*scenario_rows(scenario), *others))
     curve = PageTable(rows=tuple(sensor_rows(sensor)), wraps=True)
     blocks = (PageSection(title="Encounter", blocks=(encounter,)), PageSection(title="Sensor", blocks=(curve,)))
@@ -118,7 +119,7 @@ def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Pag
 
 
 def method_section(method: str, *, solved_on: str = "motion", others: Iterable[Block] = ()) -> PageSection:
-    """Return the section that describes how encounters were solved and which assumptions apply.
+    """Create the report section that describes how encounters were solved and under which assumptions.
 
     Args:
         method: a key of METHODS, or a description of the method.

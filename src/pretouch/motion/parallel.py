@@ -18,7 +18,9 @@ _MAX_SPLIT: Final = 64  # chunks that are made only to occupy cores
 
 
 def run_in_chunks(run: Callable[[int, int], object], size: int, *, least: int, most: int) -> None:
-    """Run a function over the range 0 to `size` in chunks, on all cores that this process may use.
+    """Run a function over chunks of many encounters, in parallel on all available processor cores.
+
+    The chunks cover the range 0 to `size`.
 
     An interrupt takes effect between two chunks.
 
@@ -58,7 +60,8 @@ def run_in_chunks(run: Callable[[int, int], object], size: int, *, least: int, m
 
 
 def _chunks(size: int, least: int, most: int) -> list[tuple[int, int]]:
-    """Divide the range 0 to `size` into equal chunks; their number is a power of two, or larger to respect `most`."""
+    """Divide a number of encounters into chunks of equal length."""
+    # The number of chunks is a power of two, or larger to respect `most`.
     worth = max(-(-size // least), 1)
     count = max(min(1 << (worth - 1).bit_length(), _MAX_SPLIT), -(-size // most))
     length = max(-(-size // count), 1)

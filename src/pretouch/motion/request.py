@@ -27,7 +27,7 @@ METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request(Value):
-    """One call of the solver.
+    """Checked inputs for solving encounters: scenario, sensor, gains, horizon and method.
 
     Args:
         scenario: the encounters.
@@ -49,25 +49,27 @@ class Request(Value):
 
     @property
     def size(self) -> int:
-        """The number of encounters."""
+        """The number of encounters to solve."""
         return math.prod(self.shape)
 
     @property
     def relative(self) -> Relative:
-        """The columns by name."""
+        """The quantities of all encounters relative to the reference, by name."""
         return Relative._make(self.columns)
 
     @property
     def gain(self) -> FloatArray:
-        """The law's number of every encounter, such as D_p [N s], shape (n,)."""
+        """The law's number of every encounter, such as the gain D_p [N s]."""
         return np.broadcast_to(self.relative.gain, self.size)
 
     def some(self, which: Which) -> Relative:
-        """Return the columns of some encounters; a slice is not copied, and columns of length 1 stay so."""
+        """Return the quantities of some encounters; a slice is not copied."""
+        # Columns of length 1 keep this length.
         return Relative._make(c if len(c) == 1 else c[which] for c in self.columns)
 
     def part(self, which: Which) -> tuple[FloatArray, FloatArray]:
-        """Return the quantities of Scenario.relative, (m, 10), and gains, (m,), of some encounters, contiguous."""
+        """Return the quantities and gains of some encounters as contiguous arrays."""
+        # The quantities are those of Scenario.relative, shape (m, 10). The gains have the shape (m,).
         count = len(range(self.size)[which]) if isinstance(which, slice) else len(which)
         columns, values, gains = self.some(which), np.empty((count, 10)), np.empty(count)
         for i, column in enumerate((*columns[:8], *columns[9:])):
@@ -76,7 +78,8 @@ class Request(Value):
         return values, gains
 
     def with_curve(self, index: int) -> Request:
-        """Return the request with only one of many curves and its encounters, by its index along the last axis."""
+        """Return the inputs of only those encounters that have one of the many sensor curves."""
+        # `index` is the position of the curve along the last axis.
         if self.many is None:
             return self
         scenario = map_fields(self.scenario, lambda v: v[..., min(index, v.shape[-1] - 1)] if np.ndim(v) else v)
@@ -85,25 +88,25 @@ class Request(Value):
 
     @property
     def slope(self) -> float:
-        """The slope g [1/m] of a curve of constant slope; 0 for any other."""
+        """The slope g [1/m] of a sensor curve with constant slope, or 0 for any other curve."""
         return self.sensor.constant_log_slope or 0.0
 
     @property
     def slope_at_contact(self) -> Any:
-        """The slope g [1/m] at l = 0: a number, or one for each encounter, shape (n,)."""
+        """The sensor slope g [1/m] at contact, as one number or one for each encounter."""
         if self.many is None:
             return float(self.sensor.log_slope(0.0))
         return np.broadcast_to(self.many.slope_at_contact(), self.shape).reshape(-1)
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return ln xi at one distance [m] per encounter, clipped to the range of its curve, shape (n,)."""
+        """Return the log output ln xi at one distance [m] per encounter, clipped to the sensor range."""
         if self.many is None:
             return np.asarray(self.sensor.log_output(np.clip(distance, *self.sensor.valid_range)))
         return self.many.log_output(distance.reshape(self.shape)).reshape(-1)
 
 
 def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
-    """Check that the curve is valid at the start of the encounters, and resolve the method "auto".
+    """Check that encounters start inside the sensor range, and choose the method if it is "auto".
 
     Returns:
         The method, never "auto".
@@ -144,7 +147,7 @@ def make_request(
     *,
     many: ManyCurves | None = None,
 ) -> Request:
-    """Check the arguments of a call, choose its method, and flatten its encounters."""
+    """Check the inputs for solving encounters, choose the method, and flatten the arrays."""
     if many is not None:
         many.check(scenario)
         check_curve(sensor, scenario.distance)
@@ -171,7 +174,7 @@ def make_request(
 
 
 def _flatten(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Flatten columns over the broadcast shape; a number that all encounters share keeps the length 1."""
+    """Flatten arrays over their broadcast shape; a number that all encounters share keeps the length 1."""
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)
         return tuple(numbers[i : i + 1] for i in range(len(columns)))

@@ -21,7 +21,9 @@ from .bodies import Obstacle, Plant, Reference
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Admittance(Value):
-    """Virtual mass, damping and stiffness M_a, D_a, K_a of L(1); each a number or an array.
+    """Virtual mass, damping and stiffness of the admittance controller, M_a, D_a and K_a of L(1).
+
+    Each is a number or an array.
 
     Args:
         mass: M_a > 0 [kg], the virtual mass; the inertia of the robot does not matter here.
@@ -44,7 +46,7 @@ class Admittance(Value):
     def from_natural_frequency(
         cls, *, mass: ArrayLike, natural_frequency: ArrayLike, damping_ratio: ArrayLike = 1.0
     ) -> Admittance:
-        """Make an admittance from natural frequency and damping ratio; critically damped by default, as in the letter.
+        """Create an admittance from natural frequency and damping ratio; the default is critical damping.
 
         Args:
             mass: M_a > 0 [kg].
@@ -65,12 +67,12 @@ class Admittance(Value):
 
     @property
     def natural_frequency(self) -> Any:
-        """The undamped natural frequency sqrt(K_a / M_a) [rad/s]."""
+        """The undamped natural frequency of the admittance, sqrt(K_a / M_a) [rad/s]."""
         return float_or_array(np.sqrt(np.asarray(self.stiffness) / self.mass))
 
     @property
     def damping_ratio(self) -> Any:
-        """The damping ratio D_a / (2 sqrt(M_a K_a)).
+        """The damping ratio of the admittance, D_a / (2 sqrt(M_a K_a)).
 
         Raises:
             InvalidInputError: the stiffness is zero.
@@ -82,7 +84,7 @@ class Admittance(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(InNotebooks, Value):
-    """One encounter, or an array of encounters; all fields broadcast with each other.
+    """One encounter of robot and object, or an array of encounters; all fields broadcast with each other.
 
     Positions are absolute; x points away from the sensor, so the distance is l = x_o - x and an approach has
     l' < 0. Time starts when the object enters the detection range.
@@ -131,16 +133,18 @@ class Scenario(InNotebooks, Value):
 
     @property
     def distance(self) -> Any:
-        """The distance l at t = 0 [m], epsilon in the letter's closed form."""
+        """The distance between robot and object at the start [m]."""
         return self.obstacle.position - self.plant.position
 
     @property
     def relative_velocity(self) -> Any:
-        """The relative velocity l' at t = 0 [m/s], mu in the letter's closed form."""
+        """The relative velocity of the object at the start [m/s]."""
         return self.obstacle.velocity - self.plant.velocity
 
     def relative_columns(self) -> tuple[Any, ...]:
-        """Return admittance, and plant and obstacle at t = 0 relative to the reference, by L(9); a course is refused.
+        """Return admittance, robot and obstacle at the start, relative to the reference as in L(9).
+
+        An obstacle with a course is refused.
 
         Returns:
             M_a, D_a, K_a, x~(0), x~'(0); x_o - x_d at t = 0, its velocity and its acceleration; velocity and
@@ -161,7 +165,7 @@ class Scenario(InNotebooks, Value):
         )
 
     def relative(self) -> FloatArray:
-        """Return the columns of `relative_columns`, the quantities of L(9), as one array.
+        """Return admittance, robot and obstacle relative to the reference, as in L(9), in one array.
 
         Returns:
             The columns, stacked along a last axis of 10 over the broadcast shape.
@@ -180,7 +184,7 @@ class Scenario(InNotebooks, Value):
 
 
 def _relative_to(value: Any, reference: Any) -> Any:
-    """Subtract the reference; no copy is made if it is 0."""
+    """Subtract a reference value, without a copy if the reference is 0."""
     return value if isinstance(reference, float) and reference == 0 else value - reference
 
 
@@ -200,22 +204,22 @@ _OF_DAMPING: Final = {"admittance.damping", "admittance.stiffness"}
 
 
 def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
-    """Return the parameters of a curve as inputs named `sensor.NAME`, with their SI units."""
+    """Return the parameters of a sensor curve as inputs named `sensor.NAME`, with their SI units."""
     return {f"sensor.{name}": unit for name, unit in sensor.parameter_units.items()}
 
 
 def input_units(sensor: SensorModel) -> dict[str, str]:
-    """Return the SI unit of every input of encounters with a sensor, by name."""
+    """Return the SI unit of every input of an encounter and its sensor, by name."""
     return {**SCENARIO_INPUTS, **sensor_inputs(sensor)}
 
 
 def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel:
-    """Return a copy of a curve with other parameters in SI; the names have no prefix `sensor.`."""
+    """Return a copy of a sensor curve with other parameters in SI; names have no prefix `sensor.`."""
     return sensor.with_parameters(values)
 
 
 def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
-    """Return a copy of a scenario with a function applied to every number or array."""
+    """Return a copy of an encounter with a function applied to every number or array."""
 
     def changed(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -228,7 +232,7 @@ def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
 
 
 def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """Return a scenario with other values of some inputs; arrays broadcast.
+    """Return a copy of an encounter with new values of some inputs, which may be arrays.
 
     Changing mass, damping or stiffness keeps the other two. Changing natural frequency or damping ratio keeps the other
     one of these and the mass.
@@ -262,7 +266,7 @@ def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
 
 
 def _admittance_with(admittance: Admittance, values: dict[str, Any]) -> Admittance:
-    """Return an admittance with other values, by their names without `admittance.`."""
+    """Return a copy of an admittance with new values, given by names without `admittance.`."""
     names = {f"admittance.{name}" for name in values}
     if not names & _FREQUENCY.keys():
         return replace(admittance, **values)

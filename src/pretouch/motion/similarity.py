@@ -47,7 +47,7 @@ class EncounterSimilarity(Value):
     parameters: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
 
     def scenario(self, scenario: Scenario) -> Scenario:
-        """Return the encounters with the reference sensor."""
+        """Return the scaled encounters with the reference sensor."""
         if np.ndim(self.length) == 0 and self.length == 1:
             return scenario
         return scenario_with(scenario, {name: attrgetter(name)(scenario) * self.length for name in _SCALED})
@@ -57,7 +57,8 @@ class EncounterSimilarity(Value):
         return ContactResult(_Rescaled(result, self, scenario), result.method)
 
     def of_degree(self, degree: int) -> EncounterSimilarity:
-        """Return the similarity for a law whose force is proportional to s'^d; its gain factor is k^d / s^(d - 1)."""
+        """Return the scale factors for a law whose force grows with a power of the log output's rate."""
+        # For a force proportional to s'^d, the gain factor is k^d / s^(d - 1).
         if degree == 1:
             return self
         by = {name: (s, degree * k - (degree - 1) * s) for name, (s, k) in self.parameters.items()}
@@ -67,14 +68,14 @@ class EncounterSimilarity(Value):
 
 @dataclass(frozen=True, slots=True)
 class _Rescaled(Value):
-    """The columns of a scaled result."""
+    """Results of encounters that were solved with a reference sensor and converted to their own sensors."""
 
     reference: ContactResult
     similarity: EncounterSimilarity
     scenario: Scenario
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run."""
+        """Return a quantity such as the contact time for all encounters, converted to their own sensors."""
         value = self.reference.columns.column(name)
         if name in _LENGTHS:
             return value / self.similarity.length
@@ -82,13 +83,15 @@ class _Rescaled(Value):
 
     @property
     def gradients(self) -> _RescaledGradients:
-        """The derivatives at contact."""
+        """The derivatives of the quantities at contact, converted from the reference sensor to each own sensor."""
         return _RescaledGradients(self)
 
 
 @dataclass(frozen=True, slots=True)
 class _RescaledGradients(Value):
-    """The derivatives of a scaled result: q = Q(s x, s^0 M, k D_p) / s for a length, q = Q for a time.
+    """Derivatives at contact that were computed with a reference sensor and converted to other sensors.
+
+    A length is q = Q(s x, s^0 M, k D_p) / s, and a time is q = Q.
 
     For an input, the chain rule gives a factor s or k. A parameter changes s and k:
     dq / d ln s = (sum of X dQ/dX over all lengths) / s - q, and dq / d ln k = k D_p dQ/dG / s with G = k D_p.
@@ -97,7 +100,7 @@ class _RescaledGradients(Value):
     columns: _Rescaled
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a quantity at contact by an input, as in ContactGradients."""
+        """Return the derivative of a quantity at contact with respect to an input, as in ContactGradients."""
         gradients, similarity = self.columns.reference.gradients, self.columns.similarity
         weight = 1.0 / similarity.length if quantity in _LENGTHS else 1.0
         if by == "gain":
@@ -120,7 +123,9 @@ class _RescaledGradients(Value):
 
 
 def find_similarity(sensor: SensorModel, values: Mapping[str, FloatArray], distance: Any) -> EncounterSimilarity | None:
-    """Find a reference sensor to which sensors with other parameters, (n,) each, are similar.
+    """Find a reference sensor to which sensors with other parameters can be mapped by scaling.
+
+    Parameters have the shape (n,).
 
     Args:
         sensor: the sensor curve.

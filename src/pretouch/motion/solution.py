@@ -31,7 +31,9 @@ _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
 
 class Solution(Value):
-    """Lazily computed quantities of a request; two solutions are equal if their requests are.
+    """Quantities of solved encounters, each computed when it is first read.
+
+    Two solutions are equal if their requests are.
 
     Each encounter is solved by the first method that proves its contact. For a constant slope this is first the
     vectorized closed form, then vectorized Taylor steps ("lanes"). The guaranteed path solves the remaining encounters,
@@ -84,7 +86,8 @@ class Solution(Value):
             self._fill_open(self._columns)
 
     def _solve_by_form(self, kept: bool) -> dict[str, FloatArray]:
-        """Return time and, if `kept`, l' at contact: by the closed form, or by lanes if that leaves a contact open."""
+        """Find contact times by the closed form, or by a Taylor-series solver if that fails."""
+        # If `kept`, the relative velocity l' is computed as well.
         request, outputs = self.request, {}
         columns = {"time": np.empty(request.size)}
         if kept:
@@ -106,7 +109,7 @@ class Solution(Value):
         return (self.request,)
 
     def column(self, name: str) -> Any:
-        """Return a quantity of ContactState or ContactResult, of the broadcast shape; a float for a single run."""
+        """Return a quantity such as the contact time for all encounters; a single encounter gives a float."""
         if name not in self._cache:
             values = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.raw(name))
             if self.request.shape == ():
@@ -118,7 +121,8 @@ class Solution(Value):
         return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
-        """Return one of layout.COLUMNS, shape (n,)."""
+        """Return a quantity such as the contact time for all encounters, as a one-dimensional array."""
+        # `name` is one of layout.COLUMNS.
         if self._rows is not None:
             return self._rows[:, _AT[name]]
         if name not in self._columns:
@@ -130,7 +134,8 @@ class Solution(Value):
         return self._columns[name]
 
     def _compute(self, name: str) -> dict[str, FloatArray]:
-        """Return a quantity at contact, and those computed together with it; meaningless if no contact is proved."""
+        """Compute a quantity at contact, and the quantities that the same call of a solver provides."""
+        # The values are meaningless for encounters without a proved contact.
         request = self.request
         if name == "virtual_force":  # by L(2)
             return {name: np.asarray(request.gain * (request.slope_at_contact * self.raw("relative_velocity")))}
@@ -167,19 +172,19 @@ class Solution(Value):
         return peaks
 
     def _proved(self) -> BoolArray:
-        """Return which contacts a fast method has proved."""
+        """Return which contacts a fast solver has proved to be the first."""
         proved = np.ones(self.request.size, dtype=np.bool_)
         proved[self._open] = False
         return proved
 
     def _fill_open(self, columns: dict[str, FloatArray]) -> None:
-        """Insert the results of the guaranteed path for encounters that the fast methods left open."""
+        """Insert the results of encounters that the fast solvers could not solve."""
         if len(self._open):
             for name, values in columns.items():
                 values[self._open] = self._open_rows[:, _AT[name]]
 
     def _settle(self, name: str) -> None:
-        """Use the guaranteed path for runs whose contact a fast method proved without determining this demand."""
+        """Compute a peak demand on the robot by the most robust solver where a fast solver could not."""
         which = np.flatnonzero(np.isnan(self._columns[name]))
         if len(which):
             rows, _ = solve_guaranteed(self.request, which)
@@ -189,7 +194,7 @@ class Solution(Value):
 
     @property
     def settled_acceleration(self) -> FloatArray:
-        """x~'' at the end of every run with full accuracy, shape (n,).
+        """The robot's acceleration relative to the reference at the end of every encounter, with full accuracy.
 
         After hundreds of time constants it is a difference of much larger numbers. Lanes then have an error of 1e-7,
         which is too large for derivatives.
@@ -207,7 +212,7 @@ class Solution(Value):
         return np.asarray(self._cache[name])
 
     def reference(self, derivative: int) -> FloatArray:
-        """Return x_d, x_d' or x_d'' at the end of every run."""
+        """Return position, velocity or acceleration of the reference at the end of every encounter."""
         reference, time = self.request.scenario.reference, self.raw("time").reshape(self.request.shape)
         if derivative == 2:
             return np.broadcast_to(reference.acceleration, self.request.shape).reshape(-1)
@@ -221,7 +226,7 @@ class Solution(Value):
 def _fill_by_form(
     request: Request, time: FloatArray, status: NDArray[np.int8], *, solved: bool, **outputs: FloatArray
 ) -> None:
-    """Call `find_contacts` for encounters with a constant slope, or for further outputs of proved contacts."""
+    """Solve encounters with a constant sensor slope by the closed form, or compute further quantities of them."""
     slope = request.slope
 
     def run(start: int, stop: int) -> None:
@@ -235,7 +240,9 @@ def _fill_by_form(
 def _in_lanes(
     request: Request, which: IntArray | None, names: tuple[str, ...] = STATES
 ) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
-    """Find and prove the first contacts of some or all encounters on curves that are valid down to l = 0.
+    """Find and prove the first contacts of many encounters at once by a compiled Taylor-series solver.
+
+    The sensor curves must be valid down to l = 0.
 
     Returns:
         Quantities of layout.STATES or layout.PEAKS by name, shape (m,) each, NaN if not determined; and the status, 0
@@ -262,7 +269,7 @@ def fill_by_lanes(
     most: int,
     **more: tuple[int, ...],
 ) -> None:
-    """Call `contact_times` chunk by chunk.
+    """Find the contacts of many encounters by a compiled Taylor-series solver, chunk by chunk.
 
     Args:
         request: the encounters.
@@ -288,7 +295,8 @@ def fill_by_lanes(
 
 
 def _curves(request: Request, which: IntArray | None) -> Curves:
-    """Return the curves over the distances that the encounters need, rounded up so that few tables are cached."""
+    """Return the sensor curves over the distances that the encounters need."""
+    # Distances are rounded up so that few tables are cached.
     if request.many is not None:
         windows = request.many.windows(reach_of(request.scenario))
         curve_of = (np.arange(request.size) if which is None else which) % len(request.many)
@@ -301,7 +309,7 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
 
 
 def _settling(request: Request) -> FloatArray:
-    """Return the settling distance of motions that end in contact, as the guaranteed paths define it."""
+    """Return the distance at which an object would come to rest, for encounters that end in contact."""
     r = request.relative
     has_spring, is_free = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
     rests = ((r.v == 0) | is_free) & (r.a == 0)
@@ -313,7 +321,8 @@ def _settling(request: Request) -> FloatArray:
 
 
 def _impulse_residual(solution: Solution) -> FloatArray:
-    """Return |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest term, M |l'(0)| and D l(0)."""
+    """Return the relative residual of the impulse balance, a measure of the error of a motion."""
+    # This is |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| over the largest of its terms, M |l'(0)| and D l(0).
     request = solution.request
     if request.method == "uniform-motion":
         return np.full(request.size, np.nan)

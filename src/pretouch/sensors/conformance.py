@@ -28,7 +28,7 @@ _SHARES = 1000  # an interval is halved while its error exceeds this part of the
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawCheck(Value):
-    """Result of one check: the law, whether the curve obeys it, and the measured evidence.
+    """Result of one check of a sensor curve: the law, whether the curve obeys the law, and the evidence.
 
     Args:
         law: the law in one sentence.
@@ -43,7 +43,7 @@ class LawCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorConformance(Value):
-    """Result of `check_sensor`.
+    """Result of checking a sensor curve with `check_sensor`: one check for each law of sensor curves.
 
     Args:
         sensor: the name of the curve.
@@ -55,7 +55,7 @@ class SensorConformance(Value):
 
     @property
     def conforms(self) -> bool:
-        """Whether every law holds."""
+        """Whether the sensor curve passed every check."""
         return all(check.holds for check in self.checks)
 
     def __str__(self) -> str:
@@ -65,7 +65,7 @@ class SensorConformance(Value):
 
 @check_arguments
 def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance:
-    """Check a sensor curve, in particular a custom one, against the laws on which the rest of pretouch relies.
+    """Check that a sensor curve, such as a custom one, has the properties on which pretouch relies.
 
     Args:
         sensor: the curve.
@@ -93,7 +93,7 @@ def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance
 
 
 def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool, str]]:
-    """Yield each law with its result; stop if the remaining checks would be meaningless."""
+    """Yield each law of sensor curves with the result of its check, and stop if later checks would be meaningless."""
     obstacle = _evaluation_obstacle(sensor, distance)
     evidence = obstacle or "a number, a row and a table of distances"
     yield "ln xi and g take distances of any shape and keep it", obstacle is None, evidence
@@ -127,7 +127,7 @@ def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool
 
 
 def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
-    """Refuse a custom curve that breaks a law between its nearest distance and the start of an encounter.
+    """Raise an error if a custom sensor curve is invalid at a distance that an encounter can reach.
 
     A curve is checked when it is first used, and again if an encounter starts farther away. Distances beyond the start
     of every encounter are not checked: a motion that reaches them reports this by its status.
@@ -162,12 +162,12 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
 
 @cache_by_curve(256)
 def _verified_reach(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - the key of the cache
-    """Return a mutable cell with the distance [m] up to which a curve has passed the check."""
+    """Return the distance up to which a sensor curve has passed its checks, in a list that the caller updates."""
     return [-np.inf]
 
 
 def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Describe the first law that a curve breaks at some distances [m]; None if it breaks none."""
+    """Describe the first law that a sensor curve breaks at the given distances, or return None."""
     obstacle = _evaluation_obstacle(sensor, distance)
     if obstacle is not None:
         return f"found {obstacle}, expected functions that take distances of any shape and return that shape"
@@ -192,7 +192,7 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
 
 
 def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> str | None:
-    """Describe where the slope is not negative, or differs from a declared constant slope; None if it is right."""
+    """Describe where a sensor output rises with distance or its slope is not constant as declared, or return None."""
     steepest, i = float(np.abs(slope).max()), int(slope.argmax())
     if steepest == 0:
         return "found a slope of 0 1/m at every distance, which must be negative: the output is constant"
@@ -215,7 +215,7 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
 
 
 def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Describe where the slope is not the derivative of ln xi; None if both give the same impulses."""
+    """Describe where the slope of a sensor curve is not the derivative of its log output, or return None."""
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))
     left, right, limit = edges[:-1], edges[1:], 0.0
     parts: list[FloatArray] = []
@@ -242,7 +242,7 @@ def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
 
 
 def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the change of ln xi over intervals, and the integral of g by Gaussian quadrature."""
+    """Return the change of the log output over intervals, and the integral of the slope over them."""
     if not len(left):
         return left, left
     offset, weight = np.polynomial.legendre.leggauss(8)
@@ -252,7 +252,7 @@ def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[
 
 
 def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Return the error that ln xi or g raises for valid distances, as text; None if there is none."""
+    """Return the error that a sensor curve raises for valid distances as text, or None if it raises none."""
     for function in (sensor.log_output, sensor.log_slope):
         for probe in (float(distance[0]), distance, distance[:16].reshape(4, 4)):
             try:
@@ -263,14 +263,14 @@ def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | Non
 
 
 def _scalar_difference(function: Callable[[Any], Any], distance: FloatArray) -> float:
-    """Return the largest difference between evaluating an array and its elements, relative to the largest value."""
+    """Return the largest relative difference between evaluating an array and evaluating its elements."""
     some = distance[:: max(1, distance.size // 16)]
     together, alone = np.asarray(function(some)), np.array([function(float(d)) for d in some])
     return float(np.abs(together - alone).max() / (np.abs(together).max() + 1))
 
 
 def _is_value(sensor: SensorModel) -> bool:
-    """Return whether a curve is a frozen dataclass with hashable fields."""
+    """Return whether a sensor curve is a frozen dataclass with hashable fields."""
     parameters = vars(type(sensor)).get("__dataclass_params__")
     try:
         hash(sensor)
@@ -280,7 +280,8 @@ def _is_value(sensor: SensorModel) -> bool:
 
 
 def _slope_error(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> tuple[float, float]:
-    """Return the largest difference between the mean of g and that of d ln xi/dl, and its tolerance, both in 1/m."""
+    """Return the largest error of the slope of a sensor curve and its tolerance, both in 1/m."""
+    # The means of g and of the derivative of ln xi over intervals are compared.
     # Intervals that disagree are halved while there are few of them, since steep parts of g need short intervals.
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))
     width = np.diff(edges)

@@ -15,7 +15,9 @@ from .model import SensorModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomSensor(SensorModel):
-    """A curve defined by two functions, ln xi(l) and g(l), that map an array to an array of the same shape.
+    """A sensor curve defined by two Python functions: the log output ln xi(l) and its slope g(l).
+
+    Each function maps an array of distances to an array of the same shape.
 
     `check_sensor` checks that g is the derivative of ln xi and that the curve obeys the laws of sensor curves.
 

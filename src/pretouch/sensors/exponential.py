@@ -22,7 +22,10 @@ _FEW_DIGITS: Final = 100.0  # largest accepted ratio of two terms to their diffe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FirstOrderFamily(Family):
-    """u = (ln xi(l_m), ln -c_1)."""
+    """First-order exponential curves for a fit, described by log output and log slope at mid-range.
+
+    The fit parameters are u = (ln xi(l_m), ln -c_1), where l_m is the middle of the calibration window.
+    """
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -48,7 +51,10 @@ class _FirstOrderFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SecondOrderFamily(Family):
-    """u = (ln xi(l_m), ln -g at the first distance, ln of the ratio of -g at the last to the first distance).
+    """Second-order exponential curves for a fit, described by mid-range log output and the slopes at both ends.
+
+    The fit parameters are u = (ln xi(l_m), ln -g at the first distance, ln of the ratio of -g at the last to the first
+    distance), where l_m is the middle of the calibration window.
 
     The curve falls over the whole window for every u. The upper bound keeps c_2, the slope at l = 0, negative.
     """
@@ -102,7 +108,7 @@ class _SecondOrderFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialFirstOrder(SensorModel):
-    """First-order exponential curve xi = a_1 exp(c_1 l), L(5), whose slope g is constant.
+    """First-order exponential curve of the sensor output, xi = a_1 exp(c_1 l) of L(5), with a constant slope.
 
     Args:
         scale: a_1 > 0, in the unit of the output; it does not affect the motion.
@@ -123,7 +129,7 @@ class ExponentialFirstOrder(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c_1 [1/m], the same at every distance."""
+        """The slope c_1 of the sensor curve [1/m], which is the same at every distance."""
         return self.rate
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
@@ -141,7 +147,7 @@ class ExponentialFirstOrder(SensorModel):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the similarity of curves with constant slopes: lengths stay, and the motion depends only on g D_p."""
+        """Return the factors that map exponential curves to one reference curve by scaling only the gain."""
         rate = np.asarray(values.get("rate", self.rate))
         if not np.all(rate < 0):
             return None
@@ -155,7 +161,7 @@ class ExponentialFirstOrder(SensorModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialSecondOrder(SensorModel):
-    """Second-order exponential curve xi = a_2 exp(b_2 l^2 + c_2 l), L(6).
+    """Second-order exponential curve of the sensor output over distance, xi = a_2 exp(b_2 l^2 + c_2 l) of L(6).
 
     With b_2 > 0 the output has its minimum at the turning point l = -c_2 / (2 b_2). Beyond it the modeled virtual
     force would have the wrong sign, so the valid range ends there.
@@ -191,12 +197,12 @@ class ExponentialSecondOrder(SensorModel):
 
     @property
     def turning_point(self) -> float:
-        """The distance -c_2 / (2 b_2) [m] at which the slope is zero; infinite if b_2 <= 0."""
+        """The distance [m] at which the sensor slope is zero, or infinity if the curvature b_2 is not positive."""
         return -self.rate / (2 * self.curvature) if self.curvature > 0 else math.inf
 
     @property
     def valid_range(self) -> tuple[float, float]:
-        """The distances [l_min, l_max] in m between which the curve is valid, never beyond the turning point."""
+        """The smallest and largest valid distance [m] of the sensor curve, which ends at its turning point."""
         low = self.minimum_distance
         if self.curvature < 0:  # the turning point is at l < 0, and the slope is negative beyond it
             low = max(low, -self.rate / (2 * self.curvature))
@@ -204,7 +210,7 @@ class ExponentialSecondOrder(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c_2 [1/m] if b_2 = 0, else None."""
+        """The slope c_2 of the sensor curve [1/m] if the curvature b_2 is 0, otherwise None."""
         return self.rate if self.curvature == 0 else None
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
@@ -232,7 +238,8 @@ class ExponentialSecondOrder(SensorModel):
         recess: FloatArray,
         distance: Any,
     ) -> CurveSimilarity | None:
-        """Return the similarity of g = c + 2 b (l + recess) = 2 b (l - l*): lengths scale with s = L* / l*."""
+        """Return the factors of length and gain that map second-order exponentials to one reference curve."""
+        # The slope g = c + 2 b (l + recess) = 2 b (l - l*) is scaled by lengths s = L* / l*.
         if self.curvature == 0:
             return None
         b = np.asarray(values.get("curvature", self.curvature))

@@ -22,7 +22,7 @@ _WIDE: Final = 30.0  # bound of the logarithm of a parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Family(ABC):
-    """A parametric curve on a calibration window.
+    """A family of sensor curves, with parameters that suit a fit over a range of calibrated distances.
 
     Args:
         curve: the class of the curve.
@@ -42,92 +42,95 @@ class Family(ABC):
 
     @classmethod
     def at_large(cls, curve: Any, first: float, last: float) -> Self:
-        """Return the family with its widest bounds, for the estimation of offset, noise and slope."""
+        """Return the curve family with its widest bounds, for the estimation of offset, noise and slope."""
         return cls(curve=curve, first=first, last=last)
 
     @property
     def name(self) -> str:
-        """The name of the curve."""
+        """The name of the sensor curve that this family fits."""
         return str(self.curve.name)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """The names of the curve's own parameters, the scale first."""
+        """The names of the sensor curve's own parameters, with the scale first."""
         return tuple(f.name for f in self.curve._declared())
 
     @property
     def size(self) -> int:
-        """The number of parameters."""
+        """The number of parameters that a fit of this sensor curve has."""
         return len(self.parameter_names)
 
     @property
     def middle(self) -> float:
-        """The distance l_m [m] in the middle of the window."""
+        """The distance [m] in the middle of the calibrated range."""
         return (self.first + self.last) / 2
 
     @property
     def span(self) -> float:
-        """The length of the window [m]."""
+        """The length of the calibrated distance range [m]."""
         return self.last - self.first
 
     @abstractmethod
     def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
-        """Return fit parameters of a curve with about this ln xi, slope g and dg/dl at l_m."""
+        """Return start parameters of a fit from log output, slope and curvature in the middle of the range."""
 
     @property
     @abstractmethod
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """The lower and upper bounds of the fit parameters."""
+        """The lower and upper bounds of the parameters of a curve fit."""
 
     @abstractmethod
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return ln xi of curves at distances [m]; parameters (..., p) and distances (n,) give the shape (..., n)."""
+        """Return the log outputs ln xi of several sensor curves at several distances [m]."""
+        # Parameters of shape (..., p) and distances of shape (n,) give the shape (..., n).
 
     @abstractmethod
     def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return g [1/m] of curves at distances [m], with the shape of `log_output`."""
+        """Return the slopes g [1/m] of several sensor curves at several distances [m]."""
+        # The shape is that of `log_output`.
 
     @abstractmethod
     def coordinates(self, u: FloatArray) -> FloatArray:
-        """Return one finite, monotonic function of each of the curve's own parameters."""
+        """Convert fit parameters to transformed curve parameters, such as logarithms, that are always finite."""
+        # Each is a monotonic function of one of the curve's own parameters.
 
     @abstractmethod
     def parameters(self, coordinates: FloatArray) -> FloatArray:
-        """Convert coordinates to the curve's own parameters, in SI; infinite if they diverge."""
+        """Convert coordinates to the sensor curve's own parameters in SI; diverging parameters are infinite."""
 
     def written(self, u: FloatArray) -> FloatArray:
-        """Return the curve's own parameters for fit parameters; all of them are finite."""
+        """Convert fit parameters to the sensor curve's own parameters, all of which are finite."""
         return self.parameters(self.coordinates(u))
 
     def sensor(self, u: FloatArray, low: float, high: float) -> Any:
-        """Return the sensor curve, valid on [low, high] in m."""
+        """Return the sensor curve for fit parameters, valid between two distances [m]."""
         parameters = dict(zip(self.parameter_names, map(float, self.written(u)), strict=True))
         return self.curve(**parameters, minimum_distance=low, maximum_distance=high)
 
     def easing(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return bounds within which |g| of every curve falls with the distance."""
+        """Return bounds of the fit parameters within which the sensor curve becomes flatter with distance."""
         return low, high
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return the prior cost of curves, shape (b,), in units of a squared residual."""
+        """Return the prior cost of each curve in a fit, in units of a squared residual."""
         return np.zeros(len(u))
 
     def runs_away(self, ends: Any) -> bool:  # noqa: ARG002 - for subclasses
-        """Return, from the ends of their confidence intervals, whether parameters may diverge together."""
+        """Return whether parameters may diverge together, judged by the ends of their confidence intervals."""
         return False
 
     def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Return remarks on parameters that the readings do not identify; `runaway` if some diverge together."""
+        """Return remarks on parameters that the readings do not determine; `runaway` means that some diverge."""
         return ()
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Return remarks on the fitted parameters; `at_bound` if one is at a bound of the search."""
+        """Return remarks on the fitted parameters, for example on one that reached the bound of the search."""
         return ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainFamily(Family):
-    """Family of any curve that defines `fit_start`; it is slower than others, since it evaluates one curve at a time.
+    """Family for fitting any sensor curve that defines `fit_start`; it evaluates one curve at a time.
 
     u = (ln xi(l_m), the other parameters; those with a prescribed sign as logarithms of their magnitudes).
     """
@@ -140,18 +143,18 @@ class PlainFamily(Family):
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Wide bounds for logarithms; no bounds for all other parameters."""
+        """The bounds of the fit: wide for parameters with a prescribed sign, none for all others."""
         ends = np.array([np.inf, *(np.inf if sign == "any" else _WIDE for sign in self._signs)])
         return -ends, ends
 
     def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
-        """Return the start that the curve defines by `fit_start`."""
+        """Return the start parameters that the sensor curve defines by its method `fit_start`."""
         start = self.curve.fit_start(slope, curvature, self.middle)
         pairs = zip(self.parameter_names[1:], self._signs, strict=True)
         return np.array([log_middle, *(_encoded(float(start[name]), sign) for name, sign in pairs)])
 
     def _curve(self, u: FloatArray) -> Any:
-        """Return the curve with the scale 1; None if the parameters are invalid."""
+        """Return the sensor curve with a scale of 1, or None if the parameters are invalid."""
         values = [_decoded(float(v), sign) for v, sign in zip(u[1:], self._signs, strict=True)]
         try:
             parameters = dict(zip(self.parameter_names, [1.0, *values], strict=True))
@@ -172,21 +175,21 @@ class PlainFamily(Family):
         return result.reshape(*u.shape[:-1], len(places))
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return ln xi, row by row."""
+        """Return the log outputs ln xi of several sensor curves, which are evaluated one by one."""
         return self._rows(u, distance, "log_output")
 
     def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return g [1/m], row by row."""
+        """Return the slopes g [1/m] of several sensor curves, which are evaluated one by one."""
         return self._rows(u, distance, "log_slope")
 
     def coordinates(self, u: FloatArray) -> FloatArray:
-        """Return ln(scale) and the other fit parameters."""
+        """Return the logarithm of the curve's scale, followed by the other fit parameters."""
         curve = self._curve(u)
         level = 0.0 if curve is None else float(curve.log_output(self.middle))
         return np.array([u[0] - level, *u[1:]])
 
     def parameters(self, coordinates: FloatArray) -> FloatArray:
-        """Return the curve's own parameters."""
+        """Convert fit coordinates to the sensor curve's own parameters."""
         with np.errstate(over="ignore"):
             values = [_decoded(float(v), sign) for v, sign in zip(coordinates[1:], self._signs, strict=True)]
             return np.array([np.exp(coordinates[0]), *values])

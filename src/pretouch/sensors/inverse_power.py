@@ -29,7 +29,10 @@ _POINT_SOURCE: Final = 2.0  # the exponent of a point light source
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _InversePowerFamily(Family):
-    """u = (ln xi(l_m), ln r_1, kappa), r_1 = -1 / g at the first distance.
+    """Inverse power curves for a fit, described by mid-range log output, slope and inverse exponent.
+
+    The fit parameters are u = (ln xi(l_m), ln r_1, kappa) with r_1 = -1 / g at the first distance and kappa = 1 / n;
+    l_m is the middle of the calibration window.
 
     g = -1 / (r + kappa (l - l_m)) with kappa = 1 / n and r = (l_m + l_0) / n becomes the exponential as kappa -> 0.
     """
@@ -41,7 +44,7 @@ class _InversePowerFamily(Family):
 
     @property
     def kappa_min(self) -> float:
-        """The smallest 1 / n. Below it the curve equals an exponential, and its scale would overflow."""
+        """The smallest inverse exponent 1 / n of a fit; below it the curve equals an exponential."""
         return self.kappa_floor or next(
             (1 / n for n in (200, 100, 50) if n * abs(math.log(n * self.span)) < 500), 1 / 20
         )
@@ -90,7 +93,7 @@ class _InversePowerFamily(Family):
         return cls(curve=curve, first=first, last=last, kappa_max=_HEAVIEST_KAPPA, kappa_floor=_EXPONENTIAL_KAPPA)
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return the prior cost of a tail flatter than 1 / l^2, since light of a small source does not fall so slowly.
+        """Return a prior cost for exponents below 2, because light of a small source decays at least as 1 / l^2.
 
         Clear evidence outweighs it: n = 1 costs 1.1, and no exponent costs more than 3.8, the square of the half width
         of a 95 % interval in standard deviations.
@@ -98,7 +101,7 @@ class _InversePowerFamily(Family):
         return np.asarray(np.minimum((np.maximum(np.log(2 * u[:, 2]), 0.0) / _FLAT_TAIL) ** 2, 3.8))
 
     def runs_away(self, ends: Any) -> bool:
-        """Return whether kappa = 1 / n may be zero."""
+        """Return whether the inverse exponent 1 / n may be zero, so that the exponent n has no upper bound."""
         low, _, reached, _ = ends[2]
         return bool(not reached or low <= math.log(1.05 * float(self.bounds[0][2])))
 
@@ -125,7 +128,7 @@ class _InversePowerFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InversePower(SensorModel):
-    """Inverse power curve xi = scale / (l + l_0)^n, L(3), with scale = alpha beta psi.
+    """Inverse power curve of the sensor output over distance, xi = scale / (l + l_0)^n of L(3).
 
     Args:
         scale: alpha beta psi > 0, in the unit of the output times m^n; it does not affect the motion.
@@ -176,7 +179,8 @@ class InversePower(SensorModel):
         recess: FloatArray,
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the similarity of g = -n / (l + l_0): lengths scale with s = L_0 / l_0, the gain with s n / N."""
+        """Return the factors of length and gain that map inverse power curves to one reference curve."""
+        # For g = -n / (l + l_0), lengths scale with s = L_0 / l_0, and the gain with s n / N.
         offset = np.asarray(values.get("distance_offset", self.distance_offset)) + recess
         exponent = np.asarray(values.get("exponent", self.exponent))
         if not (np.all(offset > 0) and np.all(exponent > 0)):

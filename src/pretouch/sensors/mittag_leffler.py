@@ -33,7 +33,9 @@ _CHUNK: Final = 1024  # arguments per call, to limit memory, since each needs ab
 def mittag_leffler(
     order: float | FloatArray, argument: FloatArray, *, accuracy: float = 1e-13
 ) -> tuple[FloatArray, FloatArray]:
-    """Evaluate E_alpha(z) and its derivative for z <= 0 and 0 < alpha <= 1, to about 1e-13 of their values.
+    """Evaluate the Mittag-Leffler function E_alpha(z) and its derivative for z <= 0 and 0 < alpha <= 1.
+
+    The relative error is about 1e-13.
 
     Args:
         order: alpha, in (0, 1]; or one for each row of the arguments, shape (b,).
@@ -76,7 +78,8 @@ def mittag_leffler(
 
 
 def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Sum the inverse Laplace transform at time one of s^(alpha-1) / (s^alpha - z), and of its derivative by z."""
+    """Evaluate the Mittag-Leffler function and its derivative by an inverse Laplace transform on a parabola."""
+    # The sum inverts s^(alpha-1) / (s^alpha - z) at time one, and its derivative by z.
     # Orders have the shape (b, 1, 1), arguments (b, n). Half of the nodes suffice; the others are complex conjugates.
     step, mu = 3.0 / _NODES, math.pi * _NODES / 12
     node = 1 + 1j * (np.arange(_NODES) + 0.5) * step
@@ -92,7 +95,8 @@ def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Sum E_alpha(-x) = sin(delta) / (pi alpha) int exp(-(x e^v)^(1/alpha)) / (2 (cosh v - cos delta)) dv."""
+    """Evaluate the Mittag-Leffler function and its derivative by an integral that is accurate for small values."""
+    # E_alpha(-x) = sin(delta) / (pi alpha) int exp(-(x e^v)^(1/alpha)) / (2 (cosh v - cos delta)) dv.
     # This is the transform on its branch cut at r = (x e^v)^(1/alpha), with delta = pi (1 - alpha). All terms are
     # positive, so the sum keeps its relative accuracy for any small E. The trapezoidal rule at half-integers has an
     # error due to the poles at v = +-i delta: their residues over 1 + exp(2 pi delta / step), which are added. At
@@ -112,7 +116,10 @@ def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _MittagLefflerFamily(Family):
-    """u = (ln xi(l_m), ln -c, alpha)."""
+    """Mittag-Leffler curves for a fit, described by mid-range log output, rate and order.
+
+    The fit parameters are u = (ln xi(l_m), ln -c, alpha), where l_m is the middle of the calibration window.
+    """
 
     informs: ClassVar[bool] = True
     quick: ClassVar[bool] = False
@@ -129,7 +136,7 @@ class _MittagLefflerFamily(Family):
         return np.array([log_middle, math.log(-slope * (1 + bend)), 1 / (1 + 0.2 * bend)])
 
     def _relative(self, u: FloatArray, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ln E_alpha(c l) and its derivative by c l."""
+        """Return the logarithm of the Mittag-Leffler function and its derivative with respect to the argument."""
         argument = -np.exp(u[..., 1, None]) * distance
         order = np.minimum(u[..., 2], 1.0).ravel()
         value, derivative = mittag_leffler(order, argument, accuracy=_ACCURACY)
@@ -167,7 +174,9 @@ class _MittagLefflerFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MittagLeffler(SensorModel):
-    """Mittag-Leffler curve xi = a E_alpha(c l): the exponential L(5) for alpha = 1, an algebraic decay for alpha < 1.
+    """Mittag-Leffler curve of the sensor output, xi = a E_alpha(c l), which generalizes the exponential L(5).
+
+    For alpha < 1 the curve decays algebraically.
 
     Args:
         scale: a > 0, in the unit of the output; it does not affect the motion.
@@ -197,7 +206,7 @@ class MittagLeffler(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c [1/m] if alpha = 1, else None."""
+        """The slope c of the sensor curve [1/m] if the order alpha is 1, otherwise None."""
         return self.rate if self.order == 1 else None
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:

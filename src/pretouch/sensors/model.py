@@ -35,7 +35,7 @@ def parameter(
     of_output: str | None = None,
     largest: float = math.inf,
 ) -> Any:
-    """Declare a dataclass field that is a parameter of the curve, with the data that fits, files and messages need.
+    """Declare a dataclass field as a parameter of a sensor curve, with its symbol, unit, sign and example.
 
     Args:
         symbol: its symbol in the literature.
@@ -56,7 +56,7 @@ def parameter(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)  # subclasses define their own comparison
 class SensorModel(ABC):
-    """A sensor curve: ln xi(l) and g(l) = d ln xi / dl on a valid range, L(2).
+    """Base class of sensor curves, which provide log output and slope for the virtual force of L(2).
 
     The virtual force is F_p = D_p xi'/xi = D_p g(l) l', so force, motion and design need only these two functions. A
     new curve is a frozen dataclass that inherits from this class and defines `_log_output` and `_log_slope`.
@@ -91,20 +91,20 @@ class SensorModel(ABC):
 
     @abstractmethod
     def _log_output(self, distance: FloatArray) -> FloatArray:
-        """Return ln xi at distances that have been checked to be valid."""
+        """Return the log output ln xi at distances that have been checked to be valid."""
 
     @abstractmethod
     def _log_slope(self, distance: FloatArray) -> FloatArray:
-        """Return g = d ln xi / dl [1/m] at distances that have been checked to be valid."""
+        """Return the sensor slope g = d ln xi / dl [1/m] at distances that have been checked to be valid."""
 
     @property
     def valid_range(self) -> tuple[float, float]:
-        """The distances [l_min, l_max] in m between which the curve is valid."""
+        """The smallest and the largest distance [m] at which the sensor curve is valid."""
         return self.minimum_distance, self.maximum_distance
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Distances inside the valid range at which a higher derivative of ln xi jumps, in m."""
+        """Distances [m] inside the valid range at which a higher derivative of the log output jumps."""
         low, high = self.valid_range
         return tuple(sorted(k for k in self._knots() if low < k < high))
 
@@ -113,36 +113,36 @@ class SensorModel(ABC):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope g [1/m] if it is constant, else None."""
+        """The slope g of the sensor curve [1/m] if it is the same at every distance, otherwise None."""
         return None
 
     @classmethod
     def _declared(cls) -> list[Field[Any]]:
-        """Return the fields declared by `parameter`, the scale first."""
+        """Return the dataclass fields that are parameters of the sensor curve, with the scale first."""
         return [f for f in fields(cls) if "unit" in f.metadata]
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The parameters of the curve by name, in SI."""
+        """The parameters of the sensor curve by name, in SI units."""
         return {f.name: getattr(self, f.name) for f in self._declared()}
 
     @property
     def bare(self) -> tuple[SensorModel, float]:
-        """The curve over the distance from the sensor's own zero, and the recess of that zero [m]."""
+        """The sensor curve without its recess, and the recess [m] behind the contact surface."""
         return self, 0.0
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """The SI unit of each parameter by its name; empty for pure numbers."""
+        """The SI unit of each parameter of the sensor curve, by name; an empty text for a pure number."""
         return {f.name: f.metadata["unit"] for f in self._declared()}
 
     def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
-        """Return the curve with other values of parameters, in SI."""
+        """Return a copy of the sensor curve with new values of some parameters, in SI."""
         return replace(self, **values)
 
     @classmethod
     def fit_start(cls, slope: float, curvature: float, middle: float) -> Mapping[str, float] | None:  # noqa: ARG003
-        """Return the start of a fit: all parameters but the scale, of a curve near the readings.
+        """Return start parameters for fitting this sensor curve, without the scale.
 
         Args:
             slope: g in the middle of the window [1/m].
@@ -160,7 +160,7 @@ class SensorModel(ABC):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the similarity of curves with other parameters and recesses [m], or None.
+        """Return factors of length and gain that map curves with other parameters to one reference curve, or None.
 
         Args:
             values: arrays of the parameters that differ.
@@ -170,32 +170,32 @@ class SensorModel(ABC):
         return None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the curve as one JSON object, in SI."""
+        """Return the sensor curve as a dictionary for JSON, in SI units."""
         content = {"model": self.name, "parameters": self.parameters, "valid_range": self.valid_range}
         return dict(plain(content))
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:  # noqa: ARG002 - for subclasses
-        """Return the exact derivative with respect to a parameter; None: it is computed numerically."""
+        """Return the exact derivative with respect to a curve parameter, or None to use a numerical one."""
         return None
 
     @final
     def log_output(self, distance: ArrayLike) -> Any:
-        """Evaluate ln xi(l) at distances l [m] of any shape inside the valid range; a float for a scalar."""
+        """Evaluate the log output ln xi(l) at valid distances l [m]; a scalar distance gives a float."""
         return self._like(distance, self._log_output(self._checked(distance)))
 
     @final
     def log_slope(self, distance: ArrayLike) -> Any:
-        """Evaluate g(l) = d ln xi / dl [1/m] at distances l [m] inside the valid range; a float for a scalar."""
+        """Evaluate the slope g(l) = d ln xi / dl [1/m] at valid distances l [m]; a scalar gives a float."""
         return self._like(distance, self._log_slope(self._checked(distance)))
 
     @final
     def output(self, distance: ArrayLike) -> Any:
-        """Evaluate xi(l) [unit of the calibration] at distances l [m] inside the valid range; a float for a scalar."""
+        """Evaluate the sensor output xi(l) in the unit of the calibration at valid distances l [m]."""
         return self._like(distance, np.exp(self._log_output(self._checked(distance))))
 
     @final
     def contains(self, distance: ArrayLike) -> BoolArray:
-        """Return which distances l [m], of any shape, lie inside the valid range."""
+        """Return which distances l [m] lie inside the valid range of the sensor curve."""
         low, high = self.valid_range
         values = _distances(distance)
         return np.asarray((values >= low) & (values <= high))
@@ -223,7 +223,7 @@ class SensorModel(ABC):
 
 
 def _distances(distance: ArrayLike) -> FloatArray:
-    """Return distances [m] as an array of floats; refuse texts, truth values and everything else that is no number."""
+    """Convert distances [m] to an array of floats and refuse texts, booleans and other values that are no numbers."""
     values = np.asarray(distance)
     if values.dtype.kind == "f" or are_numbers(distance):
         return np.asarray(values, dtype=np.float64)
@@ -231,7 +231,7 @@ def _distances(distance: ArrayLike) -> FloatArray:
 
 
 def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
-    """Check that a parameter has its declared sign and does not exceed its declared limit."""
+    """Check that a curve parameter has its declared sign and does not exceed its declared limit."""
     sign, (_, largest) = metadata["sign"], metadata["domain"]
     if (sign != "positive" or value > 0) and (sign != "negative" or value < 0) and value <= largest:
         return
@@ -241,7 +241,7 @@ def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
 
 
 def _number(value: Any, name: str, unit: str) -> float:
-    """Check that a value is one finite number."""
+    """Check that a value is a single finite number, and return it as a float."""
     number = finite(value, name, unit)
     if not isinstance(number, float):
         raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected one number")
@@ -249,14 +249,14 @@ def _number(value: Any, name: str, unit: str) -> float:
 
 
 def _limit(value: Any, name: str) -> float:
-    """Check that a value is one number [m]; infinity is allowed."""
+    """Check that a distance limit [m] is a single number, which may be infinite."""
     return float(value) if isinstance(value, float) and math.isinf(value) else _number(value, name, "m")
 
 
 def cache_by_curve(
     size: int,
 ) -> Callable[[Callable[Concatenate[SensorModel, P], R]], Callable[Concatenate[SensorModel, P], R]]:
-    """Cache up to `size` results of a function of a curve and numbers."""
+    """Cache up to `size` results of a function whose first argument is a sensor curve."""
     # Equal curves share their results. Curves compare by their fields, so one with another attribute is not cached.
 
     def decorate(function: Callable[Concatenate[SensorModel, P], R]) -> Callable[Concatenate[SensorModel, P], R]:
@@ -272,7 +272,7 @@ def cache_by_curve(
 
 
 def _has_only_fields(sensor: SensorModel) -> bool:
-    """Return whether a curve and its inner curves have only fields and properties cached from them as attributes."""
+    """Return whether a sensor curve has no attributes that its dataclass fields do not determine."""
     attributes = getattr(sensor, "__dict__", None)
     if attributes:
         others = attributes.keys() - {f.name for f in fields(sensor)}
@@ -283,7 +283,7 @@ def _has_only_fields(sensor: SensorModel) -> bool:
 
 
 def is_built_in(sensor: SensorModel) -> bool:
-    """Return whether a curve is defined by pretouch and does not call functions of the user."""
+    """Return whether a sensor curve is defined by pretouch and does not call functions of the user."""
     cls: Any = type(sensor)
     cached: bool | None = cls.__dict__.get("_built_in")
     if cached is not None:
@@ -296,7 +296,7 @@ def is_built_in(sensor: SensorModel) -> bool:
 
 
 def innermost(sensor: SensorModel) -> SensorModel:
-    """Return the inner curve of a recessed sensor, or the curve itself."""
+    """Return the sensor curve inside a recessed sensor, or the curve itself if it is not recessed."""
     while isinstance(inner := getattr(sensor, "sensor", None), SensorModel):
         sensor = inner
     return sensor

@@ -20,7 +20,7 @@ _ROUNDING: Final = 1e-12  # relative; a recess equal to the start of the curve m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recessed(SensorModel):
-    """A calibrated sensor mounted so that contact (l = 0) occurs at the distance `recess` from the sensor's own zero.
+    """A sensor curve whose sensor is mounted behind the contact surface, at a distance called recess.
 
     The output of reflective sensors peaks or saturates in the near field. A sensor that is recessed behind the contact
     surface by the start of its usable window works only in the falling part of its curve.
@@ -63,21 +63,21 @@ class Recessed(SensorModel):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The parameters of the curve and the recess, in SI."""
+        """The parameters of the sensor curve and the recess by name, in SI units."""
         return {**self.sensor.parameters, "recess": self.recess}
 
     @property
     def bare(self) -> tuple[SensorModel, float]:
-        """The curve and its recess [m]."""
+        """The sensor curve without its recess, and the recess [m] behind the contact surface."""
         return self.sensor, self.recess
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """The units of the curve's parameters and of the recess."""
+        """The SI units of the sensor curve's parameters and of the recess, by name."""
         return {**self.sensor.parameter_units, "recess": "m"}
 
     def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
-        """Return the recessed curve with other parameters, valid on the whole range of the curve."""
+        """Return the recessed sensor with new parameters, valid on the whole range of the inner curve."""
         curve = {name: value for name, value in values.items() if name != "recess"}
         inner = self.sensor.with_parameters(curve) if curve else self.sensor
         return Recessed(sensor=inner, recess=values.get("recess", self.recess))
@@ -87,7 +87,7 @@ class Recessed(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope of the curve [1/m] if it is constant, else None."""
+        """The slope of the inner sensor curve [1/m] if it is the same at every distance, otherwise None."""
         return self.sensor.constant_log_slope
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
@@ -110,6 +110,6 @@ class Recessed(SensorModel):
         return np.asarray(self.sensor.log_slope(self._sensor_distance(distance)))
 
     def _sensor_distance(self, distance: FloatArray) -> FloatArray:
-        """Return distances from the sensor's own zero; l + recess may round to just outside the valid range."""
+        """Return distances from the sensor's own zero, limited to the valid range because sums are rounded."""
         low, high = self.sensor.valid_range
         return np.clip(distance + self.recess, low, high)

@@ -14,7 +14,7 @@ _HOME: Final = "pretouch."
 
 
 def sensor_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, type[SensorModel]]:
-    """Return the classes of curves that files and fits may name.
+    """Return the classes of sensor curves that files and fits can select by name.
 
     Args:
         fitted: return only curves that can be fitted to a calibration.
@@ -42,13 +42,13 @@ def sensor_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, t
 
 
 def _subclasses(cls: type[SensorModel]) -> Iterator[type[SensorModel]]:
-    """Yield all direct and indirect subclasses."""
+    """Yield all direct and indirect subclasses of a sensor curve class."""
     for sub in cls.__subclasses__():
         yield sub
         yield from _subclasses(sub)
 
 
 def _is_fitted(curve: type[SensorModel]) -> bool:
-    """Return whether a class defines `fit_start` or its own family."""
+    """Return whether a sensor curve class can be fitted, by `fit_start` or by a curve family of its own."""
     has_start = any("fit_start" in vars(cls) for cls in curve.__mro__ if cls is not SensorModel)
     return has_start or curve.family is not SensorModel.family

@@ -18,7 +18,7 @@ from .model import SensorModel, _limit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table(SensorModel):
-    """Monotone table: ln xi is interpolated between measured points by a shape-preserving piecewise cubic.
+    """Sensor curve through measured points, with the log output interpolated by a monotone piecewise cubic.
 
     The interpolant (Fritsch and Carlson, SciPy's `PchipInterpolator`) has a continuous slope g and falls as the table
     does. The curve is valid between its first and its last distance.
@@ -90,7 +90,9 @@ def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> An
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PiecewiseCubic(SensorModel):
-    """Piecewise cubic ln xi through given points, with given slopes at both ends of each interval.
+    """Sensor curve whose log output is a cubic polynomial on each interval between given points.
+
+    The slopes at both ends of each interval are given as well.
 
     The slope may jump at a point, and ln xi may rise: the points are used unchecked. The curve is valid between its
     first and its last distance.
@@ -136,7 +138,8 @@ class PiecewiseCubic(SensorModel):
         return self.distances
 
     def coefficients(self) -> FloatArray:
-        """Return c_k of ln xi = sum c_k z^k on each interval, with z = l minus its middle [m], shape (N - 1, 4)."""
+        """Return the four polynomial coefficients of the log output on each interval."""
+        # In ln xi = sum c_k z^k, z is l minus the middle of the interval [m]. The result has the shape (N - 1, 4).
         width = np.diff(self.distances)
         (near, far), slopes = np.array([self.log_outputs[:-1], self.log_outputs[1:]]), np.array(self.slopes)
         first, last = slopes[:, 0], slopes[:, 1]
@@ -150,7 +153,7 @@ class PiecewiseCubic(SensorModel):
         )
 
     def part(self, low: float, high: float) -> PiecewiseCubic:
-        """Return the part of the curve between two of its valid distances [m]."""
+        """Return the part of this sensor curve between two valid distances [m]."""
         inside = [d for d in self.distances if low < d < high]
         edges = np.array([low, *inside, high])
         _, c1, c2, c3 = (c := self.coefficients()).T

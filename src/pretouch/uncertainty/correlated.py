@@ -26,7 +26,7 @@ _DEVIATIONS: Final = 4.0  # standard deviations; one sample in 16,000 is farther
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatedNormal(JointDistribution):
-    """Normal distribution of several correlated inputs, such as the parameters of a fitted curve.
+    """Normal distribution of several correlated inputs, such as the parameters of a fitted sensor curve.
 
     Args:
         names: the inputs, such as `sensor.exponent`.
@@ -66,7 +66,8 @@ class CorrelatedNormal(JointDistribution):
 
     @property
     def root(self) -> FloatArray:
-        """A matrix R with R R^T = covariance, which maps independent normal numbers to correlated ones."""
+        """A square root R of the covariance, which maps independent normal numbers to correlated inputs."""
+        # R R^T = covariance
         covariance = np.asarray(self.covariance)
         deviation = np.sqrt(np.diag(covariance).clip(0))
         unit = np.where(deviation > 0, deviation, 1.0)
@@ -78,25 +79,25 @@ class CorrelatedNormal(JointDistribution):
         return np.asarray(unit[:, None] * vectors * np.sqrt(values.clip(0)))
 
     def inputs(self, name: str) -> tuple[str, ...]:  # noqa: ARG002
-        """Return the names."""
+        """Return the names of the correlated inputs."""
         return self.names
 
     def means(self) -> tuple[float, ...]:
-        """Return the estimates."""
+        """Return the mean of each correlated input."""
         return self.mean
 
     def draw(self, points: FloatArray) -> FloatArray:
-        """Return samples: the means plus R times independent normal numbers."""
+        """Draw samples of the correlated inputs for points of the unit cube."""
         from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
 
         return np.asarray(np.asarray(self.mean) + ndtri(points) @ self.root.T)
 
     def variance_along(self, slopes: FloatArray) -> float:
-        """Return the variance of the sum of the inputs times slopes, from the covariance."""
+        """Return the variance of a weighted sum of the correlated inputs."""
         return float(slopes @ np.asarray(self.covariance) @ slopes)
 
     def alone(self, index: int) -> Normal:
-        """Return the normal distribution of one input; a deviation of 0 is refused."""
+        """Return the normal distribution of one of the inputs; a deviation of 0 is refused."""
         return Normal(mean=self.mean[index], deviation=math.sqrt(self.covariance[index][index]))
 
     def others(self, index: int, values: FloatArray) -> FloatArray:
@@ -106,7 +107,7 @@ class CorrelatedNormal(JointDistribution):
         return np.asarray(mean + slope[:, None] * (values - mean[index]))
 
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield each name and its distribution in words, also for a deviation of 0."""
+        """Yield the name of each correlated input and its distribution in words."""
         for i, member in enumerate(self.names):
             text = normal_in_words(self.mean[i], math.sqrt(self.covariance[i][i]), units.get(member, ""))
             yield member, f"{text}, jointly with the other inputs of {name}"
@@ -114,7 +115,9 @@ class CorrelatedNormal(JointDistribution):
 
 @check_arguments
 def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
-    """Return the normal distribution of the parameters of a fitted curve, with the covariance of the fit.
+    """Return the joint normal distribution of the parameters of a fitted sensor curve.
+
+    The covariance is that of the fit.
 
     The scale of the output is not included, because it cancels from the virtual force. The parameters of a curve are
     strongly correlated: a larger exponent with a larger offset gives nearly the same curve. So independent
@@ -164,7 +167,8 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
 
 
 def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance: FloatArray) -> None:
-    """Refuse distributions with impossible curves in their tails, other parameters at their conditional means."""
+    """Refuse a distribution of curve parameters whose tails contain impossible curves."""
+    # For each parameter at its limits, the other parameters have their conditional means.
     for i, name in enumerate(names):
         error = float(np.sqrt(max(covariance[i, i], 0.0)))
         if error == 0:
@@ -183,7 +187,7 @@ def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Empirical(Distribution):
-    """The empirical distribution of measured values, each with a probability equal to its frequency.
+    """Empirical distribution of measured values, each with a probability equal to its frequency.
 
     Args:
         samples: the values, in SI, in any order; at least two.
@@ -206,17 +210,17 @@ class Empirical(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        """The smallest and the largest value."""
+        """The smallest and the largest measured value."""
         return self.samples[0], self.samples[-1]
 
     @property
     def mean(self) -> float:
-        """The mean of the values."""
+        """The mean of the measured values."""
         return math.fsum(self.samples) / len(self.samples)
 
     @property
     def variance(self) -> float:
-        """The mean squared distance from the mean."""
+        """The variance of the measured values, which is the mean squared distance from their mean."""
         return math.fsum((x - self.mean) ** 2 for x in self.samples) / len(self.samples)
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
@@ -224,5 +228,5 @@ class Empirical(Distribution):
         return np.asarray(self.samples)[np.minimum((probability * count).astype(np.int64), count - 1)]
 
     def described(self, unit: str) -> str:
-        """Return the number of values and their range in words."""
+        """Return the number of measured values and their range in words."""
         return f"{len(self.samples)} measured values, {format_range(self.support, unit)}"

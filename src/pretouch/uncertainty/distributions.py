@@ -27,23 +27,25 @@ _FLAT: Final = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointDistribution(ABC):
-    """Joint distribution of several inputs; a user-defined one implements the six abstract methods."""
+    """Base class of joint distributions of several inputs; user-defined ones implement its abstract methods."""
 
     @abstractmethod
     def inputs(self, name: str) -> tuple[str, ...]:
-        """Return the names of its k inputs; `name` is its key in the uncertainty."""
+        """Return the names of the inputs that this distribution covers."""
+        # `name` is the key of the distribution in the uncertainty.
 
     @abstractmethod
     def means(self) -> tuple[float, ...]:
-        """Return the mean of each input, in SI."""
+        """Return the mean of each input of this distribution, in SI units."""
 
     @abstractmethod
     def draw(self, points: FloatArray) -> FloatArray:
-        """Return a sample for each point of the open unit cube; points and samples have the shape (n, k)."""
+        """Return a random sample of the inputs for each point of the open unit cube."""
+        # Points and samples have the shape (n, k).
 
     @abstractmethod
     def variance_along(self, slopes: FloatArray) -> float:
-        """Return the variance of the sum of the inputs, each times its slope, shape (k,)."""
+        """Return the variance of a weighted sum of the inputs, with the given slopes as weights."""
 
     @abstractmethod
     def alone(self, index: int) -> Distribution:
@@ -51,53 +53,63 @@ class JointDistribution(ABC):
 
     @abstractmethod
     def others(self, index: int, values: FloatArray) -> FloatArray:
-        """Return the conditional means of all inputs for given values of one of them, shape (k, n)."""
+        """Return the conditional means of all inputs for given values of one input, shape (k, n)."""
 
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield the name of each input and its distribution in words; `units` has the SI units of inputs."""
+        """Yield the name of each input and its distribution in words."""
+        # `units` has the SI units of inputs.
         members = self.inputs(name)
         others = f", jointly with the other inputs of {name}" if len(members) > 1 else ""
         for i, member in enumerate(members):
             yield member, self.alone(i).described(units.get(member, "")) + others
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the distribution as one JSON object: its kind and its fields, in SI."""
+        """Return the distribution as a dictionary for JSON, with its kind and its fields in SI."""
         return with_kind(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distribution(JointDistribution):
-    """Distribution of one input, defined by its quantiles; a user-defined one implements `support` and `_quantile`."""
+    """Base class of distributions of one input; user-defined ones implement `support` and `_quantile`."""
 
     @property
     @abstractmethod
     def support(self) -> tuple[float, float]:
-        """The smallest and the largest possible value; infinite if unbounded."""
+        """The smallest and the largest possible value of the input, which may be infinite."""
 
     @abstractmethod
     def _quantile(self, probability: FloatArray) -> FloatArray:
-        """Return quantiles for probabilities in (0, 1), of any shape."""
+        """Return the quantiles of the distribution for probabilities in (0, 1)."""
 
     @property
     def mean(self) -> float:
-        """The mean, by Gauss-Legendre quadrature of the quantiles; for an interval, its middle."""
+        """The mean of the distribution, computed from its quantiles; for an interval, its middle.
+
+        The quadrature is of the Gauss-Legendre type.
+        """
         nodes, weights = np.polynomial.legendre.leggauss(200)
         return float(0.5 * (weights * self.quantile(0.5 * (nodes + 1))).sum())
 
     @property
     def variance(self) -> float:
-        """The variance, by the same quadrature; for an interval, that of a uniform distribution."""
+        """The variance of the distribution, computed from its quantiles.
+
+        For an interval, it is that of a uniform distribution.
+        """
         nodes, weights = np.polynomial.legendre.leggauss(200)
         deviation = self.quantile(0.5 * (nodes + 1)) - self.mean
         return float(0.5 * (weights * deviation**2).sum())
 
     def described(self, unit: str) -> str:
-        """Return the distribution in words, such as `uniform, 38 mm to 46 mm`; `unit` is the SI unit of the input."""
+        """Return the distribution in words, such as `uniform, 38 mm to 46 mm`."""
+        # `unit` is the SI unit of the input.
         return f"{type(self).__name__}, {format_range(self.support, unit)}"
 
     @final
     def quantile(self, probability: Any) -> Any:
-        """Return the quantile for a probability in [0, 1], of any shape; the ends of the support at 0 and 1.
+        """Return the quantile of the distribution for a probability in [0, 1].
+
+        At 0 and 1 it is the end of the support.
 
         Examples:
             >>> Uniform(low=-0.5, high=-0.1).quantile(0.25)
@@ -111,37 +123,37 @@ class Distribution(JointDistribution):
 
     @final
     def inputs(self, name: str) -> tuple[str, ...]:
-        """Return its name."""
+        """Return the name of the only input."""
         return (name,)
 
     @final
     def means(self) -> tuple[float, ...]:
-        """Return its mean."""
+        """Return the mean of the only input."""
         return (self.mean,)
 
     @final
     def draw(self, points: FloatArray) -> FloatArray:
-        """Return its quantiles at the points."""
+        """Return random samples of the input, which are its quantiles at the given points."""
         return np.asarray(self.quantile(points))
 
     @final
     def variance_along(self, slopes: FloatArray) -> float:
-        """Return its variance times the square of its slope."""
+        """Return the variance of the input times its slope."""
         return float(slopes[0] ** 2 * self.variance)
 
     @final
     def alone(self, index: int) -> Distribution:  # noqa: ARG002
-        """Return itself."""
+        """Return this distribution itself, because it has only one input."""
         return self
 
     @final
     def others(self, index: int, values: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Return the values."""
+        """Return the given values of the only input."""
         return values[None]
 
 
 def normal_in_words(mean: float, deviation: float, unit: str) -> str:
-    """Return a normal distribution in words, with the SI unit of its input."""
+    """Return a normal distribution in words, with the unit of its input."""
     return f"normal, {format_quantity(mean, unit)} with a standard deviation of {format_quantity(deviation, unit)}"
 
 
@@ -152,7 +164,7 @@ def _check_order(low: float, high: float) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval(Distribution):
-    """Bounds without a distribution between them, for the worst case.
+    """Bounds of an input without a distribution between them, for worst-case designs.
 
     If samples are drawn nevertheless, alone or together with other inputs, they are uniform.
 
@@ -175,30 +187,30 @@ class Interval(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        """Both bounds."""
+        """The lower and the upper bound of the interval."""
         return self.low, self.high
 
     @property
     def mean(self) -> float:
-        """The middle."""
+        """The middle of the interval."""
         return 0.5 * (self.low + self.high)
 
     @property
     def variance(self) -> float:
-        """The variance of the uniform distribution."""
+        """The variance of a uniform distribution over the interval."""
         return (self.high - self.low) ** 2 / 12
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
         return self.low + (self.high - self.low) * probability
 
     def described(self, unit: str) -> str:
-        """Return the bounds in words."""
+        """Return the bounds of the interval in words."""
         return f"{self._words}, {format_range(self.support, unit)}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uniform(Interval):
-    """The uniform distribution between two values.
+    """Uniform distribution between two values.
 
     Args:
         low: the smallest value, in SI.
@@ -214,7 +226,7 @@ class Uniform(Interval):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Normal(Distribution):
-    """The normal distribution.
+    """Normal distribution with a mean and a standard deviation.
 
     Args:
         mean: mu, in SI.
@@ -233,12 +245,12 @@ class Normal(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        """All real numbers."""
+        """The range of a normal distribution, which is unbounded."""
         return -math.inf, math.inf
 
     @property
     def variance(self) -> float:
-        """sigma^2."""
+        """The variance of the normal distribution, the square of its standard deviation."""
         return self.deviation**2
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
@@ -247,13 +259,13 @@ class Normal(Distribution):
         return np.asarray(self.mean + self.deviation * ndtri(probability))
 
     def described(self, unit: str) -> str:
-        """Return mean and standard deviation in words."""
+        """Return mean and standard deviation of the normal distribution in words."""
         return normal_in_words(self.mean, self.deviation, unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruncatedNormal(Distribution):
-    """The normal distribution, truncated to the range between two values.
+    """Normal distribution truncated to the range between two values.
 
     Args:
         location: mean mu of the normal distribution before truncation, in SI.
@@ -284,12 +296,15 @@ class TruncatedNormal(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        """The two values."""
+        """The smallest and the largest possible value after truncation."""
         return self.low, self.high
 
     @property
     def mean(self) -> float:
-        """The mean after truncation, mu + sigma (phi(a) - phi(b)) / (Phi(b) - Phi(a)), accurate in both tails."""
+        """The mean of the normal distribution after truncation.
+
+        It is mu + sigma (phi(a) - phi(b)) / (Phi(b) - Phi(a)), accurate in both tails.
+        """
         from scipy.special import log_ndtr  # noqa: PLC0415 - SciPy, only when it is needed
 
         a, b = ((x - self.location) / self.deviation for x in self.support)

@@ -34,7 +34,7 @@ MOST_SAMPLES: Final = 1_000_000
 
 
 def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
-    """Return the names of the inputs, in order; refuse an empty uncertainty, and inputs with two distributions."""
+    """Return the names of all uncertain inputs, and refuse inputs with two distributions."""
     for name, distribution in uncertainty.items():
         if not isinstance(distribution, JointDistribution):
             raise InvalidInputError(
@@ -54,7 +54,7 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
 def sample_inputs(
     uncertainty: Uncertainty, count: int, *, seed: int = 0, sampling: str = "sobol"
 ) -> dict[str, FloatArray]:
-    """Draw samples of inputs, the same for the same seed on every machine.
+    """Draw random samples of uncertain inputs, which are the same for the same seed on every machine.
 
     Args:
         uncertainty: the distributions of the inputs; different distributions are independent.
@@ -92,7 +92,7 @@ def sample_inputs(
 
 
 def check_draw(count: int, *, seed: int, sampling: str) -> None:
-    """Refuse invalid numbers of samples, seeds and sampling methods; arguments as in `sample_inputs`."""
+    """Raise an error for an invalid number of samples, seed or sampling method."""
     if sampling not in SAMPLINGS:
         raise InvalidInputError(f"sampling: found {sampling!r}, expected one of {', '.join(SAMPLINGS)}")
     if type(count) is not int or count < 1:
@@ -107,7 +107,7 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
 
 
 def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray:
-    """Return sample points in the open unit cube."""
+    """Return random sample points in the unit cube, with one dimension per uncertain input."""
     rng = np.random.default_rng(seed)
     if sampling == "random":
         points = rng.random((count, dimensions))
@@ -122,7 +122,7 @@ def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray
 
 
 def share_in_words(share: float) -> str:
-    """Write a share from 0 to 1 in percent, rounded down, so that only 1 is 100 % and lower bounds stay valid.
+    """Return a share from 0 to 1 in percent, rounded down so that only 1 is shown as 100 %.
 
     Returns:
         Text such as `99.99 %`, also for 0.99998.
@@ -131,7 +131,7 @@ def share_in_words(share: float) -> str:
 
 
 def uncertainty_in_words(uncertainty: Uncertainty, sensor: SensorModel) -> list[tuple[str, str]]:
-    """Return name and distribution in words for each uncertain input, including those of the sensor."""
+    """Return the name and the distribution of each uncertain input in words."""
     units = input_units(sensor)
     return [row for name, distribution in uncertainty.items() for row in distribution.rows(name, units)]
 
@@ -144,7 +144,7 @@ _REMEDY: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ensemble(Value):
-    """Encounters with different inputs, including those of the sensor.
+    """Encounters with different inputs and sensors, such as random samples of uncertain inputs.
 
     Args:
         scenario: the encounters, of the shape (n,) or of a shape that broadcasts with it.
@@ -175,11 +175,12 @@ class Ensemble(Value):
 
     @property
     def speed(self) -> Any:
-        """Speed |x_o'| of the obstacle at the start of each encounter [m/s]."""
+        """Speed of the obstacle at the start of each encounter [m/s]."""
         return np.abs(np.broadcast_to(self.scenario.obstacle.velocity, (len(self),)))
 
     def contacts(self, gain: Any) -> ContactResult:
-        """Find the contacts of all encounters for one gain, or for an array of gains whose last axis is 1 or n."""
+        """Find the contacts of all encounters for one gain or for an array of gains."""
+        # The last axis of the gains is 1 or n.
         gains = np.asarray(gain, dtype=np.float64)
         gains = np.broadcast_to(gains, (*gains.shape[:-1], len(self)))
         if self.evaluator is not None:
@@ -199,7 +200,7 @@ class Ensemble(Value):
         return _stacked([self.law.contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
 
     def _evaluated(self, evaluator: Evaluator, gains: FloatArray) -> ContactResult:
-        """Solve the encounters by the evaluator: all at once, or one by one if it takes only one sensor."""
+        """Solve the encounters by a custom solver, one by one if it accepts only one sensor."""
         if not any(map(_of_sensor, self.values)):
             return evaluator(self.scenario, self.sensor, gains)
         if isinstance(evaluator, ManySensorEvaluator):
@@ -211,7 +212,8 @@ class Ensemble(Value):
         return tuple(self._sensor(i) for i in range(len(self)))
 
     def slope(self, result: ContactResult, quantity: str, name: str) -> Any:
-        """Differentiate a quantity of `ContactGradients` by an input; the frequency is kept if it is an input."""
+        """Differentiate a quantity at contact with respect to an input, for every encounter."""
+        # If the natural frequency is an input, a change of the mass keeps the frequency.
         of, frequency = result.gradients.of, "admittance.natural_frequency"
         if name not in {frequency, "admittance.damping_ratio", "admittance.mass"}:
             return of(quantity, name)
@@ -228,7 +230,7 @@ class Ensemble(Value):
         return of(quantity, name) + omega**2 * by_stiffness + a.damping / a.mass * by_damping
 
     def at(self, index: int) -> tuple[Scenario, SensorModel]:
-        """Return one encounter and its sensor."""
+        """Return one of the encounters and its sensor, by index."""
         return map_fields(self.scenario, lambda v: float(v[index]) if np.ndim(v) else v), self._sensor(index)
 
     def _sensor(self, index: int) -> SensorModel:
@@ -242,21 +244,21 @@ class Ensemble(Value):
 
 @dataclass(frozen=True, slots=True)
 class _Stacked(Value):
-    """The columns of several results along a new last axis, and their derivatives at contact."""
+    """Results of several solver calls, combined along a new last axis."""
 
     parts: list[ContactResult]
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every result."""
+        """Return a quantity such as the contact time of all combined results."""
         return np.stack([part.columns.column(name) for part in self.parts], axis=-1)
 
     @property
     def gradients(self) -> _Stacked:
-        """The source of derivatives."""
+        """The object that computes derivatives of the combined results."""
         return self
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a quantity at contact by an input."""
+        """Return the derivative of a quantity at contact with respect to an input, for all combined results."""
         return np.stack([part.gradients.of(quantity, by) for part in self.parts], axis=-1)
 
 
@@ -275,7 +277,7 @@ def make_ensemble(
     law: ContinuousLaw = DAMPER,
     evaluate: Evaluator | None = None,
 ) -> Ensemble:
-    """Build an ensemble of encounters from samples of inputs.
+    """Create encounters that differ in some inputs from samples of these inputs.
 
     Args:
         scenario: one encounter.
@@ -338,7 +340,7 @@ def make_ensemble(
 def _sensors(
     sensor: SensorModel, parameters: Mapping[str, FloatArray], several: Scenario, law: ContinuousLaw, method: str
 ) -> tuple[EncounterSimilarity | None, ManyCurves | None]:
-    """Map all sensors to one by scaling, or collect them to be solved together; refuse impossible values."""
+    """Map all sensors to one sensor by scaling, or collect them so that they are solved together."""
     if not parameters:
         return EncounterSimilarity(sensor=sensor, length=1.0, gain=1.0), None
     if law.degree is not None and (likeness := find_similarity(sensor, parameters, several.distance)) is not None:

@@ -31,7 +31,9 @@ _HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reservations(Value):
-    """Distances of one encounter at which no calibration data support the curve; counted from the contact surface.
+    """Warnings about the distances of an encounter at which no calibration data support the sensor curve.
+
+    Distances count from the contact surface.
 
     The letter's virtual force is F_p = D_p d(ln xi)/dt, L(2). So its impulse between two distances is D_p times the
     change of ln xi, whatever the motion. The decisive part of the motion gives all but 5 % of the impulse. Under a
@@ -77,12 +79,15 @@ class Reservations(Value):
 
     @property
     def is_contact_supported(self) -> bool:
-        """Whether readings support the curve down to contact."""
+        """Whether calibration readings support the sensor curve down to contact."""
         return self.supported[0] <= _NO_DISTANCE
 
     @property
     def headline(self) -> str | None:
-        """The warning that readings contradict the gain or do not support some distances, and what to do; else None."""
+        """The warning that readings contradict the gain or do not support some distances, with a remedy.
+
+        None without a reason for a warning.
+        """
         contradiction = None if self.witness is None else self.witness.headline
         parts = [contradiction, self._extension] if self.is_refuted else [self._extension, contradiction]
         if not any(parts):
@@ -93,7 +98,7 @@ class Reservations(Value):
 
     @property
     def _receding(self) -> str:
-        """The warning that the object recedes, and what to do; empty if it approaches."""
+        """The warning that the object recedes, with a remedy, or an empty text if the object approaches."""
         if not self.recedes:
             return ""
         remedy = " For an approach, give the obstacle a negative velocity." if self.leaves_range else ""
@@ -101,14 +106,14 @@ class Reservations(Value):
 
     @property
     def _measured_span(self) -> tuple[str, str]:
-        """The nearest and the farthest distance that matter, from the contact surface."""
+        """The nearest and the farthest distance of the encounter that were calibrated, as text."""
         return format_quantity(max(self.supported[0], 0.0), "m"), format_quantity(
             min(self.supported[1], self.start), "m"
         )
 
     @property
     def _extension(self) -> str | None:
-        """The decisive distances that no data support, and what to do; None if data support all of them."""
+        """The warning about important distances without calibration data, with a remedy, or None."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
         start = format_quantity(self.start, "m")
         parts, remedies = [], []
@@ -139,7 +144,7 @@ class Reservations(Value):
 
     @property
     def _zero(self) -> str:
-        """The sentence on the zero of the distances in brackets; empty if both zeros are the same."""
+        """A sentence that says from where distances in brackets are counted."""
         return f" Distances in brackets count from {self._sensor_zero}." if self.recess else ""
 
     @property
@@ -147,7 +152,7 @@ class Reservations(Value):
         return f"the sensor's zero, {format_quantity(self.recess, 'm')} behind the contact surface"
 
     def _without_force(self, near: str) -> str:
-        """Compare the contact speed without a virtual force nearer than the data with the predicted contact speed."""
+        """Compare the predicted contact speed with the speed if no force acts nearer than any calibration reading."""
         if self.speed is None or self.speed_without_force is None:
             return ""
         speed, predicted = (format_quantity(v, "m/s") for v in (self.speed_without_force, self.speed))
@@ -163,19 +168,20 @@ class Reservations(Value):
 
     @property
     def _limits(self) -> tuple[str, str]:
-        """The distances between which data support the curve."""
+        """The smallest and the largest distance at which calibration data support the sensor curve, as text."""
         near, far = self.supported
         return "contact" if self.is_contact_supported else format_quantity(near, "m"), format_quantity(far, "m")
 
     @property
     def _reasons(self) -> tuple[str, str]:
-        """Why data support the curve no nearer and no farther, in brackets; distances from the sensor's zero."""
+        """The reasons why calibration data end at the nearest and at the farthest supported distance."""
+        # The distances in these reasons count from the sensor's zero.
         window, near = self.report.window, self.supported[0]
         return f" ({window.start_reason})" if near >= -_NO_DISTANCE else "", f" ({window.end_reason})"
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Which curve is used, at which distances data support it, and the offset to subtract; a clause each."""
+        """Notes on the sensor curve, the calibrated distances and the offset to subtract, a clause each."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
         lines = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
         if self.recess:
@@ -196,7 +202,8 @@ class Reservations(Value):
         return tuple(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the reservations as one JSON object, in SI; the offset is in the unit of the outputs."""
+        """Return the warnings about the calibration as a dictionary for JSON, in SI units."""
+        # The offset is not in SI but in the unit of the outputs.
         window, offset = self.report.window, self.report.offset
         names = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "leaves_range")
         offset_names = ("value", "standard_error", "low", "high", "kind")
@@ -223,17 +230,17 @@ class Reservations(Value):
 
     @property
     def verdict(self) -> str:
-        """The verdict on the calibration, and the offset that the controller must subtract, in one line."""
+        """The verdict on the calibration and the offset that the controller must subtract, in one line."""
         offset, unit = self.report.offset, self.report.calibration.unit
         subtract = "" if offset is None else f"; the controller must subtract {offset.value:.4g} {unit}".rstrip()
         return f"Calibration {self.report.calibration.name}: {self.report.verdict}{subtract}"
 
     def around_text(self, text: str) -> str:
-        """Return the text of a result, with the headline before it and the reservations after it."""
+        """Return the text of a result with the main warning before it and all notes on the calibration after it."""
         return "\n\n".join(part for part in (self.headline, text, str(self)) if part)
 
     def around_dict(self, result: dict[str, Any]) -> dict[str, Any]:
-        """Return the JSON object of a result with `calibration` added, and the headline first if there is one."""
+        """Return the JSON dictionary of a result with the warnings about its calibration added."""
         combined = {**result, "calibration": self.to_dict()}
         if self.is_refuted:
             combined |= {"status": "not-supported", "status_on_fitted_curve": result.get("status")}
@@ -244,7 +251,7 @@ class Reservations(Value):
 
 
 def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
-    """Find the distances at which no calibration data support a result, and check its gain on the readings.
+    """Find warnings about the calibration behind a result: unsupported distances, and a gain that readings contradict.
 
     Args:
         report: the report of the fit that the sensor comes from.
@@ -312,7 +319,9 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
 
 
 def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> float:
-    """Return ln xi at a distance, or the integral of g^2 from there to the start (degree 2), within the valid range."""
+    """Return the log output at a distance, or for a drag the integral of the squared slope up to the start."""
+    # Degree 1: ln xi at the distance. Degree 2: the integral of g^2 from the distance to the start. Both within the
+    # valid range.
     low, high = sensor.valid_range
     if degree == 1:
         return float(sensor.log_output(np.clip(distance, low, high)))
@@ -324,7 +333,7 @@ def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> 
 def _speed_without_force(
     scenario: Scenario, sensor: SensorModel, law: ContinuousLaw, gain: float, near: float
 ) -> float | None:
-    """Return the speed at contact if the virtual force ends at a distance; None without contact."""
+    """Return the contact speed if the virtual force ends at a given distance; None without contact."""
     end = law.contact(scenario, replace(sensor, minimum_distance=near), gain).end
     o, r, t = scenario.obstacle, scenario.reference, end.time
     rest = Scenario(
@@ -344,7 +353,9 @@ def _speed_without_force(
 
 
 def recess_in_words(nearest: float) -> str:
-    """Return the recess that puts contact where a curve starts [m from the sensor's zero], rounded up to whole um.
+    """Return the recess that places the contact surface where a sensor curve starts, as text in mm.
+
+    It is rounded up to whole um.
 
     Examples:
         >>> recess_in_words(0.0075), recess_in_words(0.0123441)
@@ -354,7 +365,9 @@ def recess_in_words(nearest: float) -> str:
 
 
 def recess_advice(nearest: float, present: float) -> str:
-    """Return the setting of the recess that puts contact where a curve starts, and the present recess [m].
+    """Return the recess setting to recommend, which places the contact surface where a sensor curve starts.
+
+    The present recess [m] is named as well.
 
     Examples:
         >>> recess_advice(0.021, 0.015)

@@ -36,7 +36,9 @@ _SAMPLES: Final = 60  # points at which a drawn curve that is not piecewise cubi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WitnessCheck(Value):
-    """A gain checked on curves through the readings, and on curves under soft ceilings that fit the readings.
+    """Check of a gain on many sensor curves that fit the calibration readings.
+
+    Some curves pass through the readings, the others flatten under soft ceilings.
 
     For an array of encounters, the numbers are those of the encounter with the largest disagreement.
 
@@ -68,12 +70,12 @@ class WitnessCheck(Value):
 
     @property
     def is_supported(self) -> bool:
-        """Whether the readings support the prediction of the fitted curve."""
+        """Whether the calibration readings support the prediction of the fitted sensor curve."""
         return not (self.is_contradicted or self.harder_count or self.share_outside > _DISAGREE)
 
     @property
     def headline(self) -> str | None:
-        """The contact speeds that the readings allow, in a sentence; None if they support the prediction."""
+        """A sentence on the contact speeds that the readings allow, or None if they support the prediction."""
         if self.is_supported:
             return None
         low, high, predicted, free = (
@@ -92,19 +94,19 @@ class WitnessCheck(Value):
 
     @property
     def text(self) -> str:
-        """The range of contact speeds on these curves, in a clause."""
+        """A clause on the range of contact speeds over all sensor curves that fit the readings."""
         low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted))
         return f"on {self.curves} curves that fit the readings, contact is at {low} to {high} ({predicted} predicted)"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the check as one JSON object, in SI."""
+        """Return the check of a gain on the readings as a dictionary for JSON, in SI units."""
         return {"is_supported": self.is_supported, **asdict(self)}
 
 
 def check_on_readings(
     curves: AllowedCurves, offset: float, scenario: Scenario, sensor: SensorModel, *, gain: Any, law: ContinuousLaw
 ) -> WitnessCheck | None:
-    """Check a gain on curves that fit the readings; None if the fitted curve leads to no contact.
+    """Check a gain on many sensor curves that fit the readings, or return None without contact.
 
     Args:
         curves: the curves that fit the readings.
@@ -141,7 +143,7 @@ def check_on_readings(
 
 
 def _judge(through: FloatArray, under: FloatArray, predicted: float, free: float) -> WitnessCheck:
-    """Compare the speeds on curves through the readings and under ceilings with one prediction [m/s]."""
+    """Compare the contact speeds on sensor curves that fit the readings with the predicted speed."""
     groups = [group[np.isfinite(group)] for group in (through, under)]
     ends = np.concatenate([np.quantile(group, _QUANTILES) for group in groups if len(group)] or [np.array([np.nan])])
     agreeing = np.abs(under - predicted) <= CLOSE * predicted
@@ -160,14 +162,15 @@ def _judge(through: FloatArray, under: FloatArray, predicted: float, free: float
 
 
 def _speed(result: ContactResult) -> FloatArray:
-    """Return |l'| at contact [m/s]; NaN without contact."""
+    """Return the contact speed of each encounter [m/s], or NaN without contact."""
     return np.where(result.reached, np.abs(result.end.relative_velocity), np.nan)
 
 
 def _speeds(
     law: ContinuousLaw, scenario: Scenario, curves: tuple[PiecewiseCubic, ...], gains: FloatArray
 ) -> FloatArray:
-    """Return |l'| at contact [m/s] of encounters, (n, 1), on each of m curves, shape (n, m)."""
+    """Return the contact speeds [m/s] of several encounters on each of several sensor curves."""
+    # Encounters have the shape (n, 1), and the result (n, m) for m curves.
     if law != DAMPER:
         return np.column_stack([_speed(law.contact(scenario, curve, gains))[:, 0] for curve in curves])
     several = map_fields(scenario, lambda v: np.broadcast_to(v, (len(gains), len(curves))) if np.ndim(v) else v)
@@ -178,7 +181,7 @@ def _speeds(
 
 
 def mount(drawn: DrawnCurve, sensor: SensorModel, offset: float, start: float) -> PiecewiseCubic:
-    """Return the curve that a controller observes if the sensor has a drawn curve and is mounted like the fitted one.
+    """Return a drawn sensor curve as the controller observes it, mounted like the fitted sensor.
 
     Args:
         drawn: the curve, over the distance from the sensor's zero, and the offset that belongs to it.
@@ -219,7 +222,7 @@ def _points_of(sensor: SensorModel, places: FloatArray) -> Points:
 
 
 def _observed_points(drawn: DrawnCurve, low: float, high: float, offset: float, recess: float) -> Points:
-    """Return the points of a drawn curve between two distances, after the controller has subtracted its offset."""
+    """Return points of a drawn sensor curve after the controller has subtracted its offset."""
     if isinstance(drawn.sensor, PiecewiseCubic):
         part = drawn.sensor.part(low, high)
         places, level, slopes = np.array(part.distances), np.array(part.log_outputs), np.array(part.slopes)

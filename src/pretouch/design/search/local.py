@@ -20,11 +20,11 @@ _SAME: Final = 1e-12  # relative accuracy of encounters
 _INSIDE: Final = 1e-10  # relative distance from a limit that the search keeps, because an SQP step may violate limits
 
 
-PageTable: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+Evaluation: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Function that maps coordinates to rows and their derivatives, each row divided by its scale."""
 
 
-def _cached_rows(trials: Trials, scale: FloatArray) -> PageTable:
+def _cached_rows(trials: Trials, scale: FloatArray) -> Evaluation:
     """Return a function that evaluates objectives, constraints and derivatives, and caches the last point."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 

@@ -205,10 +205,12 @@ struct Gap {
     bool monotone;
 };
 
-inline Gap gap_of(const double *r, int i, int used) {
-    const double step = r[i + 1] - r[i], low = fmin(r[i], r[i + 1]), high = fmax(r[i], r[i + 1]);
-    const double before = i > 0 ? fabs(step - (r[i] - r[i - 1])) : 0.0;
-    const double after = i + 2 < used ? fabs(r[i + 2] - r[i + 1] - step) : 0.0;
+// The gap from the i-th gain, to the next one or, for every second gain, to the one after that.
+inline Gap gap_of(const double *r, int i, int used, int stride = 1) {
+    const int next = i + stride;
+    const double step = r[next] - r[i], low = fmin(r[i], r[next]), high = fmax(r[i], r[next]);
+    const double before = i >= stride ? fabs(step - (r[i] - r[i - stride])) : 0.0;
+    const double after = next + stride < used ? fabs(r[next + stride] - r[next] - step) : 0.0;
     const double bend = fmax(before, after);
     if (fabs(step) > bend) return {low, high, true};
     return {low - 0.5 * bend, high + 0.5 * bend, false};
@@ -290,6 +292,31 @@ struct Scan {
         }
         if (all_met) return Kind::FEASIBLE;
         return simple && is_feasible(i) != is_feasible(i + 1) ? Kind::CROSSED : Kind::OPEN;
+    }
+
+    // Whether the bounds of every ratio hold for every second gain, as predicted from the other gains.
+    bool is_bounded() const {
+        for (int64_t j = 0; j < encounter.limit_count; j++)
+            for (int i = 0; i + 2 < used; i += 2) {
+                const Gap gap = gap_of(at.r[j], i, used, 2);
+                if (!(gap.least <= at.r[j][i + 1] && at.r[j][i + 1] <= gap.most)) return false;
+            }
+        return true;
+    }
+
+    // Whether the objective is resolved at the gains that may be feasible.
+    bool is_objective_resolved() const {
+        for (int i = 1; i < used - 1; i += 2) {
+            if (is_predicted(at.f, used, i)) continue;
+            if (kind_of(i - 1) != Kind::INFEASIBLE || kind_of(i) != Kind::INFEASIBLE) return false;
+        }
+        return true;
+    }
+
+    bool is_infeasible() const {
+        for (int i = 0; i + 1 < used; i++)
+            if (kind_of(i) != Kind::INFEASIBLE) return false;
+        return true;
     }
 
     // Whether no feasible gain of a gap, except an edge that is found, can have an objective below a value.
@@ -405,9 +432,9 @@ Optimum between_edges(const Scan &scan, const Edge &weak, const Edge &strong) {
     return found.objective <= fmin(weak.objective, strong.objective) ? found : UNCERTAIN;
 }
 
-// The only feasible local minimum among the gains of a scan; -1 if there are several, -2 if there is none.
+// The only feasible local minimum among the gains of a scan; -1 if there are several, or none.
 int only_feasible_minimum(const Scan &scan) {
-    int found = -2;
+    int found = -1;
     double before = INFINITY, here = scan.is_feasible(0) ? scan.at.f[0] : INFINITY;
     for (int i = 0; i < scan.used; i++) {
         const double after = i + 1 < scan.used && scan.is_feasible(i + 1) ? scan.at.f[i + 1] : INFINITY;
@@ -424,12 +451,7 @@ int only_feasible_minimum(const Scan &scan) {
 // The optimum of a scan whose objective is resolved; not certain if a gap in which it may lie is open.
 Optimum decide(const Scan &scan) {
     const int best = only_feasible_minimum(scan);
-    if (best == -1) return UNCERTAIN;
-    if (best == -2) {
-        for (int i = 0; i + 1 < scan.used; i++)
-            if (scan.kind_of(i) != Kind::INFEASIBLE) return UNCERTAIN;
-        return INFEASIBLE;
-    }
+    if (best < 0) return UNCERTAIN;
     const Axis &axis = scan.axis;
     const Edge weak = end_on(scan, best, -1), strong = end_on(scan, best, 1);
     if (!(weak.known && strong.known)) return UNCERTAIN;
@@ -456,9 +478,10 @@ Optimum optimum(Encounter &encounter, const Axis &axis, bool falling) {
     Scan scan(encounter, axis);
     bool known = scan.run(falling);
     while (known) {
-        if (is_resolved(scan.at.f, scan.used)) {
-            const Optimum found = decide(scan);
-            if (found.outcome != 0.0 || encounter.limit_count == 0) return found;
+        if (scan.is_bounded()) {
+            if (scan.is_infeasible()) return INFEASIBLE;
+            const Optimum found = scan.is_objective_resolved() ? decide(scan) : UNCERTAIN;
+            if (found.outcome != 0.0) return found;
         }
         known = scan.refine();
     }
@@ -483,8 +506,8 @@ void find_gains(const double *inputs, int64_t n, double slope, const pretouch_cu
     encounter.limits = (const Limit *)limits;
     encounter.limit_count = limit_count;
     encounter.peaks = false;
-    for (int64_t j = 0; j < k; j++) encounter.peaks |= encounter.terms[j].quantity >= EXCURSION;
-    for (int64_t j = 0; j < limit_count; j++) encounter.peaks |= encounter.limits[j].quantity >= EXCURSION;
+    for (int64_t j = 0; j < k; j++) encounter.peaks |= (int)encounter.terms[j].quantity >= EXCURSION;
+    for (int64_t j = 0; j < limit_count; j++) encounter.peaks |= (int)encounter.limits[j].quantity >= EXCURSION;
     for (int64_t i = 0; i < n; i++) {
         for (int j = 0; j < INPUTS; j++) encounter.inputs[j] = inputs[j * n + i];
         const Optimum found = optimum(encounter, axis, falling);

@@ -124,7 +124,7 @@ def _limits(problem: GainProblem) -> list[tuple[float, float, float]] | None:
 
 
 def _row(quantity: str, impact: ImpactModel | None) -> tuple[int, float, float] | None:
-    """Return how a quantity follows from one in compiled code: its row, a factor and an exponent; None if it does not."""
+    """Return how a quantity follows from a row of compiled code: row, factor, exponent; None if it does not."""
     factor, exponent = 1.0, 1.0
     if quantity == "impact_force" and isinstance(impact, ElasticImpact):
         quantity, factor, exponent = "relative_velocity", float(impact.peak_force(1.0)), impact.speed_exponent
@@ -147,7 +147,7 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 
 @cache_by_curve(256)
 def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, Any, float, float, bool, Any]:
-    """Return the arguments of the compiled search that describe the sensor curve up to `reach` [m], and their arrays."""
+    """Return the arguments of the compiled search for the sensor curve up to `reach` [m], and their arrays."""
     slope, ends, falling = float(sensor.log_slope(0.0)), sensor.valid_range, falls(sensor, reach)
     if linear:
         return slope, None, None, *ends, falling, None

@@ -11,8 +11,8 @@
 //
 // When a scan may end: if g < 0, D^2 >= 4 M K, v < 0, a <= 0 and -D v - K x_0 >= sigma (u_0 - v) > 0, with sigma the
 // smaller root of sigma^2 - D sigma + M K, then l falls until contact for every mitigating gain, and of two gains the
-// stronger touches later (proved in docs/fast-designs.md). A term of the objective that grows with the time of contact
-// is therefore a lower bound for all stronger gains. Such terms are the time itself, and the displacement at contact,
+// stronger touches later (proved in docs/developers/fast-designs.md). A term of the objective that grows with the time of
+// contact is therefore a lower bound for all stronger gains. Such terms are the time itself, and the displacement at contact,
 // p + v t + a t^2 / 2, once it is negative. If this bound exceeds the best objective so far, no stronger gain can be the
 // optimum, and none is solved. The same holds for limits: the time, and the displacement at contact as a lower bound of
 // the excursion. If they exceed their limits, so they do for all stronger gains.

@@ -87,7 +87,7 @@ def slopes(drawn, name, distance):
 
 def test_the_numbers_that_the_page_tells_beside_its_quotes(drawn):
     known = drawn.report("offset measured").slope.uncertainty.max()
-    assert f"make g known to {100 * known:.2g} %" in PAGE
+    assert f"the slope g is known to {100 * known:.2g} %" in PAGE
     too_low = drawn.report("offset too low").best
     fitted, true = slopes(drawn, "offset too low", 0.055)
     assert f"R^2 is {too_low.r_squared:.3f}" in PAGE

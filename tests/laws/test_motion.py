@@ -175,7 +175,7 @@ def test_a_stronger_gain_touches_later_where_the_designs_rely_on_it(
     more: float,
     name: str,
 ) -> None:
-    """The theorem of docs/fast-designs.md: no less than critical damping, a plant anywhere, an obstacle that comes."""
+    """The theorem of docs/developers/fast-designs.md: critical damping or more, any plant, an approaching obstacle."""
     damping, stiffness = 2 * ratio * omega * mass, mass * omega**2
     x0, u0 = start
     rate = omega * (ratio - np.sqrt(ratio**2 - 1)) * mass

@@ -19,7 +19,7 @@ _PROBES: Final = 257
 
 def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
     """Return which encounters provably make contact later with a stronger gain."""
-    # The proof is in docs/fast-designs.md.
+    # The proof is in docs/developers/fast-designs.md.
     falling = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
     return np.asarray(premises_hold(scenario) & falling)
 

@@ -85,8 +85,8 @@ def compare_with_bound(
 def _only_retreats(trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult) -> BoolArray:
     """Return which plants never move toward the obstacle beyond their rest position."""
     # This is proved if the admittance is not under-damped, the gain mitigates and the obstacle does not brake
-    # (docs/fast-designs.md: l' < 0 until contact, so the force always pushes away, and the admittance does not
-    # oscillate). With a drag it is a premise of the motion (docs/drag.md). In other cases the motions are sampled.
+    # (docs/developers/fast-designs.md: l' < 0 until contact, so the force always pushes away, and the admittance does
+    # not oscillate). With a drag it is a premise of the motion (docs/drag.md). Otherwise the motions are sampled.
     a = scenario.admittance
     damped = np.square(a.damping) >= 4 * np.multiply(a.mass, a.stiffness) * (1 - 1e-12)
     task, braked = trials.encounters.task, trials.freedom.scenario.obstacle.acceleration > 0

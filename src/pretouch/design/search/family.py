@@ -29,6 +29,7 @@ _FEW: Final = 2 * _NODES  # smallest number of encounters on an interval; fewer 
 _PROBES: Final = 3  # encounters of an interval that are also designed individually, as a test
 _GAIN: Final = 1e-9  # largest last coefficients and largest error at the probes, relative to the gain
 _VALUE: Final = 1e-10  # the same relative to the objective; also the largest error of the test of every encounter
+_ROUNDED: Final = 1e-14  # largest relative rounding error of an interpolated gain
 _LOGARITHMIC: Final = 3.0  # ratio of largest to smallest value above which the logarithm is the coordinate
 _BASIS: Final = chebyshev_basis(_NODES)
 
@@ -49,6 +50,8 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
     gain, value = out
     complete = bool(np.isfinite(gain).all())
     tested = np.clip(gain if complete else np.where(np.isnan(gain), problem.axis.high, gain), *problem.axis.ends)
+    for end in problem.axis.ends:  # an interpolated bound is rounded; the answer is the bound itself
+        tested = np.where(np.abs(tested - end) <= _ROUNDED * abs(end), end, tested)
     return tested, value, _is_confirmed(problem, tested, value)
 
 

@@ -123,7 +123,7 @@ def _limits(problem: GainProblem) -> list[tuple[float, float, float]] | None:
     return rows if len(rows) == len(found) else None
 
 
-def _row(quantity: str, impact: ImpactModel | None) -> tuple[int, float, float] | None:
+def _row(quantity: str, impact: ImpactModel | None) -> tuple[float, float, float] | None:
     """Return how a quantity follows from a row of compiled code: row, factor, exponent; None if it does not."""
     factor, exponent = 1.0, 1.0
     if quantity == "impact_force" and isinstance(impact, ElasticImpact):

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +18,10 @@ import numpy as np
 import pretouch as pt
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper, VirtualDrag
 from pretouch.design.drag import drag_by
-from pretouch.simulation.mujoco import witness_encounter
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from mujoco_witness import witness_encounter
 
 from . import bounds
 from .peers.protocol import missing

@@ -16,11 +16,11 @@ import numpy as np
 
 import pretouch as pt
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-from pretouch.simulation.mujoco import witness_encounter
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from loop_samples import grows, simulated_limit
+from mujoco_witness import witness_encounter
 
 from .peers.protocol import missing
 from .peers.work import processors

@@ -113,8 +113,7 @@ def seconds(sensor: pt.SensorModel, uncertainty: dict[str, object], count: int) 
             OBJECTIVE,
             bounds=(-10.0, -0.01),
             uncertainty={"obstacle.velocity": COMMON["obstacle.velocity"], **uncertainty},
-            samples=count,
-            validation=count,
+            robust=pt.robust.RobustOptions(samples=count, validation=count),
         )
     )
     return time.perf_counter() - start, time.process_time() - used
@@ -153,10 +152,8 @@ def designs() -> None:
                         OBJECTIVE,
                         bounds=(-10.0, -0.01),
                         uncertainty={**COMMON, **own},
-                        measure=measure,
+                        robust=pt.robust.RobustOptions(measure=measure, samples=COUNT, validation=COUNT),
                         constraints=[LIMIT],
-                        samples=COUNT,
-                        validation=COUNT,
                     )
                 )
                 shortest = min(shortest, time.perf_counter() - start)

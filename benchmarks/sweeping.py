@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 import pretouch as pt
-from pretouch.sweep import Progress
-from pretouch.sweep.executors import run_block
-from pretouch.sweep.plan import Plan, make_plan
-from pretouch.sweep.stores import MemoryStore, ZarrStore
+from pretouch.sweeps import Progress
+from pretouch.sweeps.executors import run_block
+from pretouch.sweeps.plan import Plan, make_plan
+from pretouch.sweeps.stores import MemoryStore, ZarrStore
 
 from .solving import OBJECTIVE, SCENARIO, SENSORS
 
@@ -123,7 +123,7 @@ def tasks(folder: Path, count: int = 1000) -> str:
     """Run blocks of one encounter on two worker processes; return the time per block."""
     from distributed import LocalCluster  # noqa: PLC0415 - only for this row
 
-    from pretouch.sweep import cluster  # noqa: PLC0415
+    from pretouch.sweeps import cluster  # noqa: PLC0415
 
     plan = tiny(count)
     with (

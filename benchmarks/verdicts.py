@@ -60,7 +60,7 @@ def verdict_times(runs: int, most: int) -> list[str]:
                         bounds=BOUNDS,
                         constraints=LIMITS,
                         uncertainty=uncertainty or {},
-                        runs=count,
+                        verify=pt.VerifyOptions(runs=count),
                     ),
                     changes=changes,
                 )
@@ -75,7 +75,13 @@ def designs(samples: int, most: int) -> list[str]:
     for name, which in list(DESIGNS.items())[:most]:
         start = time.perf_counter()
         found = pt.robust.design_robust_gain(
-            pt.Task(*(SCENARIO, SENSOR, OBJECTIVE), bounds=BOUNDS, uncertainty={}, evaluate=which, samples=samples)
+            pt.Task(
+                *(SCENARIO, SENSOR, OBJECTIVE),
+                bounds=BOUNDS,
+                uncertainty={},
+                evaluate=which,
+                robust=pt.robust.RobustOptions(samples=samples),
+            )
         )
         seconds, loss = time.perf_counter() - start, found.loss_of_nominal
         lost = "-" if loss is None else f"{100 * loss.relative:.2f} +- {100 * loss.standard_error:.2f} %"

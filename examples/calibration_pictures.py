@@ -58,11 +58,10 @@ def output_panel(axes: Axes, case: Case) -> None:
             f"fitted: {found.best.model}",
             color=CHOSEN,
             size=_SMALL,
-            strict=True,
         )
     if left_out.any():
-        label_near(axes, place[left_out], shown[left_out], "left out", color=BASELINE, size=_SMALL, strict=True)
-    label_near(axes, every[::-6] * 1e3, truth[::-6], "true curve", color=QUIET, size=_SMALL, side=-1, strict=True)
+        label_near(axes, place[left_out], shown[left_out], "left out", color=BASELINE, size=_SMALL)
+    label_near(axes, every[::-6] * 1e3, truth[::-6], "true curve", color=QUIET, size=_SMALL, side=-1)
     _name_window(axes, case, np.geomspace(0.85 * high, 1.6 * low, 30))
 
 
@@ -100,9 +99,8 @@ def slope_panel(axes: Axes, case: Case, wrong: Callable[[Array], Array] | None =
             "curve through all readings",
             color=BASELINE,
             size=_SMALL,
-            strict=True,
         )
-    label_near(axes, inside[::-9] * 1e3, fitted[::-9], "fitted", color=CHOSEN, size=_SMALL, strict=True)
+    label_near(axes, inside[::-9] * 1e3, fitted[::-9], "fitted", color=CHOSEN, size=_SMALL)
     middle = slice(None, None, 2)
     if float(known.uncertainty.max()) > 0.1:
         label_near(
@@ -113,10 +111,9 @@ def slope_panel(axes: Axes, case: Case, wrong: Callable[[Array], Array] | None =
             color=CHOSEN,
             size=_SMALL,
             side=-1,
-            strict=True,
         )
-    label_near(axes, every[::6] * 1e3, truth[::6], "true g", color=QUIET, size=_SMALL, side=-1, strict=True)
-    label_near(axes, between * 1e3, local, "of neighboring readings", color=INK, size=_SMALL, strict=True)
+    label_near(axes, every[::6] * 1e3, truth[::6], "true g", color=QUIET, size=_SMALL, side=-1)
+    label_near(axes, between * 1e3, local, "of neighboring readings", color=INK, size=_SMALL)
     _name_window(axes, case, np.linspace(high - 0.04 * (high - low), low + 0.05 * (high - low), 30))
 
 
@@ -141,10 +138,10 @@ def residual_panel(axes: Axes, case: Case) -> None:
     inside = np.abs(share) < 13.8
     axes.plot(distance[inside] * 1e3, share[inside], ".", color=QUIET, markersize=3.0, zorder=2)
     axes.plot(places * 1e3, means, "o", color=INK, markersize=4.6, zorder=3)
-    label_near(axes, places * 1e3, means, "means", color=INK, size=_SMALL, weight="bold", strict=True)
-    label_near(axes, distance[inside] * 1e3, share[inside], "readings", color=QUIET, size=_SMALL, strict=True)
-    label_near(axes, every[::-9] * 1e3, np.zeros(len(every[::-9])), "fitted", color=CHOSEN, size=_SMALL, strict=True)
-    label_near(axes, every[::9] * 1e3, truth[::9], "true curve", color=QUIET, size=_SMALL, strict=True)
+    label_near(axes, places * 1e3, means, "means", color=INK, size=_SMALL, weight="bold")
+    label_near(axes, distance[inside] * 1e3, share[inside], "readings", color=QUIET, size=_SMALL)
+    label_near(axes, every[::-9] * 1e3, np.zeros(len(every[::-9])), "fitted", color=CHOSEN, size=_SMALL)
+    label_near(axes, every[::9] * 1e3, truth[::9], "true curve", color=QUIET, size=_SMALL)
 
 
 _SHOWN: Final = 0.036  # of distances where residuals are of interest [m]

@@ -12,10 +12,7 @@ from properties import register_profiles
 
 register_profiles(times=20)
 
-EXAMPLES = (
-    ("xarray", "sweep", "pretouch.sweep.run.sweep"),
-    ("mujoco", "mujoco", "pretouch.simulation.mujoco.witness_encounter"),
-)
+EXAMPLES = (("xarray", "sweep", "pretouch.sweeps.run.sweep"),)
 
 
 @pytest.fixture(scope="session")

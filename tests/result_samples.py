@@ -16,8 +16,8 @@ from pretouch.design import find_physical_bound
 from pretouch.design.drag import DragLimits, drag_by, drag_trade_off
 from pretouch.design.schedule import schedule_drag
 from pretouch.sensors import PiecewiseCubic
-from pretouch.simulation.mujoco import WitnessResult, WitnessTrace
-from pretouch.sweep import Axis, Progress
+from pretouch.sweeps import Axis, Progress
+from robust_samples import with_robust_options
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -60,7 +60,7 @@ def _report() -> pt.CalibrationReport:
 
 def _robust(**options: Any) -> pt.robust.RobustDesign:
     given = {"bounds": BOUNDS, "uncertainty": SPEED, "samples": 64, "validation": 64} | options
-    return pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **given))
+    return pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **with_robust_options(**given)))
 
 
 def _signals(law: control.Controller) -> tuple[Any, ...]:
@@ -69,18 +69,6 @@ def _signals(law: control.Controller) -> tuple[Any, ...]:
     state, output = law.step(parameters, law.start(), sample)
     given = control.Parts(sensing, state.drive, (0.1,)), control.Push(-1e-3, 0.0)
     return parameters, sensing, state, sample, seen, output, *given
-
-
-def _witness() -> WitnessResult:
-    row = np.linspace(0.0, 1.0, 3)
-    names = ("time", "distance", "position", "velocity", "obstacle_position", "obstacle_velocity")
-    return WitnessResult(
-        **dict.fromkeys(("time", "position", "velocity", "relative_velocity", "peak_force", "impact_force"), 0.1),
-        status=pt.ContactStatus.CONTACT,
-        impulse=0.2,
-        rebound_velocity=float("nan"),
-        trace=WitnessTrace(**dict.fromkeys((*names, "drive_force", "contact_force"), row)),
-    )
 
 
 RESULTS: dict[str, Callable[[], Any]] = {
@@ -135,13 +123,17 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "admittance": lambda: pt.design_admittance(pt.Task(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS, **FREE)),
     "front": lambda: pt.pareto_front(
         pt.Task(
-            SCENARIO, CONSTANT, bounds=BOUNDS, choice=-0.8, constraints=[pt.Constraint(name="acceleration", limit=3.0)]
+            SCENARIO,
+            CONSTANT,
+            bounds=BOUNDS,
+            pareto=pt.ParetoOptions(choice=-0.8),
+            constraints=[pt.Constraint(name="acceleration", limit=3.0)],
         )
     ),
     "front with admittance": lambda: pt.pareto_front(pt.Task(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE)),
     "schedule of a drag": lambda: schedule_drag(SENSOR, 0.0422, 1.0, ratio=0.26, reflectance=(0.9, 1.1), steps=12),
     "drag": lambda: pt.design_drag(
-        pt.Task(SCENARIO, SENSOR, OBJECTIVE, constraints=LIMITS, effect=pt.DragEffect(ratio=0.15))
+        pt.Task(SCENARIO, SENSOR, OBJECTIVE, constraints=LIMITS, drag_effect=pt.DragEffect(ratio=0.15))
     ),
     "drags": lambda: drag_trade_off(SENSOR, 0.0422, 1.0, np.array([0.5, 0.1])),
     "rails": lambda: DragLimits(
@@ -172,7 +164,6 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "speed limit": lambda: pt.simulation.speed_limit(
         SENSOR, SCENARIO.admittance, pt.simulation.LoopTiming(rate=250.0), 0.0144, detection_distance=0.0422
     ),
-    "witness": _witness,
     "conformance": lambda: pt.check_sensor(SENSOR),
     "letter": lambda: pt.letter.reproduce(["figure-5", "impact-force"]),
     "progress": lambda: Progress(finished=1, total=2, seconds=3.0),

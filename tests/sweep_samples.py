@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import pretouch as pt
-from pretouch.sweep import executors, plan, run, stores
+from pretouch.sweeps import executors, plan, run, stores
 
 SCENARIO = pt.Scenario(
     admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),

@@ -47,15 +47,13 @@ def limit(name: str, size: float, probability: float = 1.0) -> pt.robust.Require
     return pt.robust.Required(constraint=pt.Constraint(name=name, limit=size), probability=probability)
 
 
-def pushing(
-    part: str, sensor: Any, conditioning: dict[str, float], *, changes: bool = True, **options: Any
-) -> pt.Verdict:
+def pushing(part: str, sensor: Any, conditioning: dict[str, float], *, runs: int = 40, **fields: Any) -> pt.Verdict:
     """A part's data sheet, a robot behind an impedance controller, and a contact with a force."""
     loop = ClosedLoop(
         law=controller(1e-3, **conditioning), chain=pt.simulation.sensor_part(part).chain, plant=ROBOT, contact=CONTACT
     )
-    given = {"bounds": BOUNDS, "runs": 40, **options}
-    return pt.verify_gain(pt.Task(SCENARIO, sensor, OBJECTIVE, loop=loop, **given), changes=changes)
+    verify = pt.VerifyOptions(runs=runs)
+    return pt.verify_gain(pt.Task(SCENARIO, sensor, OBJECTIVE, loop=loop, bounds=BOUNDS, verify=verify, **fields))
 
 
 def tof(part: str, rate: float, *limits: pt.robust.Required, runs: int = 20) -> pt.Verdict:

@@ -39,9 +39,18 @@ NOISY = loop_of(exposure=170e-6, delay=120e-6, noise=1e-3, relative_noise=2e-3, 
 QUICK = replace(loop_of(period=1e-4, rate=1e4), seed=3)
 
 
-def verdict(loop: ClosedLoop, *, changes: bool = True, **options: Any) -> pt.Verdict:
+def verdict(
+    loop: ClosedLoop,
+    *,
+    changes: bool = True,
+    runs: int = 60,
+    confidence: float = 0.95,
+    speed_tolerance: float = 0.1,
+    **fields: Any,
+) -> pt.Verdict:
     """Judge the letter's encounter."""
-    given = {"bounds": BOUNDS, "runs": 60} | options
+    verify = pt.VerifyOptions(runs=runs, confidence=confidence, speed_tolerance=speed_tolerance)
+    given = {"bounds": BOUNDS, "verify": verify} | fields
     return pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, **given), changes=changes)
 
 

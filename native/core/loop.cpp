@@ -29,6 +29,8 @@ Encounter::Encounter(const pretouch_loop &loop_, int64_t index, const Law &law_,
       coming(loop_.stretches + index * loop_.stretches_each), last(coming + loop_.stretches_each),
       leg{0.0, 0.0, scene.xo, scene.vo, 0.0, 0.0}, xv(scene.x), vv(scene.v), resolved(loop_.plant_step) {
     begin_leg();
+    for (int64_t k = 0; k < loop.linear.hidden; k++)
+        hidden[k] = loop.linear.starts[2 * k] * scene.x + loop.linear.starts[2 * k + 1] * scene.v;
     end = {};
     end.status = HORIZON;
     end.rebound_velocity = end.detection_time = NAN;
@@ -92,7 +94,7 @@ void Encounter::follow_period() {
         if (step.hit) shorten(step);
         if (!(step.hit && ideal)) {
             sense(step);
-            body = step.moved;
+            take(step);
             at += step.h;
             end.closest_distance = smaller(end.closest_distance, step.touch.least);
         }
@@ -104,6 +106,12 @@ void Encounter::follow_period() {
             follow_contact();
         }
     }
+}
+
+// Makes the end of a step the state of the bodies.
+void Encounter::take(const Step &step) {
+    body = step.moved;
+    for (int64_t k = 0; k < loop.linear.hidden; k++) hidden[k] = step.hidden[k];
 }
 
 // Continues with the next stretch of the obstacle's course, or with the acceleration after the last one.
@@ -140,7 +148,10 @@ Encounter::Step Encounter::next_step() const {
 
 // Before a touch there is no force: a stiff contact must not turn a step around before it is found.
 void Encounter::move_along(Step &step) const {
-    step.moved = advance(body, at, step.h, target, loop.plant, touching ? &loop.contact : nullptr, leg.ao);
+    const pretouch_contact *contact = touching ? &loop.contact : nullptr;
+    step.moved = loop.linear.rows
+                     ? advance_linear(body, hidden, at, step.h, target, loop.linear, contact, leg.ao, step.hidden)
+                     : advance(body, at, step.h, target, loop.plant, contact, leg.ao);
 }
 
 // Ends a step at a touch of the bodies; an ideal plant reaches it at once.
@@ -159,6 +170,7 @@ void Encounter::shorten(Step &step) {
         move_along(step);
     } else {
         step.moved = body;
+        for (int64_t k = 0; k < loop.linear.hidden; k++) step.hidden[k] = hidden[k];
     }
     step.gap = distance_along(body, step.moved, step.h);
     step.touch.least = step.gap.end;

@@ -92,6 +92,10 @@ double elastic_duration(const pretouch_contact &contact, double inverse_mass, do
 Body advance(const Body &body, double at, double h, const Target &target, const pretouch_plant &plant,
              const pretouch_contact *contact, double push);
 
+// The same for a linear plant; `hidden` are its other states, and `after` those h later.
+Body advance_linear(const Body &body, const double *hidden, double at, double h, const Target &target,
+                    const pretouch_state_space &plant, const pretouch_contact *contact, double push, double *after);
+
 constexpr double INSTANT = 1e-12;  // s: instants that are closer are one
 
 // 64 random bits for an index.
@@ -172,6 +176,7 @@ private:
         Cubic gap;
         Touch touch;
         bool hit;
+        double hidden[PRETOUCH_MOST_HIDDEN];  // of a linear plant, where it would end
     };
 
     const pretouch_loop &loop;
@@ -185,6 +190,7 @@ private:
     const double inverse_mass;       // 1 / the reduced mass of both bodies
     double t = 0.0, at = 0.0;        // start of the period, and time since then
     Body body;
+    double hidden[PRETOUCH_MOST_HIDDEN];  // states of a linear plant
     const pretouch_stretch *coming, *const last;  // stretches of the obstacle's course, from the next one on
     Leg leg;
     double xv, vv;                   // of the virtual object at the start of the period
@@ -210,6 +216,7 @@ private:
     void record_instant(double force);
     void follow_period();
     void begin_leg();
+    void take(const Step &step);
     Step next_step() const;
     void move_along(Step &step) const;
     void shorten(Step &step);

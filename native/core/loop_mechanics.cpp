@@ -130,4 +130,50 @@ Body advance(const Body &b, double at, double h, const Target &target, const pre
                    : stepped(Robot<false>{plant, contact, inverse_mass, push, feedforward}, b, at, h, target);
 }
 
+namespace {
+
+// How fast a linear plant, its hidden states and the obstacle change.
+struct Linear {
+    const pretouch_state_space &plant;
+    const pretouch_contact *contact;
+    double push;
+    const Target &target;
+
+    Body slopes(const Body &b, const double *z, double at, double *dz) const {
+        const int64_t n = plant.hidden, width = n + 6;
+        const double force = contact ? contact_force(*contact, b.x - b.xo, b.v - b.vo) : 0.0;
+        const double inputs[] = {target.position(at), target.velocity(at), target.acceleration, -force};
+        double acceleration = 0.0;
+        for (int64_t i = 0; i <= n; i++) {
+            const double *row = plant.rows + i * width;
+            double sum = row[0] * b.x + row[1] * b.v;
+            for (int64_t k = 0; k < n; k++) sum += row[2 + k] * z[k];
+            for (int64_t k = 0; k < 4; k++) sum += row[2 + n + k] * inputs[k];
+            (i == 0 ? acceleration : dz[i - 1]) = sum;
+        }
+        return {b.v, acceleration, 0.0, b.vo, push + (contact ? force * contact->inverse_mass : 0.0), force};
+    }
+};
+
+}  // namespace
+
+Body advance_linear(const Body &b, const double *hidden, double at, double h, const Target &target,
+                    const pretouch_state_space &plant, const pretouch_contact *contact, double push, double *after) {
+    const Linear robot = {plant, contact, push, target};
+    const double parts[] = {0.5, 0.5, 1.0}, weights[] = {1.0, 2.0, 2.0, 1.0};
+    Body from = b, sum = b;
+    double place[PRETOUCH_MOST_HIDDEN], dz[PRETOUCH_MOST_HIDDEN];
+    for (int64_t k = 0; k < plant.hidden; k++) after[k] = place[k] = hidden[k];
+    for (int stage = 0; stage < 4; stage++) {
+        const double instant = stage == 0 ? at : at + parts[stage - 1] * h;
+        const Body slope = robot.slopes(from, place, instant, dz);
+        sum = along(sum, slope, weights[stage] * h / 6.0);
+        for (int64_t k = 0; k < plant.hidden; k++) after[k] += weights[stage] * h / 6.0 * dz[k];
+        if (stage == 3) break;
+        from = along(b, slope, parts[stage] * h);
+        for (int64_t k = 0; k < plant.hidden; k++) place[k] = hidden[k] + parts[stage] * h * dz[k];
+    }
+    return sum;
+}
+
 }  // namespace pretouch

@@ -126,6 +126,15 @@ typedef struct {
     double friction_speed;
 } pretouch_plant;
 
+/* A linear plant with the states x, x' and so many hidden ones z, which replaces the coefficients but the mass. rows:
+ * x'' and z' by (x, x', z, x_v, x_v', x_v'', force on the plant), shape (1 + hidden, 6 + hidden); null without such a
+ * plant. starts: z at the start by (x, x') there, shape (hidden, 2). */
+enum { PRETOUCH_MOST_HIDDEN = 30 };
+typedef struct {
+    const double *rows, *starts;
+    int64_t hidden;
+} pretouch_state_space;
+
 /* k d^n + c d', c times d^n where damping grows with depth (other than 0); 1 / mass of the obstacle, 0: driven. */
 typedef struct {
     double stiffness, damping, exponent, grows, inverse_mass;
@@ -206,6 +215,7 @@ typedef struct {
     int64_t course_rows;
     const pretouch_stretch *stretches; /* so many a scene, by their time, before its acceleration holds */
     int64_t stretches_each;
+    pretouch_state_space linear;
 } pretouch_loop;
 
 /* Runs those encounters that `which` names. state: room for one state of the law; waiting: for a power of two of

@@ -1,4 +1,4 @@
-"""pretouch designs the gain of a proximity-sensor-based preemptive impact controller without collision tests.
+"""pretouch designs the gain of a preemptive impact controller with proximity sensors, without collision tests.
 
 Calibrate the sensor, describe the encounter, and get the optimal gain, the contact that it results in, the margins and
 the evidence:
@@ -18,31 +18,28 @@ The stub __init__.pyi lists the public names. Less frequent functions are in mod
 `pt.simulation`. Everything is imported when it is first used. Numbers are SI floats or arrays of them.
 """
 
-from __future__ import annotations
-
-import sys
-from types import ModuleType
 from typing import Any
 
-from ._core.lazy_names import lazy_names
+import lazy_loader
 
-_load, __dir__ = lazy_names(__name__)
+_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:
+    if name in __all__:
+        return _load(name)
     if name == "__version__":
         from importlib.metadata import version  # noqa: PLC0415 - slow to import
 
         return version(__name__)
-    return _load(name)
+    hint = "" if name.startswith("_") else _hint(name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
 
 
-class _PublicModule(ModuleType):
-    """Keeps `pretouch.sweep` the function: importing the package `pretouch.sweep` would replace it."""
+def _hint(name: str) -> str:
+    """Return a suggestion for a missing name, such as verify_gain for verify; empty if none is similar."""
+    from difflib import get_close_matches  # noqa: PLC0415 - only for mistakes
 
-    def __setattr__(self, name: str, value: object) -> None:
-        is_package = name == "sweep" and isinstance(value, ModuleType)
-        super().__setattr__(name, value.sweep if is_package else value)  # type: ignore[attr-defined]
-
-
-sys.modules[__name__].__class__ = _PublicModule
+    similar = [known for known in __all__ if len(name) > 2 and name.lower() in known.lower()]
+    similar = similar[:3] or get_close_matches(name, __all__, 1)
+    return f"; did you mean {' or '.join(similar)}?" if similar else ""

@@ -1,10 +1,13 @@
 from . import control as control
 from . import design as design
+from . import errors as errors
 from . import letter as letter
 from . import motion as motion
+from . import plots as plots
 from . import report as report
+from . import robust as robust
 from . import simulation as simulation
-from ._core import errors as errors
+from ._core import fields as fields
 from ._core.errors import PretouchError as PretouchError
 from .calibration import Calibration as Calibration
 from .calibration import CalibrationReport as CalibrationReport
@@ -22,6 +25,7 @@ from .design import GainDesign as GainDesign
 from .design import HertzImpact as HertzImpact
 from .design import Objective as Objective
 from .design import ParetoFront as ParetoFront
+from .design import ParetoOptions as ParetoOptions
 from .design import SpringImpact as SpringImpact
 from .design import Task as Task
 from .design import Term as Term
@@ -30,7 +34,6 @@ from .design import design_drag as design_drag
 from .design import design_gain as design_gain
 from .design import excursion_objective as excursion_objective
 from .design import pareto_front as pareto_front
-from .design import robust as robust
 from .design import time_objective as time_objective
 from .motion import Admittance as Admittance
 from .motion import ContactResult as ContactResult
@@ -42,7 +45,6 @@ from .motion import Reference as Reference
 from .motion import Scenario as Scenario
 from .motion import find_contact as find_contact
 from .motion import solve_motion as solve_motion
-from .report import plots as plots
 from .report import write_report as write_report
 from .sensors import CustomSensor as CustomSensor
 from .sensors import ExponentialFirstOrder as ExponentialFirstOrder
@@ -56,10 +58,11 @@ from .sensors import check_sensor as check_sensor
 from .simulation import ClosedLoop as ClosedLoop
 from .simulation import SensorChain as SensorChain
 from .simulation import simulate as simulate
-from .sweep import sweep as sweep
+from .sweeps import sweep as sweep
 from .verification import SimulatedEncounter as SimulatedEncounter
 from .verification import Verdict as Verdict
 from .verification import VerdictStatus as VerdictStatus
+from .verification import VerifyOptions as VerifyOptions
 from .verification import simulate_encounter as simulate_encounter
 from .verification import verify_gain as verify_gain
 

@@ -1,4 +1,4 @@
-"""`python -m pretouch` is `pretouch`."""
+"""Make `python -m pretouch` run the command `pretouch`."""
 
 from pretouch.cli import main
 

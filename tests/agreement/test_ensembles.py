@@ -106,7 +106,7 @@ def test_a_curve_that_ends_too_soon_is_solved_for_itself() -> None:
     [
         ({"obstacle.speed": [1.0]}, "found 'obstacle.speed', which is no input; did you mean"),
         ({"sensor.rate": [1.0]}, "which is no input"),
-        ({"obstacle.velocity": [-0.1, -0.2], "admittance.mass": [1.0]}, "expected rows of equal lengths"),
+        ({"obstacle.velocity": [-0.1, -0.2], "admittance.mass": [1.0]}, "expected lists of equal length"),
         ({}, "none"),
         ({"admittance.mass": [1.0, -1.0]}, "mass: found -1 kg, which must be positive"),
         ({"sensor.exponent": [3.0, -1.0]}, "exponent: found -1"),
@@ -145,13 +145,12 @@ def test_a_robust_drag_is_held_against_fresh_samples_and_its_worst_encounter_is_
         bounds=(1e-3, 0.05),
         law="virtual-drag",
         uncertainty={name: pt.robust.Uniform(low=low, high=high) for name, (low, high) in known.items()},
-        samples=32,
-        validation=32,
+        robust=pt.robust.RobustOptions(samples=32, validation=32),
     )
     design = pt.robust.design_robust_gain(task)
     assert {one.by_gradient for one in design.importance} == {None}
     assert "Robust drag" in str(design)
-    worst = pt.robust.design_robust_gain(task.replace(measure=pt.robust.WorstCase()))
+    worst = pt.robust.design_robust_gain(task.replace(robust=replace(task.robust, measure=pt.robust.WorstCase())))
     assert worst.worst is not None
     corners = [
         find_contact(

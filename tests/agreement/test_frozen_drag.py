@@ -174,7 +174,7 @@ def test_the_limit_of_a_drag_is_the_damping_over_twice_its_own() -> None:
     assert limit.allowed(2.0) == limit.strongest / 2
     assert limit.bounds(weakest=1e-4) == (1e-4, limit.strongest / 2)
     with pytest.raises(
-        InvalidInputError, match=r"^weakest: found -0.001 N s², which must lie between the strongest drag"
+        InvalidInputError, match=r"^weakest: found -0.001 N s², expected a value between 0 and .* the strongest drag"
     ):
         limit.bounds()
 
@@ -187,10 +187,10 @@ def test_what_is_not_known_is_asked_for() -> None:
         suspends_admittance=True,
     )
     with pytest.raises(
-        InvalidInputError, match=r"^relative_velocity: found none, expected .* of a virtual-drag depends on it"
+        InvalidInputError, match=r"^relative_velocity: .* is missing, but the damping of a virtual-drag depends on it"
     ):
         gain_limit(CURVE, LETTER, TIMING, distance=0.0, law=DRAG)
-    with pytest.raises(InvalidInputError, match=r"^law: found a shock with unknown damping"):
+    with pytest.raises(InvalidInputError, match=r"^law: the damping of the shock is unknown"):
         gain_limit(CURVE, LETTER, TIMING, distance=0.0, law=own, relative_velocity=-0.1)
     known, velocity = replace(own, damping=DRAG.damping), np.array([-0.1, -0.3])
     limits = [
@@ -217,7 +217,7 @@ def test_the_limit_of_a_loop_is_that_along_its_own_motion(speed: float) -> None:
 
 def test_bounds_that_no_stable_drag_is_in_are_refused() -> None:
     """The message names the largest drag that is a half of the limit of its own motion, as the bounds end there."""
-    with pytest.raises(InvalidInputError, match=r"^stability_margin: found 2, which allows drags up to") as told:
+    with pytest.raises(InvalidInputError, match=r"^stability_margin: found 2, .* allows drags up") as told:
         LOOP.stable_bounds((0.5, 1.0), approach(6.0), CURVE, 2.0)
     drag = float(re.search(r"up to (\S+) N\*s\^2,", str(told.value)).group(1))  # type: ignore[union-attr]
     limits = [LOOP.stability_limit(approach(6.0), CURVE, drag * part).strongest for part in (0.999, 1.001)]  # 4 digits

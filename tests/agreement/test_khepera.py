@@ -104,7 +104,7 @@ def test_a_real_sensor_comes_to_a_verdict_on_its_loop(tmp_path, sensor):
     assert (chain.noise, chain.relative_noise, chain.offset) == (fit.noise.output, fit.noise.relative, fit.offset.value)
     run = pt.simulate_encounter(problem)
     assert set(np.mod(run.trace.reading, 4)) == {0.0}  # steps of 4 counts
-    verdict = pt.verify_gain(problem.replace(runs=200))
+    verdict = pt.verify_gain(problem.replace(verify=pt.VerifyOptions(runs=200)))
     assert verdict.gain == pt.design_gain(problem).gain
     speed = verdict.comparison("relative_velocity")
     assert verdict.reached.simulated == 1

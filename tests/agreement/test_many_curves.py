@@ -230,7 +230,7 @@ def test_a_few_encounters_take_the_guaranteed_path() -> None:
 def test_a_start_beyond_the_range_of_one_curve_names_it() -> None:
     sensor = Recessed(sensor=TABLE, recess=0.004)
     several = make_ensemble(SCENARIO, sensor, {"sensor.recess": np.linspace(0.0, 0.04, COUNT)})
-    with pytest.raises(InvalidInputError, match=r"0\.0412 m at the start, outside the .* of encounter 17"):
+    with pytest.raises(InvalidInputError, match=r"encounter 17 starts at a distance of 0\.0412 m"):
         several.contacts(GAINS)
 
 

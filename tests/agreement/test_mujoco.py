@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -13,10 +12,9 @@ import pytest
 
 import pretouch as pt
 from loop_samples import BareLaw
+from mujoco_witness import WitnessResult, witness_encounter
 from pretouch import control
-from pretouch._core.errors import InvalidInputError, MissingExtraError
 from pretouch.letter.inputs import approach, disruption, f_1, f_2, sensor
-from pretouch.simulation.mujoco import WitnessResult, witness_encounter
 
 STEPS = (1e-4, 5e-5, 2.5e-5)
 ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
@@ -29,7 +27,7 @@ ENCOUNTERS: dict[str, tuple[pt.Scenario, pt.SensorModel, Any, float]] = {
 
 @pytest.fixture
 def _mujoco() -> None:
-    pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+    pytest.importorskip("mujoco", reason="needs mujoco-core")
 
 
 needs_mujoco = pytest.mark.usefixtures("_mujoco")
@@ -244,30 +242,19 @@ def test_a_witness_that_sees_no_contact_says_so() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"plant": pt.simulation.IdealPlant()}, "plant: an ideal plant has no mass"),
-        (
-            {"contact": pt.simulation.HuntCrossley(stiffness=1e6)},
-            "contact: found HuntCrossley, expected a SpringDamper",
-        ),
+        ({"plant": pt.simulation.IdealPlant()}, "expected one encounter, a plant with mass"),
+        ({"contact": pt.simulation.HuntCrossley(stiffness=1e6)}, "and a SpringDamper"),
+        ({"scenario": approach(np.array([0.1, 0.3]))}, "expected one encounter"),
         (
             {"contact": pt.simulation.SpringDamper(stiffness=1e9)},
-            r"time_step: found 2e-05 s, too long for .* use at most",
+            r"time_step: found 2e-05 s, expected at most .* because the fastest motion",
         ),
-        ({"time_step": 3e-5}, r"time_step: found 3e-05 s, expected an integer fraction .* 0\.001 s"),
-        ({"time_step": 0.0}, "time_step: found 0 s"),
-        ({"scenario": approach(np.array([0.1, 0.3]))}, r"scenario: found encounters of the shape \(2,\), expected one"),
+        ({"time_step": 3e-5}, r"time_step: found 3e-05 s, expected an integer fraction of 0\.001 s"),
     ],
 )
 def test_a_witness_of_what_makes_no_sense_is_refused(change: dict[str, Any], message: str) -> None:
     scenario, curve, _, _ = ENCOUNTERS["an obstacle approaches"]
     asked = {"scenario": scenario, "plant": ROBOT, "contact": CONTACT} | change
     run: Callable[..., WitnessResult] = witness_encounter
-    with pytest.raises(InvalidInputError, match=message):
+    with pytest.raises(ValueError, match=message):
         run(asked.pop("scenario"), curve, controller(-0.7), **asked)
-
-
-def test_a_witness_without_mujoco_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    scenario, curve, _, _ = ENCOUNTERS["an obstacle approaches"]
-    with pytest.raises(MissingExtraError, match=r"mujoco: found no such library.*'pretouch\[mujoco\]'"):
-        witness_encounter(scenario, curve, controller(-0.7), plant=ROBOT, contact=CONTACT)

@@ -158,8 +158,8 @@ def test_values_travel() -> None:
 @pytest.mark.parametrize(
     ("course", "told"),
     [
-        ((Stretch(until=0.2), Stretch(until=0.1)), "the end time 0.1 s after the end time 0.2 s"),
-        ((Stretch(until=0.2), Stretch(until=0.2)), "expected increasing end times"),
+        ((Stretch(until=0.2), Stretch(until=0.1)), "0.2 s is followed by 0.1 s"),
+        ((Stretch(until=0.2), Stretch(until=0.2)), "the end times must increase"),
         ((3.0,), "expected a sequence of Stretch"),
         (Stretch(until=1.0), "expected a sequence of Stretch"),
     ],

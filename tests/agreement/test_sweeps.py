@@ -174,7 +174,7 @@ def test_numbers_do_not_depend_on_blocks_threads_or_store(
 @pytest.mark.parametrize("most", [1, 10, 64, 10_000])
 def test_chunks_cover_the_grid_once(shape: tuple[int, ...], most: int) -> None:
 
-    from pretouch.sweep.plan import make_plan
+    from pretouch.sweeps.plan import make_plan
 
     names = ("obstacle.velocity", "plant.velocity", "reference.velocity")
     axes = {name: np.linspace(-1.0, -0.1, n) for name, n in zip(names, shape, strict=False)}

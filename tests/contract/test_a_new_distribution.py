@@ -15,6 +15,7 @@ import pytest
 import pretouch as pt
 from pretouch.report import write_report
 from pretouch.uncertainty import Distribution, JointDistribution, Normal, make_ensemble
+from robust_samples import with_robust_options
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, verdict
 
 ROOT = Path(__file__).parents[2]
@@ -70,7 +71,7 @@ KNOWN = {"one input": ONE, "several": TWO}
 
 def designed(known: Any, **options: Any) -> pt.robust.RobustDesign:
     given = {"bounds": BOUNDS, "uncertainty": known, "samples": 128, "validation": 128} | options
-    return pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **given))
+    return pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **with_robust_options(**given)))
 
 
 @pytest.mark.parametrize("sampling", ["sobol", "latin-hypercube", "random"])
@@ -157,7 +158,7 @@ def test_what_is_none_is_told_what_it_lacks() -> None:
             return self.speed.quantile(points[:, 0])
 
     narrow = Narrow(speed=Normal(mean=-0.3, deviation=0.01), slope=-0.14)
-    with pytest.raises(pt.errors.InvalidInputError, match=r"approach: found samples of shape \(128,\) from Narrow"):
+    with pytest.raises(pt.errors.InvalidInputError, match=r"approach: Narrow returned samples of shape \(128,\)"):
         designed({"approach": narrow})
 
 

@@ -112,7 +112,8 @@ def task(law: ContinuousLaw, **asked: Any) -> pt.Task:
 
 def robust(law: ContinuousLaw) -> Any:
     speed = {"obstacle.velocity": pt.uncertainty.Uniform(low=-0.35, high=-0.25)}
-    return pt.robust.design_robust_gain(task(law, uncertainty=speed, samples=16, validation=16)).gain
+    options = pt.robust.RobustOptions(samples=16, validation=16)
+    return pt.robust.design_robust_gain(task(law, uncertainty=speed, robust=options)).gain
 
 
 def swept(law: ContinuousLaw) -> Any:
@@ -120,12 +121,12 @@ def swept(law: ContinuousLaw) -> Any:
     return pt.sweep(task(law), axes, results=["gain"])["gain"].values
 
 
-QUANTITIES = ("relative_velocity", "largest_excursion")
+QUANTITIES = pt.ParetoOptions(quantities=("relative_velocity", "largest_excursion"))
 LIMIT = [pt.Constraint(name="excursion", limit=0.05)]
 VERBS: dict[str, Callable[[ContinuousLaw], Any]] = {
     "design_gain": lambda law: pt.design_gain(task(law)).gain,
     "design_gain with a limit": lambda law: pt.design_gain(task(law, constraints=LIMIT)).gain,
-    "pareto_front": lambda law: pt.pareto_front(task(law, quantities=QUANTITIES)).knee.gain,
+    "pareto_front": lambda law: pt.pareto_front(task(law, pareto=QUANTITIES)).knee.gain,
     "design_robust_gain": robust,
     "sweep": swept,
 }
@@ -169,7 +170,10 @@ def test_a_loop_is_designed_for_and_judged_with_it(tmp_path: Path) -> None:
         write_report(result, tmp_path / f"{name}.html")
     for name in ("verdict", "encounter"):
         assert "Shared" in (tmp_path / f"{name}.html").read_text(encoding="utf-8")
-    with pytest.raises(InvalidInputError, match=r"found virtual-damper, but the controller of the loop is a shared-"):
+    with pytest.raises(
+        InvalidInputError,
+        match=r"the task has the law virtual-damper, but the controller of the loop has the law shared-",
+    ):
         verdict(LOOP, gain=-1.2, law="virtual-damper")
 
 

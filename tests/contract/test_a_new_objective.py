@@ -106,7 +106,8 @@ def test_admittance_and_front_take_it(objective: Any) -> None:
 )
 def test_every_measure_takes_it(objective: Any, measure: pt.robust.Measure) -> None:
     """As for the sum of terms, to what differences in the place of gradients leave: 1e-4 of an input's range."""
-    asked = {"uncertainty": SPEED, "measure": measure, "samples": 128, "validation": 128}
+    options = pt.robust.RobustOptions(measure=measure, samples=128, validation=128)
+    asked = {"uncertainty": SPEED, "robust": options}
     limits = [] if isinstance(measure, pt.robust.WorstCase) else [velocity_limit(0.12, 0.8)]
     found = pt.robust.design_robust_gain(task(objective, constraints=limits, **asked))
     assert found.gain is not None
@@ -123,7 +124,13 @@ def test_every_measure_takes_it(objective: Any, measure: pt.robust.Measure) -> N
 
 
 def test_a_loop_is_designed_and_judged_by_it(objective: Any) -> None:
-    asked = task(objective, loop=NOISY, runs=20, constraints=[velocity_limit(0.2, 0.5)], uncertainty=SPEED)
+    asked = task(
+        objective,
+        loop=NOISY,
+        verify=pt.VerifyOptions(runs=20),
+        constraints=[velocity_limit(0.2, 0.5)],
+        uncertainty=SPEED,
+    )
     found = pt.verify_gain(asked)
     assert found.loss.objective > 0
     assert getattr(objective, "__name__", "Comfort") in str(found)
@@ -150,7 +157,8 @@ def test_one_for_a_single_contact_is_refused_where_many_are_asked_for() -> None:
         return float(state.time) if state.time < 1 else 2.0
 
     words = "objective: mine failed on contacts of the shape .* it is called with many contacts at once"
-    asked = task(mine, uncertainty=SPEED, samples=8, validation=8, loop=NOISY, runs=2, damping_ratio=(0.7, 1.3))
+    options = {"robust": pt.robust.RobustOptions(samples=8, validation=8), "verify": pt.VerifyOptions(runs=2)}
+    asked = task(mine, uncertainty=SPEED, loop=NOISY, damping_ratio=(0.7, 1.3), **options)
     verbs = (pt.design_gain, pt.design_admittance, pt.robust.design_robust_gain, pt.verify_gain, pt.pareto_front)
     for verb in verbs:
         with pytest.raises(pt.errors.InvalidInputError, match=words):

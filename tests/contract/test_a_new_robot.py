@@ -2,21 +2,37 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import pickle
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from command_text import command, strict
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
 
 import pretouch as pt
+from installed import install
 from pretouch._core.blocks import Measured
 from pretouch._core.fields import check_declared, quantity
 from pretouch.report import write_report
-from pretouch.simulation import ContactModel, ImpedancePlant, PlantModel, SpringDamper, gain_limit, timing_of
+from pretouch.simulation import (
+    ContactModel,
+    ImpedancePlant,
+    LinearPlant,
+    PlantModel,
+    SpringDamper,
+    StateSpace,
+    StateSpacePlant,
+    gain_limit,
+    timing_of,
+)
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, verdict
 
 ROOT = Path(__file__).parents[2]
@@ -154,3 +170,139 @@ def test_a_file_says_which_kinds_it_knows(section: str, kind: str, known: str, t
     path.write_text(f'{before}[{section}]\nkind = "{kind}"\n{after.partition(chr(10))[2]}', encoding="utf-8")
     with pytest.raises(pt.errors.ScenarioFileError, match=rf"{section}.kind: found .*{kind}.*{known}"):
         pt.load_scenario(path)
+
+
+def matrices(servo: bool) -> StateSpacePlant:
+    """An impedance controller of 4 kN/m and 180 N s/m on 2 kg with feedforward; its force may lag at 80 Hz."""
+    if not servo:
+        rows = [[0.0, 1.0], [-2000.0, -90.0]], [[0.0] * 4, [2000.0, 90.0, 1.0, 0.5]]
+        return StateSpacePlant(states=("position", "velocity"), a=rows[0], b=rows[1], c=[1.0, 0.0])
+    rate = 2 * math.pi * 80
+    return StateSpacePlant(
+        states=("force", "velocity", "position"),
+        a=[[-rate, -180 * rate, -4000 * rate], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        b=[[4000 * rate, 180 * rate, 2 * rate, 0.0], [0.0, 0.0, 0.0, 0.5], [0.0] * 4],
+        c=[0.0, 0.0, 1.0],
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlexibleJoint(LinearPlant):
+    """A motor of 1 kg under an impedance controller, and a link of 1 kg behind an elastic joint."""
+
+    kind: ClassVar[str] = "flexible-joint"
+
+    stiffness: float = quantity("N/m", sign="positive", example='"20 kN/m"')
+
+    def system(self) -> StateSpace:
+        k, d, loss = 4000.0, 180.0, 10.0
+        joint = [self.stiffness, loss, -self.stiffness, -loss]
+        motor = [-k - self.stiffness, -d - loss, self.stiffness, loss]
+        return StateSpace(
+            states=("motor position", "motor velocity", "link position", "link velocity"),
+            a=[[0.0, 1.0, 0.0, 0.0], motor, [0.0, 0.0, 0.0, 1.0], joint],
+            b=[[0.0] * 4, [k, d, 2.0, 0.0], [0.0] * 4, [0.0, 0.0, 0.0, 1.0]],
+            c=[0.0, 0.0, 1.0, 0.0],
+        )
+
+
+@pytest.mark.parametrize("servo", [False, True], ids=["two states", "three states"])
+def test_matrices_give_what_coefficients_give(servo: bool) -> None:
+    """Steps of 1 ms are a twentieth of the fastest time scale: Runge and Kutta's error of a step is 1e-7 of it."""
+    own = matrices(servo)
+    same = ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=80.0 if servo else math.inf)
+    assert own.coefficients()[0] == pytest.approx(2.0, rel=1e-12)
+    ours, theirs = (replace(LOOP, plant=p, contact=OURS[1]).run(MANY, SENSOR, -0.6, runs=2) for p in (own, same))
+    for name in ("time", "relative_velocity", "largest_excursion", "peak_force", "impulse", "rebound_velocity"):
+        np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), rtol=1e-5, err_msg=name)
+    limits = [
+        gain_limit(SENSOR, SCENARIO.admittance, timing_of(LOOP.chain, LOOP.law), distance=0.0, plant=p)
+        for p in (own, same)
+    ]
+    assert limits[0].strongest == pytest.approx(limits[1].strongest, rel=1e-8)
+    assert limits[0].damping.is_certified
+
+
+def test_more_states_move_as_their_equations_say() -> None:
+    """Against SciPy's integrator, along the same virtual object: a cubic in each period, with its mean acceleration."""
+    plant = FlexibleJoint(stiffness=5e3)
+    trace = replace(NOISY, plant=plant).run(SCENARIO, SENSOR, -0.6, runs=1).trace(0)
+    virtual = CubicHermiteSpline(trace.time, trace.virtual_position, trace.virtual_velocity)
+    acceleration = np.diff(trace.virtual_velocity) / np.diff(trace.time)
+    a, b, c = plant.system().arrays
+    states = np.zeros(4)
+    for k, (start, end) in enumerate(pairwise(trace.time)):
+
+        def slopes(t: float, w: np.ndarray, rate: float = acceleration[k]) -> np.ndarray:
+            return a @ w + b @ [virtual(t), virtual(t, 1), rate, 0.0]
+
+        states = solve_ivp(slopes, (start, end), states, method="DOP853", rtol=1e-10, atol=1e-14).y[:, -1]
+    # a step is a seventh of the fastest time scale, so its relative error is below (1 / 7)^5 / 120, some 1e-6
+    assert c @ states == pytest.approx(trace.position[-1], rel=1e-5)
+    assert abs(trace.position[-1] - trace.virtual_position[-1]) > 1e-3 * abs(trace.position[-1])
+
+
+def test_a_soft_joint_lowers_the_stability_limit_and_a_verdict_says_so(tmp_path: Path) -> None:
+    timing = timing_of(NOISY.chain, NOISY.law)
+    limits = [
+        gain_limit(SENSOR, SCENARIO.admittance, timing, distance=0.0, plant=FlexibleJoint(stiffness=k)).strongest
+        for k in (1e6, 5e3)
+    ]
+    assert abs(limits[1]) < abs(limits[0])
+    found = verdict(replace(NOISY, plant=FlexibleJoint(stiffness=5e3), contact=OURS[1]), gain=-0.6, runs=8)
+    assert found.stability.strongest == pytest.approx(limits[1], rel=1e-6)
+    assert pickle.loads(pickle.dumps(found)).status is found.status  # noqa: S301 - our own
+    page = write_report(found, tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "FlexibleJoint: a linear state space" in page
+    assert "motor position, motor velocity, link position, link velocity" in page
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"c": [1.0, 0.0, 0.0]}, r"c: found the shape \(3,\), expected \(2,\) for 2 states"),
+        (
+            {"b": [[1.0, 0.0, 0.0, 0.0], [2000.0, 90.0, 1.0, 0.5]]},
+            "found an effect of the virtual position on the velo",
+        ),
+        ({"b": [[0.0] * 4, [2000.0, 90.0, 1.0, -0.5]]}, "found an acceleration of -0.5 m/s"),
+        (
+            {"b": [[0.0] * 4, [1000.0, 90.0, 1.0, 0.5]]},
+            "a: found a robot that does not follow a virtual object",
+        ),
+        ({"b": [[0.0] * 4, [2000.0, 90.0, 1.0, math.nan]]}, "b: found .*nan.*"),
+        ({"states": ("x",)}, "states: found 1, expected 2 to 32"),
+    ],
+)
+def test_matrices_that_are_no_robot_are_refused(changed: Any, words: str) -> None:
+    with pytest.raises(pt.errors.InvalidInputError, match=words):
+        replace(matrices(servo=False), **changed)
+
+
+INSTALLED = f"""
+from dataclasses import dataclass
+from typing import ClassVar
+from pretouch.fields import quantity
+from pretouch.simulation import LinearPlant, StateSpace
+
+{inspect.getsource(FlexibleJoint)}
+"""
+
+
+@pytest.mark.parametrize("verb", ["simulate", "verify"])
+def test_a_file_takes_that_of_an_installed_package(verb, tmp_path, monkeypatch, capsys):
+    entries = {"pretouch.plants": {"flexible-joint": "joints:FlexibleJoint"}}
+    install(tmp_path / "site", monkeypatch, "joints", INSTALLED, entries)
+    text = (ROOT / "examples" / "loop.toml").read_text(encoding="utf-8").replace("runs = 500", "runs = 8")
+    text = text.replace("[controller]\n", '[controller]\ngain = "-0.5 N*s"\n')
+    before, _, after = text.partition("[robot]\n")
+    robot = '[robot]\nkind = "flexible-joint"\nstiffness = "20 kN/m"\n[contact]'
+    file = before + robot + after.partition("[contact]")[2]
+    (tmp_path / "loop.toml").write_text(file, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    run = command(monkeypatch, capsys)
+    code, out, err = run(verb, "loop.toml", "--json")
+    assert code in {0, 1}, err
+    assert strict(out)["status"] != "error"
+    run(verb, "loop.toml")
+    assert "a linear state space" in (tmp_path / f"loop-{verb}.html").read_text(encoding="utf-8")

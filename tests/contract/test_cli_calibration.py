@@ -20,7 +20,7 @@ samples = 32
 rate = "1 kHz"
 [controller]
 rate = "1 kHz"
-[loop]
+[verify]
 runs = 8
 """
 VERBS = {
@@ -33,7 +33,9 @@ VERBS = {
 }
 CLIPPED = 'calibration = "clipped.csv"\nmodel = "exponential-1"'
 WHOLE = 'calibration = "sensor.csv"\nmodel = "exponential-1"\nmaximum_distance = "60 mm"'
-UNSUPPORTED = "Not supported by data: this answer extrapolates the fitted exponential-1 curve from "
+UNSUPPORTED = (
+    "Not supported by data: this result uses the fitted exponential-1 curve beyond the calibrated distances, from "
+)
 
 
 def scenario(name: str, sensor: str, *changes: tuple[str, str]) -> str:
@@ -74,7 +76,7 @@ def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
     for reason in report.reasons:
         assert f"  - {reason}\n" in out
     assert f"to 56 mm ({report.window.end_reason})" in out
-    assert f"the controller must subtract the offset {report.offset.value:.4g} ± " in out
+    assert f"the controller must subtract the {report.offset.kind} offset {report.offset.value:.4g} ± " in out
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     known = told["calibration"]
     assert (known["verdict"], known["reasons"]) == (report.verdict, list(report.reasons))
@@ -93,7 +95,7 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     near, reason = near_end()
     assert f"{UNSUPPORTED}{near} ({reason}) to contact at 0 mm." in first
     assert "Not supported by the readings: " in first  # they are flat near contact, and the extended curve is not
-    assert f'To fix this, mount the sensor deeper, with recess = "{near}", or calibrate it down to contact' in first
+    assert f"To fix this, mount the sensor {near} behind the contact surface, with recess =" in first
     assert (f"With no virtual force nearer than {near}, contact is at " in first) == (verb != "pareto")
     if verb != "sweep":
         brief = run(verb, file, *VERBS[verb], "--no-report")[1]
@@ -115,7 +117,7 @@ def test_every_page_has_the_reservations_and_the_headline_at_its_top(run, verb):
     first = words.index(UNSUPPORTED + near_end()[0])
     assert first < words.index("D_p")
     assert "Sensor calibration: clipped.csv" in words
-    assert "The controller must subtract the offset " in words
+    assert "The controller must subtract the " in words
     run(verb, scenario("whole.toml", WHOLE), *VERBS[verb])
     words = assert_sound(Path(f"whole-{verb}.html").read_text(encoding="utf-8")).words
     assert "Not supported by data" not in words
@@ -140,10 +142,13 @@ def test_a_start_beyond_the_data_is_said_first_where_it_is_decisive(run):
     assert out.startswith(
         UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), which gives 53 % of the impulse"
     )
-    assert "To fix this, calibrate out to 42.2 mm with more readings at each distance, or start at 20 mm." in out
+    assert (
+        "To fix this, calibrate out to 42.2 mm with more readings at each distance, or start the encounter at 20 mm."
+        in out
+    )
     _, out, _ = run("design", scenario("less.toml", sensor, ("42.2 mm", "20.9 mm")), "--no-report", "--verbose")
     assert out.startswith("Optimal gain")
-    assert "beyond 20 mm, the extrapolated curve gives 4.3 % of the impulse of the virtual force" in out
+    assert "beyond 20 mm, the curve is extrapolated and gives 4.3 % of the impulse of the virtual force" in out
 
 
 def test_a_motion_that_leaves_the_data_names_the_calibration(run):
@@ -152,7 +157,8 @@ def test_a_motion_that_leaves_the_data_names_the_calibration(run):
     assert code == 1
     assert out.startswith(
         "The object recedes at the start. For an approach, give the obstacle a negative velocity. "
-        "Not supported by data: the motion leaves the range of the data before contact. Data support the fitted "
+        "Not supported by data: the motion leaves the calibrated distances before contact. The calibration supports "
+        "the fitted "
     )
 
 
@@ -161,30 +167,32 @@ def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_r
     code, _, err = run(verb, scenario("clipped.toml", CLIPPED), *VERBS[verb])
     near, reason = near_end()
     assert code == 2
-    assert f"starts {near} in front of the contact surface, at the start of the calibrated range ({reason})" in err
-    assert f'set recess = "{near}", or calibrate again with a lower amplification, so that the ' in err
-    assert "does not flatten or clip there, or extend the curve" in err
+    assert f"a curve that starts {near} from contact ({reason.partition(' (')[0]}), expected one down to contact" in err
+    mounting = f'mount the sensor {near} behind the contact surface, with recess = "{near}" (positions count from the '
+    assert f"{mounting}new surface), or calibrate with lower amplification" in err
+    assert len(err.partition("sensor: ")[2].split()) <= 50
 
 
 def test_the_ways_out_of_a_refusal_lead_out(run):
     recessed = CLIPPED + '\nrecess = "5 mm"'
     err = run("design", scenario("clipped.toml", recessed))[2]
-    assert "starts 7 mm in front" in err
-    assert 'recess = "12 mm"' in err
+    assert "starts 7 mm from contact" in err
+    assert 'mount the sensor 12 mm (now 5 mm) behind the contact surface, with recess = "12 mm"' in err
     assert run("design", scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"'), "--no-report")[0] == 0
     code, out, _ = run(
         "design", scenario("both.toml", recessed + '\nminimum_distance = "0 mm"'), "--no-report", "--verbose"
     )
     assert code == 0
     assert out.startswith(f"{UNSUPPORTED}7 mm ({near_end()[1]}) to contact at 0 mm.")
-    assert "Distances in brackets count from the sensor's zero, 5 mm behind the contact surface." in out
+    assert "Distances in brackets count from the zero of the sensor, which is 5 mm behind the contact surface." in out
     far = scenario("far.toml", WHOLE.splitlines()[0], ("42.2 mm", "70 mm"))
     assert "the end of the calibrated range (last measured distance)" in run("design", far)[2]
 
 
 def test_a_curve_that_the_file_cuts_is_not_blamed_on_the_calibration(run):
     err = run("design", scenario("cut.toml", WHOLE + '\nminimum_distance = "2 mm"'))[2]
-    assert "starts 2 mm in front of the contact surface, expected a range that includes contact" in err
+    assert "starts 2 mm from contact, expected one down to contact" in err
+    assert 'or extend the curve with minimum_distance = "0 mm"' in err
 
 
 @pytest.mark.parametrize(
@@ -197,6 +205,23 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
     code, _, err = run(verb, scenario("far.toml", sensor, ("42.2 mm", "22 mm"), known), *options)
     assert code == 2
     assert (
-        "; the calibration supports the curve from 0 mm (first measured distance) to 56 mm (last measured distance)"
+        "; the calibration covers distances from 0 mm (first measured distance) to 56 mm (last measured distance)"
         in err
     )
+
+
+def test_the_mounting_of_a_sensor_is_named_by_its_fit_and_assumed_by_design_and_verdict(run):
+    near, _ = near_end()
+    _, out, _ = run("fit", "clipped.csv", "--no-report")
+    mounting = f'with recess = "{near}" for a sensor that is mounted {near} behind the contact surface.'
+    assert mounting in " ".join(out.split())
+    _, whole, _ = run("fit", "sensor.csv", "--no-report")
+    assert "Next: add calibration" in whole
+    assert "recess" not in whole
+    recessed = scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"')
+    for verb in ("design", "verify"):
+        run(verb, recessed, *VERBS[verb])
+        page = Path(f"sunk-{verb}.html").read_text(encoding="utf-8")
+        assert "The sensor is mounted 12 mm behind the contact surface. Positions and distances count from" in page
+    run("design", scenario("flush.toml", WHOLE))
+    assert "mounted" not in Path("flush-design.html").read_text(encoding="utf-8")

@@ -31,8 +31,9 @@ kind = "spring-damper"
 stiffness = "100 kN/m"
 obstacle_mass = "1.5 kg"
 [loop]
-runs = 40
 follow_time = "50 ms"
+[verify]
+runs = 40
 """
 )
 
@@ -102,7 +103,7 @@ def test_verify_as_json_is_the_verdict_of_the_file(run):
     code, out, err = run("verify", "loop.toml", "--json", "--runs", "30", "--seed", "2")
     assert (code, err) == (0, "")
     told = strict(out)
-    found = pt.verify_gain(pt.load_scenario("loop.toml").replace(runs=30, loop=seeded(2)))
+    found = pt.verify_gain(pt.load_scenario("loop.toml").replace(verify=pt.VerifyOptions(runs=30), loop=seeded(2)))
     assert (told["runs"], told["seed"]) == (30, 2)
     assert told["status"] == found.status.value
     assert told["gain"] == found.gain
@@ -124,7 +125,7 @@ def test_without_a_gain_verify_says_so_and_simulate_asks_for_one(run):
     assert (code, strict(out)["status"]) == (1, "no-gain")
     code, out, err = run("simulate", "no.toml")
     assert (code, out) == (2, "")
-    assert "the design is infeasible, so there is none to simulate; set one" in err
+    assert "there is no gain to simulate, because the design is infeasible" in err
 
 
 @pytest.mark.parametrize("verb", ["simulate", "verify"])

@@ -6,6 +6,8 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -36,10 +38,13 @@ def printed(command: str, folder: Path) -> list[str]:
         ("pareto EXAMPLES/tradeoff.toml", "The Pareto front"),
         ("robust EXAMPLES/robust.toml --samples 256", "Robust gain"),
         ("simulate EXAMPLES/loop.toml", "Contact on the loop at 0.078 m/s; predicted 0.0791 m/s"),
-        ("simulate EXAMPLES/loop.toml --gain 0.5", "Harder than without mitigation: contact on the loop at "),
+        (
+            "simulate EXAMPLES/loop.toml --gain 0.5",
+            "Contact is harder than without mitigation: the contact speed on the loop is ",
+        ),
         ("verify EXAMPLES/loop.toml --runs 40", "Does not hold: relative velocity at contact above 0.1 m/s"),
         ("verify EXAMPLES/loop.toml --runs 40 --gain 0.5", "Does not hold: D_p = 0.5 N s makes the robot chase the"),
-        ("verify EXAMPLES/loop.toml --runs 40 --gain -3", "Does not hold: the loop is unstable: "),
+        ("verify EXAMPLES/loop.toml --runs 40 --gain -3", "Does not hold: the loop is unstable, because "),
     ],
 )
 def test_a_verb_prints_the_answer_first_in_few_lines(command: str, first: str, tmp_path: Path) -> None:
@@ -124,7 +129,7 @@ def test_shell_completion_can_be_installed(tmp_path: Path) -> None:
     assert any("--install-completion" in line for line in shown)
 
 
-@pytest.mark.parametrize("verb", ["design", "verify"])
+@pytest.mark.parametrize("verb", ["design", "verify", "simulate --gain -0.7"])
 def test_the_next_step_for_a_receding_object_is_its_sign(verb: str, tmp_path: Path) -> None:
     text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
     away = text.split("[uncertainty]")[0].replace('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"')
@@ -132,3 +137,61 @@ def test_the_next_step_for_a_receding_object_is_its_sign(verb: str, tmp_path: Pa
     (tmp_path / "away.toml").write_text(away + rest, encoding="utf-8")
     lines = printed(f"{verb} away.toml --no-report", tmp_path)
     assert "Next: give the obstacle a negative velocity: this object moves away." in lines
+    for identifier in ("implausible", "not within horizon", "never-in-contact"):
+        assert identifier not in " ".join([*lines, *printed(f"{verb} away.toml --no-report --verbose", tmp_path)])
+
+
+@pytest.mark.parametrize(("gain", "status"), [("0.5", 1), ("-0.7", 0)])
+def test_a_simulated_contact_that_is_harder_than_without_mitigation_has_the_exit_status_1(
+    gain: str, status: int, tmp_path: Path
+) -> None:
+    words = ["simulate", str(EXAMPLES / "loop.toml"), "--gain", gain, "--no-report"]
+    answer = subprocess.run([sys.executable, "-m", "pretouch", *words], capture_output=True, check=False, cwd=tmp_path)
+    assert answer.returncode == status
+
+
+def loop_task() -> pt.Task:
+    return pt.load_scenario(EXAMPLES / "loop.toml")
+
+
+def with_floor(task: pt.Task, floor: float) -> pt.Task:
+    conditioning = replace(task.loop.law.conditioning, floor=floor, largest_rate=None)
+    law = replace(task.loop.law, conditioning=conditioning)
+    return task.replace(loop=replace(task.loop, law=law, chain=replace(task.loop.chain, dropout=0.01)))
+
+
+@pytest.mark.parametrize(
+    ("warnings", "consequence", "remedy"),
+    [
+        (
+            lambda: pt.verify_gain(loop_task().replace(runs=2, gain=-0.7), changes=False).warnings,
+            "moves a robot at rest by up to",
+            "a controller floor of",
+        ),
+        (
+            lambda: pt.verify_gain(with_floor(loop_task(), 100.0).replace(runs=2, gain=-0.7), changes=False).warnings,
+            "makes the robot jump toward the object",
+            "set largest_rate of the controller",
+        ),
+        (
+            lambda: pt.simulate_encounter(with_floor(loop_task(), 6e4).replace(gain=-0.7)).warnings,
+            "so there was no virtual force",
+            "check floor, offset and sensor range",
+        ),
+        (
+            lambda: pt.simulate_encounter(with_floor(loop_task(), 15e3).replace(gain=-0.7)).warnings,
+            "of the change of ln xi until contact had no effect",
+            "because the object was first detected at",
+        ),
+    ],
+)
+def test_the_sentence_of_a_warning_that_is_printed_has_its_consequence_and_remedy(
+    warnings: Callable[[], tuple[str, ...]], consequence: str, remedy: str
+) -> None:
+    first = [
+        line
+        for line in summary_of(Page(kind="test", headline="", warnings=warnings()), lines=40).split("Warning: ")
+        if consequence in " ".join(line.split())
+    ]
+    assert len(first) == 1
+    assert remedy in " ".join(first[0].split())

@@ -19,8 +19,8 @@ from pretouch import load_scenario, sweep
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import Task
 from pretouch.report import plots
-from pretouch.sweep import results
-from pretouch.sweep.axes import read_axis
+from pretouch.sweeps import results
+from pretouch.sweeps.axes import read_axis
 from sweep_samples import CURVED
 from sweep_samples import SCENARIO as ENCOUNTER
 
@@ -105,7 +105,7 @@ def test_contacts_are_found_with_the_gain_that_is_given(run: Any) -> None:
         )
     )
     assert (code, out) == (2, "")
-    assert err.startswith("pretouch: results: found 'drive_force' without an impact model")
+    assert err.startswith("pretouch: results: the result 'drive_force' needs an impact model")
     code, out, err = run("sweep", "approach.toml", "--axis", SPEEDS, "--gain", "-0.5 N*s", "--result", "time")
     assert (code, err) == (0, "")
     assert out.startswith("10 encounters: 10 contact\n")
@@ -124,7 +124,7 @@ def test_the_dataset_goes_where_it_is_asked_for_and_stays(run: Any, name: str) -
     other = (*asked[:5], "-0.4", *asked[6:])
     code, out, err = run(*other)
     assert (code, out) == (2, "")
-    assert f"{name}: is another sweep (other gain)" in err
+    assert f"{name}: this file is a different sweep (different gain)" in err
     assert run(*other, "--force")[0] == 0
     if name.endswith(".nc"):
         with xr.open_dataset(name, engine="h5netcdf") as found:
@@ -146,11 +146,17 @@ def test_a_sweep_whose_answer_is_no_ends_with_1(run: Any) -> None:
         (["obstacle.velocity"], "--axis: found 'obstacle.velocity', expected NAME=START:STOP:COUNT"),
         (["obstacle.velocity=1:2"], "expected NAME=START:STOP:COUNT"),
         (["obstacle.velocity=-1:-2:3:linear"], "expected NAME=START:STOP:COUNT"),
-        (["obstacle.velocity=-1:-2:many"], "found 'many' values of obstacle.velocity, expected a whole number"),
-        (["obstacle.velocity=-1:1:10:log"], "expected ends of the same sign, not zero, for logarithmic spacing"),
+        (
+            ["obstacle.velocity=-1:-2:many"],
+            "found 'many' as the number of values of obstacle.velocity, expected a whole number",
+        ),
+        (
+            ["obstacle.velocity=-1:1:10:log"],
+            "but logarithmic spacing needs two ends of the same sign that are not zero",
+        ),
         (["obstacle.velocity=-1 kg:-2 kg:3"], "obstacle.velocity: found '-1 kg', expected a quantity in m/s"),
-        (["obstacle.speed=-1:-2:3"], "'obstacle.speed', which is not an input of this sweep"),
-        (["obstacle.velocity=-1", "obstacle.velocity=-2"], "found obstacle.velocity twice"),
+        (["obstacle.speed=-1:-2:3"], "'obstacle.speed' is not an input of this sweep"),
+        (["obstacle.velocity=-1", "obstacle.velocity=-2"], "obstacle.velocity is given twice"),
     ],
 )
 def test_a_mistake_in_an_axis_is_told(run: Any, axes: list[str], sentence: str) -> None:
@@ -173,18 +179,18 @@ def test_a_figure_is_written_once_and_what_cannot_be_drawn_is_refused_first(run:
         assert (code, err) == (0, "")
         assert out.splitlines()[-1] == f"Figure: {name}"
         assert Path(name).read_bytes().startswith(start)
-    monkeypatch.setattr(sys.modules["pretouch.sweep"], "sweep", None)  # not reached
+    monkeypatch.setattr(sys.modules["pretouch.sweeps"], "sweep", None)  # not reached
     assert "a.png: this file exists and is not overwritten" in run(*asked, "--figure", "a.png")[2]
     assert "expected a name that ends in .png" in run(*asked, "--figure", "a.jpg")[2]
     single = ("sweep", "approach.toml", "--axis", "obstacle.velocity=-1", "--figure", "b.png")
-    assert "found 0 axes of more than one value" in run(*single)[2]
+    assert "but this sweep has 0" in run(*single)[2]
 
 
 def test_an_interrupt_says_how_to_go_on(run: Any, monkeypatch: Any) -> None:
     def interrupt(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["pretouch.sweep"], "sweep", interrupt)
+    monkeypatch.setattr(sys.modules["pretouch.sweeps"], "sweep", interrupt)
     asked = ("sweep", "approach.toml", "--axis", SPEEDS)
     assert run(*asked) == (130, "", "")
     code, out, err = run(*asked, "--output", "out.zarr")
@@ -215,10 +221,10 @@ def test_the_picture_of_a_sweep_is_legible(kind: str, results: tuple[str, ...]) 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
     axes = {"obstacle.velocity": [-0.3, -0.2], "gain": [-0.5, -0.4], "admittance.mass": [1.0, 2.0]}
-    with pytest.raises(InvalidInputError, match="found 3 axes of more than one value"):
+    with pytest.raises(InvalidInputError, match="but this sweep has 3"):
         plots.sweep(sweep(Task(ENCOUNTER, CURVED), axes))
     flat = sweep(Task(ENCOUNTER, CURVED, gain=-0.5, horizon=5.0), {"obstacle.velocity": [0.3, 0.2]})
-    with pytest.raises(InvalidInputError, match="time: found no encounter with a value"):
+    with pytest.raises(InvalidInputError, match="time: no encounter of this sweep has a value"):
         plots.sweep(flat, ["time"])
     with pytest.raises(InvalidInputError, match="results: found nonsense, expected some of"):
         plots.sweep(flat, ["nonsense"])

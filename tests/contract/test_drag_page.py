@@ -29,7 +29,7 @@ L_0, N, L_D, V = 0.0419, 3.32, 0.0422, 0.3
 U_OF = 1 / (L_0 + L_D)
 DIGITS = 5e-4  # relative: half a unit of the last of the four digits that a page shows, at most
 FACTORS = {"m": 1.0, "mm": 1e-3, "s": 1.0, "ms": 1e-3, "m/s": 1.0, "mm/s": 1e-3, "m/s\u00b2": 1.0, "N": 1.0, "%": 0.01}
-TASK = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, effect=pt.DragEffect(ratio=0.15))
+TASK = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, drag_effect=pt.DragEffect(ratio=0.15))
 
 
 def excursion(phi: float, distance: float = L_D) -> float:
@@ -151,8 +151,8 @@ def test_what_is_seen_nearer_is_touched_faster(page: str) -> None:
 def test_text_and_notebook_say_the_same(design: Any) -> None:
     text = str(design)
     assert text.splitlines()[0] == (
-        f"Drag \u03c6 = {PHI:.4g} N s\u00b2: contact at 15 % of the approach speed after an excursion of "
-        f"{1e3 * excursion(PHI):.4g} mm, at every speed. For 0.3 m/s: contact at 0.045 m/s."
+        f"With the drag \u03c6 = {PHI:.4g} N s\u00b2, the contact speed is 15 % of every approach speed, after an "
+        f"excursion of {1e3 * excursion(PHI):.4g} mm. For 0.3 m/s: contact at 0.045 m/s."
     )
     assert line(text, "excursion").split("mm")[1].strip() == f"{1e3 * excursion(PHI):.4g}"
     assert f"{1e3 * excursion(PHI):.4g} mm" in design._repr_html_()
@@ -164,11 +164,11 @@ def test_text_and_notebook_say_the_same(design: Any) -> None:
 OTHERS = {
     "no objective": TASK.replace(objective=None),
     "bounds of a drag": TASK.replace(law="virtual-drag", bounds=(1e-4, 1.0)),
-    "by acceleration": TASK.replace(effect=pt.DragEffect(acceleration=20.0, largest_speed=2.0)),
+    "by acceleration": TASK.replace(drag_effect=pt.DragEffect(acceleration=20.0, largest_speed=2.0)),
     "by force": TASK.replace(
-        effect=pt.DragEffect(impact_force=5.0), impact=pt.SpringImpact(robot_mass=2.0, stiffness=1e4)
+        drag_effect=pt.DragEffect(impact_force=5.0), impact=pt.SpringImpact(robot_mass=2.0, stiffness=1e4)
     ),
-    "nothing to do": TASK.replace(effect=pt.DragEffect(contact_speed=0.4)),
+    "nothing to do": TASK.replace(drag_effect=pt.DragEffect(contact_speed=0.4)),
     "a limit": TASK.replace(constraints=[pt.Constraint(name="acceleration", limit=1.0)]),
     "a table": TASK.replace(sensor=pt.Table(distances=(0.0, 0.01, 0.02, 0.045), outputs=(8.0, 4.0, 2.0, 1.0))),
     "pushed": TASK.replace(
@@ -206,7 +206,7 @@ def test_what_does_not_hold_is_said() -> None:
     assert "accelerates toward the plant by 0.5 m/s\u00b2" in str(pushed)
     assert shown(row(report_html(pushed), "contact speed", "The contact")[1:2]) == near(followed(PHI, 0.5)[0])
     assert "no contact" in pt.design_drag(OTHERS["braking"]).headline
-    slow = pt.design_drag(TASK.replace(effect=pt.DragEffect(acceleration=2.0, largest_speed=0.1)))
+    slow = pt.design_drag(TASK.replace(drag_effect=pt.DragEffect(acceleration=2.0, largest_speed=0.1)))
     assert "faster than 0.1 m/s" in str(slow)
 
 
@@ -245,7 +245,7 @@ def test_a_drag_is_warned_of_where_it_must_be_and_nowhere_else(
     effect = pt.DragEffect(ratio=0.15)
     if largest_speed is not None:  # the same drag at the speed of the encounter
         effect = pt.DragEffect(contact_speed=0.15 * largest_speed, largest_speed=largest_speed)
-    found = pt.design_drag(TASK.replace(scenario=scenario, constraints=limits, effect=effect))
+    found = pt.design_drag(TASK.replace(scenario=scenario, constraints=limits, drag_effect=effect))
     page = drag_page(found)
     assert (page.good, page.status) == (good, "drag found" if good else "a limit is exceeded")
     assert len(page.warnings) == len(said)
@@ -263,7 +263,7 @@ def test_a_drag_is_warned_of_where_it_must_be_and_nowhere_else(
 )
 def test_a_drag_keeps_the_limit_that_it_is_made_for(effect: str, name: str, limit: float) -> None:
     task = TASK.replace(
-        effect=pt.DragEffect(**{effect: limit}),
+        drag_effect=pt.DragEffect(**{effect: limit}),
         constraints=[pt.Constraint(name=name, limit=limit), pt.Constraint(name="gain", limit=0.1)],
         impact=pt.SpringImpact(robot_mass=2.0, stiffness=1e4),
     )
@@ -278,7 +278,7 @@ def test_a_drag_keeps_the_limit_that_it_is_made_for(effect: str, name: str, limi
 @pytest.mark.parametrize(
     ("task", "message"),
     [
-        (TASK.replace(effect=None), "effect: found none"),
+        (TASK.replace(drag_effect=None), "drag_effect: found none"),
         (TASK.replace(scenario=replace(SCENARIO, plant=pt.Plant(velocity=-0.1))), "rest at its reference"),
         (
             TASK.replace(
@@ -320,12 +320,12 @@ def test_a_gain_says_what_a_drag_would_do() -> None:
     assert shown(row(found, "excursion", title)) == near(ways[0], ways[0], ways[1])
     peaks = near(own.largest_acceleration, peak(phi) * V**2, peak(weak) * V**2)
     assert shown(row(found, "largest acceleration", title)) == peaks
-    (said,) = re.findall("^A virtual drag.*$", str(design), re.MULTILINE)
+    (said,) = re.findall("^With a virtual drag.*$", str(design), re.MULTILINE)
     assert said == (
-        f"A virtual drag \u03c6 = {phi:.4g} N s\u00b2 would make contact at {speeds[1]:.4g} m/s instead of "
-        f"{speeds[0]:.4g} m/s, after the same excursion. Its largest acceleration is {peak(phi) * V**2:.4g} "
-        f"m/s\u00b2 instead of {own.largest_acceleration:.4g} m/s\u00b2. At every approach speed, "
-        f"{100 * share(phi):.3g} % of the speed remains."
+        f"With a virtual drag \u03c6 = {phi:.4g} N s\u00b2, the contact speed would be {speeds[1]:.4g} m/s instead of "
+        f"{speeds[0]:.4g} m/s, after the same excursion. The largest acceleration would be "
+        f"{peak(phi) * V**2:.4g} m/s\u00b2 instead of {own.largest_acceleration:.4g} m/s\u00b2. The drag reduces every "
+        f"approach speed to {100 * share(phi):.3g} % of its value."
     )
 
 

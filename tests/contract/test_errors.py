@@ -14,7 +14,7 @@ from pretouch._core import errors
 def _drawn() -> dict[str, str]:
     """Read the drawing at the head of errors.py: the parent of each class, "Exception" for the root."""
     drawn, path = {}, ["Exception"]
-    for line in (errors.__doc__ or "").splitlines():
+    for line in (pt.errors.__doc__ or "").splitlines():
         match = re.match(r"    ((?:│   |    )*)(├── |└── )?(\w+Error)\b", line)
         if match:
             depth = len(match[1]) // 4 + bool(match[2])
@@ -44,11 +44,11 @@ def test_every_error_says_what_it_is_for_and_is_caught_by_the_root(name: str) ->
     error = getattr(errors, name)
     assert issubclass(error, errors.PretouchError)
     assert error.__doc__
-    assert (errors.__doc__ or "").count(f"{name} ") + (errors.__doc__ or "").count(f"{name}\n") == 1
+    assert (pt.errors.__doc__ or "").count(f"{name} ") + (pt.errors.__doc__ or "").count(f"{name}\n") == 1
 
 
 def test_what_is_drawn_as_also_another_error_is_one() -> None:
-    also = re.findall(r"(\w+Error) \(also an? (\w+)\)", errors.__doc__ or "")
+    also = re.findall(r"(\w+Error) \(also an? (\w+)\)", pt.errors.__doc__ or "")
     assert also == [("InvalidInputError", "ValueError"), ("BrokenCoreError", "ImportError")]
     assert issubclass(errors.BrokenCoreError, ImportError)
     assert issubclass(errors.InvalidInputError, ValueError)

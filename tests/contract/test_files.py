@@ -110,10 +110,12 @@ def test_a_device_a_pipe_and_a_file_that_is_too_large_are_not_read(tmp_path):
     """Each of them would never end: the pipe waits for somebody who writes."""
     os.mkfifo(tmp_path / "pipe")
     for path, what in ((tmp_path / "pipe", "found a pipe"), ("/dev/zero", "found a device or a socket")):
-        with pytest.raises(InvalidInputError, match=f"{what}, expected a file; save its content as a file"):
+        with pytest.raises(
+            InvalidInputError, match=f"{what}, expected a regular file; save the content as a regular file"
+        ):
             read_regular_file(path, most=10, refuse=InvalidInputError)
     (tmp_path / "large").write_bytes(bytes(2_000_001))
-    with pytest.raises(InvalidInputError, match="large: found a file of more than 2 MB, expected at most that size"):
+    with pytest.raises(InvalidInputError, match="large: this file is larger than 2 MB, the largest allowed size"):
         read_regular_file(tmp_path / "large", most=2_000_000, refuse=InvalidInputError)
     assert len(read_regular_file(tmp_path / "large", most=2_000_001, refuse=InvalidInputError)) == 2_000_001
     with pytest.raises(IsADirectoryError):

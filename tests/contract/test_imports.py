@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
+import shutil
 import subprocess
 import sys
 from importlib.metadata import version
@@ -14,13 +15,14 @@ from types import ModuleType
 import pytest
 
 import pretouch
+from pretouch.report import plots
 
 EXTRA = {"xarray", "zarr", "dask", "distributed", "h5netcdf", "h5py", "pandas", "mujoco"}
 HEAVY = {"scipy", "matplotlib", "pydantic", "typer", *EXTRA}
 
 
 @pytest.mark.parametrize(
-    "folder", ["", ".sensors", ".control", ".motion", ".design", ".simulation", ".sweep", ".verification"]
+    "folder", ["", ".sensors", ".control", ".motion", ".design", ".simulation", ".sweeps", ".verification"]
 )
 def test_importing_loads_nothing_heavy(folder: str) -> None:
     code = f"import sys, pretouch{folder}; print(*sys.modules)"
@@ -46,30 +48,34 @@ def test_the_control_law_stands_on_the_core_alone() -> None:
 
 def test_the_public_names_are_few() -> None:
     assert list(pretouch.__all__) == sorted(set(pretouch.__all__))
-    assert len(pretouch.__all__) <= 64
+    assert len(pretouch.__all__) <= 67
 
 
-@pytest.mark.parametrize("module", [pretouch, pretouch.plots], ids=["front", "plots"])
-def test_every_name_of_a_stub_is_one_that_type_checkers_know_too(module: ModuleType) -> None:
+def test_every_name_of_the_stub_is_one_that_type_checkers_know_too() -> None:
     """They take the form `import NAME as NAME` alone for a name that is offered, and would not see another."""
-    lines = Path(f"{module.__file__}i").read_text(encoding="utf-8").splitlines()
+    lines = Path(f"{pretouch.__file__}i").read_text(encoding="utf-8").splitlines()
     names = [re.fullmatch(r"from \.[\w.]* import (\w+) as \1", line) for line in lines if line.startswith("from")]
-    assert [line for line in lines if line and not line.startswith("from")] in ([], ["__version__: str"])
-    assert sorted(found[1] for found in names if found) == dir(module)[: len(names)]
-    assert len(set(dir(module))) == len(names)
+    assert [line for line in lines if line and not line.startswith("from")] == ["__version__: str"]
+    assert sorted(match[1] for match in names if match) == dir(pretouch) == pretouch.__all__
+    assert len(set(dir(pretouch))) == len(names)
 
 
-@pytest.mark.parametrize("name", dir(pretouch.plots))
+@pytest.mark.parametrize("name", pretouch.plots.__all__)
 def test_every_figure_is_there_and_documented(name: str) -> None:
     figure = getattr(pretouch.plots, name)
+    assert figure is getattr(plots, name)
     assert figure.__name__ == name
     assert "Returns:" in figure.__doc__
 
 
-def test_a_figure_loads_no_other_room_before_it_is_drawn() -> None:
-    code = "import sys, pretouch as pt; pt.plots.motion; print(*sys.modules)"
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not {"matplotlib", "pretouch.verification", "pretouch.report.sweep_figures"} & set(answer.stdout.split())
+def test_without_the_stub_the_message_names_it(tmp_path: Path) -> None:
+    shutil.copytree(
+        Path(pretouch.__file__).parent, tmp_path / "pretouch", ignore=shutil.ignore_patterns("__init__.pyi")
+    )
+    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import pretouch"]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert answer.returncode == 1
+    assert re.search(r"non-existent stub .*__init__\.pyi", answer.stderr)
 
 
 @pytest.mark.parametrize("name", pretouch.__all__)
@@ -96,7 +102,7 @@ def test_public_names_are_the_same_objects_as_in_their_folders() -> None:
         "config",
         "report",
         "simulation",
-        "sweep",
+        "sweeps",
         "verification",
     ):
         module = importlib.import_module(f"pretouch.{folder}")
@@ -111,7 +117,7 @@ ROOMS = [name for name in pretouch.__all__ if isinstance(getattr(pretouch, name)
     "code", ["import pretouch.{room} as room; import pretouch", "import pretouch; room = pretouch.{room}"]
 )
 def test_a_room_can_be_imported_by_the_name_that_the_docs_write(code: str) -> None:
-    """It is one module, whatever its folder is called: a second copy would have classes of its own."""
+    """`import pretouch.robust` works like `pretouch.robust`."""
     lines = ["import sys, importlib"]
     for room in ROOMS:
         lines += [
@@ -124,7 +130,7 @@ def test_a_room_can_be_imported_by_the_name_that_the_docs_write(code: str) -> No
     command = [sys.executable, "-W", "error", "-c", "\n".join(lines)]
     answer = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (answer.stdout.split(), answer.stderr) == (["True"] * 2 * len(ROOMS), "")
-    assert len(ROOMS) == 9
+    assert len(ROOMS) == 10
 
 
 @pytest.mark.parametrize("name", ["Admittance", "nonsense", "errors.nonsense", "plots.motion"])
@@ -137,11 +143,9 @@ def test_the_version_is_that_of_the_package() -> None:
     assert pretouch.__version__ == version("pretouch")
 
 
-@pytest.mark.parametrize("first", ["import pretouch.sweep.plan", "import pretouch", "from pretouch.sweep import Axis"])
-def test_sweep_is_the_verb_whatever_is_imported_first(first: str) -> None:
-    """A folder of that name is there, too, which Python would put in its place."""
+def test_sweep_is_the_verb_whatever_is_imported_first() -> None:
     code = (
-        f"{first}; import pretouch, pretouch.sweep.axes; print(type(pretouch.sweep).__name__, pretouch.sweep.__name__)"
+        "import pretouch.sweeps.plan, pretouch.cli.sweep; print(type(pretouch.sweep).__name__, pretouch.sweep.__name__)"
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout.split() == ["function", "sweep"]

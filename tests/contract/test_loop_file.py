@@ -96,7 +96,8 @@ stiffness = "30 N/mm^1.5"
 exponent = 1.5
 dissipation = "0.5 s/m"
 """,
-    "loop": 'runs = 20\nseed = 7\nhorizon = "3 s"\nfollow = "0.1 s"\nstability_margin = 1.5\nspeed_tolerance = 0.2\n',
+    "loop": 'seed = 7\nhorizon = "3 s"\nfollow_time = "0.1 s"\nstability_margin = 1.5\n',
+    "verify": "runs = 20\nconfidence = 0.9\nspeed_tolerance = 0.2\n",
 }
 LOOP = ClosedLoop(
     chain=SensorChain(
@@ -164,8 +165,8 @@ def read(tmp_path):
 def test_every_key_arrives_in_the_objects(read):
     asked = read("".join(f"[{name}]\n{text}" for name, text in ALL_OF.items()))
     assert asked.loop == LOOP
-    assert (asked.gain, asked.runs, asked.part, asked.stability_margin) == (-0.6, 20, sensor_part("VCNL4040"), 1.5)
-    assert asked.speed_tolerance == 0.2
+    assert (asked.gain, asked.sensor_part, asked.stability_margin) == (-0.6, sensor_part("VCNL4040"), 1.5)
+    assert asked.verify == pt.VerifyOptions(runs=20, confidence=0.9, speed_tolerance=0.2)
 
 
 def test_the_texts_above_have_every_key():
@@ -239,7 +240,7 @@ def test_what_is_left_out_follows_from_the_chain(read):
     assert law.conditioning == Conditioning(floor=30.0, offset=150.0, saturation=65535.0, sensor_period=1 / 250.0)
     assert law.law == VirtualDamper(gain=0.0)
     assert law.limits == Limits()
-    assert (asked.gain, asked.runs, asked.stability_margin) == (None, 1000, None)
+    assert (asked.gain, asked.verify, asked.stability_margin) == (None, pt.VerifyOptions(), None)
     # the defaults of the loop are written down twice, and must be the same
     bare = ClosedLoop(law=law, chain=asked.loop.chain)
     assert asked.loop == bare
@@ -310,8 +311,8 @@ def test_a_margin_keeps_the_gain_from_the_limit(read):
 
 
 def test_the_loop_of_a_file_runs(read):
-    problem = read(CHAIN + CONTROLLER + "[loop]\nruns = 8\n")
-    found = problem.loop.run(problem.scenario, problem.sensor, pt.design_gain(problem).gain, runs=problem.runs)
+    problem = read(CHAIN + CONTROLLER + "[verify]\nruns = 8\n")
+    found = problem.loop.run(problem.scenario, problem.sensor, pt.design_gain(problem).gain, runs=problem.verify.runs)
     assert found.relative_velocity.shape == (8,)
     # the continuous optimum leaves 0.079 m/s; a force that acts 3 ms late (0.9 ms, and half of the 4 ms that it is
     # held) changes that by up to D_p g l' / M = 4.7 m/s^2 times 3 ms
@@ -322,7 +323,7 @@ def test_the_sample_of_the_reference_is_read(read):
     page = (ROOT / "docs" / "scenario-file.md").read_text(encoding="utf-8")
     (sample,) = re.findall(r"```toml\n(\[chain\].*?)```", page, re.DOTALL)
     asked = read(sample)
-    assert (asked.part.name, asked.runs, asked.stability_margin) == ("VCNL4010", 500, 2.0)
+    assert (asked.sensor_part.name, asked.verify.runs, asked.stability_margin) == ("VCNL4010", 500, 2.0)
     assert asked.loop.contact == HuntCrossley(stiffness=1.3e5, dissipation=0.5)
 
 
@@ -337,7 +338,12 @@ def test_every_example_is_read_and_designed(file):
 def test_the_example_of_a_loop_is_one_for_every_verb():
     problem = load_scenario(ROOT / "examples" / "loop.toml")
     assert problem.sensor.output(0.0) == pytest.approx(20_000, rel=1e-3)
-    assert pt.robust.design_robust_gain(problem.replace(samples=256, validation=256)).status.value == "optimal"
+    assert (
+        pt.robust.design_robust_gain(
+            problem.replace(robust=dataclasses.replace(problem.robust, samples=256, validation=256))
+        ).status.value
+        == "optimal"
+    )
     assert problem.stable_bounds()[0] == problem.loop.stability_limit(problem.scenario, problem.sensor).strongest / 2
     found = problem.loop.run(problem.scenario, problem.sensor, pt.design_gain(problem).gain, runs=50)
     assert np.all(np.abs(found.relative_velocity) < 0.1)  # its own limit

@@ -84,7 +84,15 @@ def test_the_motion_of_a_loop_is_its_trace_up_to_contact() -> None:
 
 def test_a_robust_report_names_the_ideal_design() -> None:
     found = pt.robust.design_robust_gain(
-        pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), uncertainty={}, evaluate=LOOP, samples=32)
+        pt.Task(
+            SCENARIO,
+            SENSOR,
+            OBJECTIVE,
+            bounds=(-2.0, -0.2),
+            uncertainty={},
+            evaluate=LOOP,
+            robust=pt.robust.RobustOptions(samples=32),
+        )
     )
     page = report_html(found)
     assert table(page, "Results on fresh samples")[0][1:] == [

@@ -133,8 +133,7 @@ def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
             objective,
             bounds=BOUNDS,
             uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
-            samples=32,
-            validation=32,
+            robust=pt.robust.RobustOptions(samples=32, validation=32),
         )
     )
     assert robust.to_dict()["objective_name"] == robust.definition.name == name
@@ -144,7 +143,7 @@ def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
     assert together.to_dict()["objective_name"] == name
     assert line(str(together), f"objective f ({name})") == f"{together.objective:.5g}"
     assert together.objective <= pt.design_gain(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS)).objective
-    front = pt.pareto_front(pt.Task(SCENARIO, SENSOR, bounds=BOUNDS, choice=together))
+    front = pt.pareto_front(pt.Task(SCENARIO, SENSOR, bounds=BOUNDS, pareto=pt.ParetoOptions(choice=together)))
     assert front.choice.gain == together.gain
     assert "knee" in page(write_report, front, tmp_path)
 
@@ -153,7 +152,9 @@ def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
 def test_a_verdict_is_given_by_the_same_objective(name: str, tmp_path: Path) -> None:
     """On a loop that is as good as ideal, what runs come to is what was predicted: to a step of the loop, 1e-4 s."""
     objective, called, _ = GIVEN[name]
-    found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, objective, loop=QUICK, bounds=BOUNDS, runs=2))
+    found = pt.verify_gain(
+        pt.Task(SCENARIO, SENSOR, objective, loop=QUICK, bounds=BOUNDS, verify=pt.VerifyOptions(runs=2))
+    )
     assert found.loss.objective == pytest.approx(found.loss.predicted, rel=5e-3)
     assert found.loss.predicted == pytest.approx(found.design.objective, rel=1e-9)
     assert found.to_dict()["objective_name"] == called
@@ -223,11 +224,11 @@ def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) ->
         (3.0, "found 3.0, expected an Objective"),
         (pt.Objective, "expected an Objective"),
         (None, "found None, expected an Objective"),
-        (lambda state: -state.time, "gave -.* expected a number that is not negative"),
-        (lambda state: math.nan * state.time, "gave nan"),
+        (lambda state: -state.time, "returned -.* expected 0 or a positive number"),
+        (lambda state: math.nan * state.time, "returned nan"),
         (lambda state: max(state.time, 0.1), "called with many contacts at once"),
-        (lambda state: np.ones(3), "gave the shape \\(3,\\)"),  # noqa: ARG005
-        (lambda: 1.0, "failed on contacts"),
+        (lambda state: np.ones(3), "returned an array of shape \\(3,\\)"),  # noqa: ARG005
+        (lambda: 1.0, "failed for an array of contacts"),
     ],
 )
 def test_what_is_no_objective_is_refused(objective: Any, message: str) -> None:
@@ -265,7 +266,7 @@ class OwnWorst(pt.robust.WorstCase):
 
 
 @pytest.mark.parametrize(
-    ("measure", "message"), [(OwnMean(), "override `label`, too"), (OwnWorst(), "WorstCase itself")]
+    ("measure", "message"), [(OwnMean(), "override `label` as well"), (OwnWorst(), "WorstCase itself")]
 )
 def test_a_measure_that_would_be_told_as_another_is_refused(measure: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
@@ -276,6 +277,6 @@ def test_a_measure_that_would_be_told_as_another_is_refused(measure: Any, messag
                 OBJECTIVE,
                 bounds=BOUNDS,
                 uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
-                measure=measure,
+                robust=pt.robust.RobustOptions(measure=measure),
             )
         )

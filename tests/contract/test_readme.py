@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import doctest
-import importlib.util
 import os
 import re
 import shlex
@@ -66,15 +65,13 @@ def test_the_examples_of_a_page_run(page: str) -> None:
     assert runner.summarize().failed == 0
 
 
-@pytest.mark.parametrize("page", ["simulation.md", "control.md", "drag.md", "own-law.md"])
+@pytest.mark.parametrize("page", ["simulation.md", "control.md", "drag.md", "own-law.md", "extending.md"])
 def test_the_programs_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All blocks of a page, one after the other, as a reader would try them: later ones use names of earlier ones."""
     monkeypatch.chdir(tmp_path)  # some of them write figures and pages
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     assert blocks
-    if "witness_encounter(" in text and importlib.util.find_spec("mujoco") is None:
-        blocks = [block for block in blocks if "witness_encounter(" not in block]
     names: dict[str, Any] = {}
     for block in blocks:
         exec(compile(block, page, "exec"), names)  # noqa: S102 - our own page
@@ -98,7 +95,7 @@ def test_the_numbers_about_the_drag_are_those_of_the_example() -> None:
     import pretouch as pt
 
     task = pt.load_scenario(ROOT / "examples" / "approach.toml")
-    drag, gain = pt.design_drag(task.replace(effect=pt.DragEffect(ratio=0.15))), pt.design_gain(task)
+    drag, gain = pt.design_drag(task.replace(drag_effect=pt.DragEffect(ratio=0.15))), pt.design_gain(task)
     own, admittance = gain.result.contact, task.scenario.admittance
     assert (round(drag.ratio, 2), round(drag.excursion, 3)) == (0.15, 0.060)
     assert (round(own.relative_velocity / -0.3, 2), round(own.displacement, 3)) == (0.26, -0.097)

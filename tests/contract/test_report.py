@@ -130,6 +130,21 @@ def test_calibration_figures_are_legible(usable: CalibrationReport, useless: Cal
     assert_legible(plots.calibration(useless))
 
 
+def test_names_in_a_calibration_figure_lie_above_the_panels(usable: CalibrationReport) -> None:
+    """So none of them can lie on a curve or on the line of the offset."""
+    figure = plots.calibration(usable)
+    boxes = visible_texts(figure)
+    for axes in figure.axes:
+        names = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert len(set(names)) == len(names) >= 3
+        assert not axes.texts
+        left, right = axes.bbox.x0 - 1, axes.bbox.x1 + 1
+        own = [box for text, box in boxes if text in names and left <= box.x0 <= box.x1 <= right]
+        assert len(own) >= len(names)
+        assert not any(axes.bbox.y0 < box.y1 and box.y0 < axes.bbox.y1 for box in own)
+    assert "outlier, not used" in [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+
+
 def test_bars_of_the_drawn_slope_are_two_standard_errors_of_the_differences(usable: CalibrationReport) -> None:
     """A mean of 4 readings of 4 mV of noise, over the signal; the fit knows that noise to some 10 %."""
     axes = plots.calibration(usable).axes[2]

@@ -24,9 +24,8 @@ from result_samples import BOUNDS, OBJECTIVE, REQUESTS, RESULTS, SCENARIO, SENSO
 
 ROOMS = (
     *("pretouch", "pretouch.sensors", "pretouch.calibration", "pretouch.motion", "pretouch.control"),
-    *("pretouch.uncertainty", "pretouch.sweep", "pretouch.design", "pretouch.design.robust", "pretouch.design.drag"),
-    *("pretouch.simulation", "pretouch.simulation.mujoco"),
-    *("pretouch.verification", "pretouch.config", "pretouch.report", "pretouch.letter"),
+    *("pretouch.uncertainty", "pretouch.sweeps", "pretouch.design", "pretouch.design.robust", "pretouch.design.drag"),
+    *("pretouch.simulation", "pretouch.verification", "pretouch.config", "pretouch.report", "pretouch.letter"),
 )
 BEHIND = {"columns", "solution", "trace_of", "figure"}
 """Attributes that lead to what results are computed from, and to what is no number."""

@@ -23,6 +23,7 @@ from pretouch.report import plots, report_html, write_report
 from pretouch.sensors import ExponentialFirstOrder, InversePower
 from pretouch.uncertainty import CorrelatedNormal, Empirical, Normal, TruncatedNormal, Uniform
 from pretouch.uncertainty.ensemble import share_in_words
+from robust_samples import with_robust_options
 
 SCENARIO = Scenario(
     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.0422, velocity=-0.3)
@@ -44,7 +45,7 @@ def limit(name: str, size: float, probability: float) -> Required:
 def design(sensor: Any = CONSTANT, **given: Any) -> RobustDesign:
     asked = {"uncertainty": SPEED, "samples": 256, "validation": 256, "bounds": (-10.0, -0.01), **given}
     objective = excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    return design_robust_gain(Task(SCENARIO, sensor, objective, **asked))
+    return design_robust_gain(Task(SCENARIO, sensor, objective, **with_robust_options(**asked)))
 
 
 DESIGNS: dict[str, Callable[[], RobustDesign]] = {
@@ -227,7 +228,7 @@ def test_what_fresh_samples_refuse_is_a_warning(one: RobustDesign) -> None:
     warned = replace(one, validation=replace(v, limits=(missed,), reached=0.75))
     assert [text[:30] for text in warned.warnings] == [
         "25 % of the fresh encounters e",
-        "the fresh samples meet relativ",
+        "the limit of the relative_velo",
     ]
     assert all(f"warning: {text}\n" in str(warned) for text in warned.warnings)
     assert line(str(warned), "relative velocity at contact").endswith(" missed")

@@ -177,7 +177,7 @@ def test_reports_are_sound_however_a_run_ends(encounter: pt.SimulatedEncounter) 
         assert warning in words
     for flag in encounter.flags:
         times = (flag.since, flag.duration, flag.approach_duration)
-        assert row(page, flag.name, "Detection") == [flag.meaning, *(format_quantity(t, "s", 3) for t in times)]
+        assert row(page, flag.meaning, "Detection") == [format_quantity(t, "s", 3) for t in times]
     assert bool(table(page, "Contacts")) == (encounter.has_contact_force and bool(encounter.run.touched))
     assert ("on the loop: contact" in words) == bool(encounter.run.touched)
 

@@ -12,7 +12,7 @@ import pytest
 
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError
-from pretouch.sweep import cluster as cluster_module
+from pretouch.sweeps import cluster as cluster_module
 from sweep_samples import CURVED, SCENARIO, cut_small
 
 distributed = pytest.importorskip("distributed", reason="needs the extra 'dask'")

@@ -19,8 +19,8 @@ import pytest
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError, OutputExistsError
 from pretouch._core.files import write_text
-from pretouch.sweep import stores
-from pretouch.sweep.results import counts
+from pretouch.sweeps import stores
+from pretouch.sweeps.results import counts
 from sweep_samples import AXES, BLOCKS, CONSTANT, CURVED, RESULTS, SCENARIO, cut_small, note_chunks, noted, sweep_to
 
 pytest.importorskip("zarr", reason="needs the extra 'sweep'")
@@ -309,7 +309,7 @@ def test_a_sweep_that_is_being_written_is_not_replaced(small: Path, tmp_path: Pa
     sweep_to(output).close()
     with stores.in_use(output) as there:
         assert there
-        with pytest.raises(OutputExistsError, match="another process writes to this sweep"):
+        with pytest.raises(OutputExistsError, match="another process is writing to this sweep"):
             sweep_to(output, seed=3, overwrite=True)
     sweep_to(output, seed=3, overwrite=True).close()
     with stores.in_use(tmp_path / "gone.zarr") as there:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pickle
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 
 import pretouch as pt
 import scenario_text
+from loop_samples import BareLaw
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, velocity_limit
 
 TASK = pt.Task(
@@ -22,8 +25,16 @@ TASK = pt.Task(
     damping_ratio=(0.7, 2.0),
     uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
     loop=NOISY,
-    runs=2,
+    verify=pt.VerifyOptions(runs=2),
 )
+
+
+class WithoutContinuous(BareLaw):
+    """A law that does not name the law that it samples."""
+
+    continuous = None  # type: ignore[assignment]
+
+
 DESIGNS = (pt.design_gain, pt.design_admittance, pt.pareto_front, pt.robust.design_robust_gain, pt.verify_gain)
 
 
@@ -62,6 +73,78 @@ def test_a_front_marks_the_designed_gain_where_no_choice_is_named() -> None:
     alone = TASK.replace(damping_ratio=None)
     assert pt.pareto_front(alone).choice.gain == pt.design_gain(alone).gain
     assert pt.pareto_front(alone.replace(objective=None)).choice is None
+
+
+@pytest.mark.parametrize(
+    ("name", "where"),
+    [
+        ("samples", "it belongs in robust=RobustOptions(samples=...)"),
+        ("choice", "it belongs in pareto=ParetoOptions(choice=...)"),
+        ("runs", "it belongs in verify=VerifyOptions(runs=...)"),
+        ("confidence", "it belongs in robust=RobustOptions(confidence=...) or verify=VerifyOptions(confidence=...)"),
+        ("sampels", "did you mean robust=RobustOptions(samples=...)?"),
+        ("effect", "did you mean drag_effect?"),
+        ("bound", "did you mean bounds?"),
+    ],
+)
+def test_a_name_in_the_wrong_place_is_explained(name: str, where: str) -> None:
+    message = re.escape(f"Task: found an unknown name {name!r}; {where}")
+    with pytest.raises(TypeError, match=f"^{message}$"):
+        pt.Task(SCENARIO, SENSOR, **{name: 1})
+    with pytest.raises(TypeError, match=message):
+        TASK.replace(**{name: 1})
+
+
+def test_a_misspelled_option_is_explained() -> None:
+    with pytest.raises(TypeError, match=r"^VerifyOptions: found an unknown name 'run'; did you mean runs\?$"):
+        pt.VerifyOptions(run=1)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match=r"^Task: found an unknown name 'xyz'$"):
+        pt.Task(SCENARIO, SENSOR, xyz=1)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: pt.VerifyOptions(runs=0), "runs: found 0, expected a positive whole number"),
+        (lambda: pt.VerifyOptions(confidence=1.0), "confidence: found 1, expected a number between 0 and 1"),
+        (lambda: pt.VerifyOptions(speed_tolerance=-0.1), "speed_tolerance: found -0.1, which must not be negative"),
+        (lambda: pt.robust.RobustOptions(confidence=0.0), "confidence: found 0, expected a number between 0 and 1"),
+        (lambda: pt.ParetoOptions(quantities=["time"]), "quantities: found time, expected two or three different ones"),
+        (
+            lambda: pt.ParetoOptions(quantities=["time", "xi"]),
+            "quantities: found 'xi', expected some of time, position",
+        ),
+        (lambda: TASK.replace(robust=512), "robust: found 512, expected options such as RobustOptions(samples=512)"),
+    ],
+)
+def test_options_are_checked_when_they_are_made(make: Callable[[], Any], message: str) -> None:
+    with pytest.raises(pt.errors.InvalidInputError, match=f"^{re.escape(message)}"):
+        make()
+
+
+def test_each_verb_reads_its_own_confidence() -> None:
+    sure = TASK.replace(
+        robust=pt.robust.RobustOptions(samples=16, validation=16, confidence=0.6),
+        verify=replace(TASK.verify, confidence=0.8),
+    )
+    validation = pt.robust.design_robust_gain(sure).validation
+    assert validation is not None
+    assert (validation.confidence, pt.verify_gain(sure, changes=False).confidence) == (0.6, 0.8)
+
+
+def test_the_law_is_that_of_the_loop_unless_it_is_given() -> None:
+    drag = replace(NOISY.law, law=pt.control.VirtualDrag(drag=0.0, noise=1e-3))
+    assert TASK.law == pt.motion.DAMPER
+    assert TASK.replace(loop=replace(NOISY, law=drag)).law == pt.motion.DRAG
+    assert TASK.replace(loop=None, law="virtual-drag").law == pt.motion.DRAG
+    assert TASK.replace(loop=None, law="virtual-drag").replace(gain=0.1).law == pt.motion.DRAG
+
+
+def test_a_loop_without_a_law_in_continuous_time_needs_the_law_of_the_task() -> None:
+    unknown = replace(NOISY, law=WithoutContinuous(-0.7, 1e-3))
+    with pytest.raises(pt.errors.InvalidInputError, match=r"^loop: found a law \(WithoutContinuous\) without a law in"):
+        TASK.replace(loop=unknown)
+    assert TASK.replace(loop=unknown, law="virtual-damper").replace(gain=-0.5).law == pt.motion.DAMPER
 
 
 def test_a_task_is_a_value() -> None:

@@ -29,7 +29,8 @@ stiffness = "1.3e5 N/m^1.5"
 """
 LOOP = """\
 [loop]
-runs = 500
 stability_margin = 2.0
+[verify]
+runs = 500
 """
 LOOPED = ENCOUNTER + CHAIN + CONTROLLER + ROBOT + CONTACT + LOOP

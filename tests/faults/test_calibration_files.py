@@ -77,7 +77,7 @@ def test_no_object_readings_come_as_number_list_or_file(tmp_path):
     assert read_calibration(path, no_object=0.1).no_object.tolist() == [0.1]
     for given in ([0.1, 0.2], np.array([0.1, 0.2]), bare, str(headed)):
         assert read_calibration(path, no_object=given).no_object.tolist() == pytest.approx([0.1, 0.2], rel=1e-15)
-    with pytest.raises(CalibrationDataError, match="found the unit 'counts', expected 'V'"):
+    with pytest.raises(CalibrationDataError, match="'counts', expected the unit of the calibration, 'V'"):
         read_calibration(path, no_object=write(tmp_path, "output [counts]\n1\n", name="wrong.csv"))
 
 
@@ -90,7 +90,7 @@ def test_further_columns_tell_curves_apart(tmp_path):
     assert len(read_calibrations(path, labels=["day"])) == 2
     with pytest.raises(CalibrationDataError, match=r"found 3 curves, expected one.*day: 1, 2; side: a, b"):
         read_calibration(path)
-    with pytest.raises(CalibrationDataError, match="select: found 'size', expected a label column"):
+    with pytest.raises(CalibrationDataError, match="select: found the label 'size', expected one of"):
         read_calibration(path, select={"size": "1"})
 
 
@@ -104,23 +104,23 @@ def test_an_output_without_unit_is_taken_as_counts_and_said_so(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "found no rows"),
-        ("# nothing\n\n", "found no rows"),
+        ("", "the file has no rows"),
+        ("# nothing\n\n", "the file has no rows"),
         ("0,1\n1,2\n", r"line 1: found numbers where the header is expected"),
-        ("distance [mm],output [V]\n", "found no rows below the header"),
+        ("distance [mm],output [V]\n", "there are no rows below the header"),
         ("distance,output [V]\n0,1\n", r"line 1: found 'distance', a distance without a unit.*distance \[mm\]"),
-        ("distance [V],output [V]\n0,1\n", "line 1: found the unit 'V', expected a length"),
+        ("distance [V],output [V]\n0,1\n", "line 1: found the unit 'V' for the distance, expected a unit of length"),
         ("# c\ndistance [mm],output [V]\n0,1\n1,x\n", r"line 4: found 'x' in column 'output \[V\]', expected a number"),
         ("distance [mm],output [V]\n0,1\nten,1\n", r"line 3: found 'ten' in column 'distance \[mm\]'"),
-        ("distance [mm],output [V]\n0,1\n-1,1\n", "line 3: found the distance -1, which must not be negative"),
-        ("distance [mm],output [V]\n0,1,5\n", "line 2: found 3 cells, expected 2.*semicolons"),
+        ("distance [mm],output [V]\n0,1\n-1,1\n", "line 3: found the distance -1, but distances must not be negative"),
+        ("distance [mm],output [V]\n0,1,5\n", "line 2: the row has 3 cells, but the header has 2.*semicolons"),
         ("distance [mm],output [V]\n0,inf\n", "line 2: found 'inf'"),
         ("distance [mm];output [V]\n0;1.000,5\n", "line 2: found '1.000,5'"),
-        ("distance [mm],range [mm],output [V]\n0,1,2\n", "two columns that may be the distance"),
-        ("a,b,c\n0,1,2\n", "expected one named distance and one named output"),
-        ("distance [mm]\n0\n", "line 1: found one column"),
-        ("distance [mm],output [V]\ninf,1\n", "found no reading with an object in range"),
-        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "each curve has one reading"),
+        ("distance [mm],range [mm],output [V]\n0,1,2\n", "two columns may contain the distance"),
+        ("a,b,c\n0,1,2\n", "one must be named distance and one output"),
+        ("distance [mm]\n0\n", "line 1: found only one column"),
+        ("distance [mm],output [V]\ninf,1\n", "every reading was taken without an object"),
+        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "each curve would have only one reading"),
         (b"\x00\x01\x02", "binary data"),
     ],
 )
@@ -139,11 +139,14 @@ def test_a_missing_file_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"x" * 100_000_001, "found a file of more than 100 MB"),
-        (b"distance [mm],output [V]\n" + b"1,2\n" * 2_000_001, "found more than 2,000,000 rows.*keep every tenth row"),
+        (b"x" * 100_000_001, "this file is larger than 100 MB"),
+        (
+            b"distance [mm],output [V]\n" + b"1,2\n" * 2_000_001,
+            "the table has more than 2,000,000 rows.*keep every tenth row",
+        ),
         (
             PLAIN.encode() + b"1," + b"2" * 200_000,
-            "line 5: found a line of 200,002 characters, expected at most 200,000",
+            "line 5: this line has 200,002 characters, but at most 200,000",
         ),
     ],
     ids=["bytes", "rows", "one line"],
@@ -158,9 +161,9 @@ def test_a_file_beyond_all_measure_is_refused_with_what_is_allowed(tmp_path, con
 def test_what_never_ends_is_no_calibration(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", "/dev/zero"):
-        with pytest.raises(CalibrationDataError, match="expected a file"):
+        with pytest.raises(CalibrationDataError, match="expected a regular file"):
             read_calibration(path)
-        with pytest.raises(CalibrationDataError, match="expected a file"):
+        with pytest.raises(CalibrationDataError, match="expected a regular file"):
             read_calibration(write(tmp_path, PLAIN), no_object=path)
 
 
@@ -183,7 +186,7 @@ def test_the_first_mistake_of_a_long_file_is_named(tmp_path):
     with pytest.raises(CalibrationDataError, match="line 20001: found 'x' in column 'output"):
         read_calibration(write(tmp_path, "\n".join(rows)))
     rows[15_000] = "-3,z"
-    with pytest.raises(CalibrationDataError, match="line 15001: found the distance -3, which must not be negative"):
+    with pytest.raises(CalibrationDataError, match="line 15001: found the distance -3, but distances must not"):
         read_calibration(write(tmp_path, "\n".join(rows)))
 
 
@@ -212,7 +215,7 @@ def test_a_table_with_many_empty_last_columns_is_read_at_once(tmp_path):
         ({"distances": [], "outputs": []}, "expected at least one reading"),
         ({"distances": [-0.1], "outputs": [1]}, "must not be negative"),
         ({"distances": [0.1], "outputs": [np.nan]}, "must be finite"),
-        ({"distances": [[0.1]], "outputs": [[1]]}, "expected one column"),
+        ({"distances": [[0.1]], "outputs": [[1]]}, "expected a one-dimensional array"),
         ({"distances": [0.1], "outputs": [1], "no_object": ["a"]}, "expected a number"),
     ],
 )

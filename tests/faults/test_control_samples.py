@@ -289,7 +289,7 @@ def test_what_the_limit_cut_off_is_not_held_against_later_readings() -> None:
         ({"median_window": 0}, "median_window"),
         ({"median_window": 17}, "median_window"),
         ({"median_window": 2.0}, "median_window"),
-        ({"sensor_period": 5e-4}, "every n-th reading"),
+        ({"sensor_period": 5e-4}, "every second or third reading"),
         ({"timeout": 5e-4}, "timeout"),
         ({"low_pass_order": 2}, "cutoff"),
         ({"low_pass_order": 2, "cutoff": 500.0}, "half of the sensor's sampling rate"),

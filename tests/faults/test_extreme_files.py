@@ -92,9 +92,9 @@ def test_a_loop_that_no_memory_holds_is_refused_with_its_key(
 # --- numbers with which no search ends, or that no robot has
 
 
-NO_ADMITTANCE = "found a natural frequency of 3.162e+07 rad/s, expected at most 10,000 rad/s"
+NO_ADMITTANCE = "the natural frequency is 3.162e+07 rad/s, but no control loop is faster than 10,000 rad/s"
 NO_SENSOR = "expected at least 1e-06 m; check the parameters of the curve and their units"
-NO_ROBOT = "natural frequency of 5e+08 rad/s, expected at most 1,000,000 rad/s; check both units"
+NO_ROBOT = "natural frequency is 5e+08 rad/s, expected at most 1,000,000 rad/s; check the units"
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ NO_ROBOT = "natural frequency of 5e+08 rad/s, expected at most 1,000,000 rad/s; 
         ("design", "approach.toml", [('"25 N/m"', '"1e15 N/m"')], f"line 12: admittance.stiffness: {NO_ADMITTANCE}"),
         ("pareto", "approach.toml", [('"25 N/m"', '"1e15 N/m"')], f"admittance.stiffness: {NO_ADMITTANCE}"),
         ("robust", "robust.toml", [('"25 N/m"', '"1e15 N/m"')], f"admittance.stiffness: {NO_ADMITTANCE}"),
-        ("pareto", "tradeoff.toml", [('"10 rad/s"]', '"1e8 rad/s"]')], "natural_frequency_bounds: found a natural"),
+        ("pareto", "tradeoff.toml", [('"10 rad/s"]', '"1e8 rad/s"]')], "natural_frequency_bounds: the natural"),
         ("design", "tradeoff.toml", [('"41.9 mm"', '"1e-8 m"')], NO_SENSOR),
         ("design", "approach.toml", [('"41.9 mm"', '"1.5e-7 m"'), ("3.32", "6267")], NO_SENSOR),
         ("robust", "loop.toml", [('"4 kN/m"', '"1e15 kN/m"')], NO_ROBOT),
@@ -138,8 +138,8 @@ def test_one_distance_far_beyond_all_others_is_a_typing_error_or_means_no_object
         file.write("99999,81\n")
     code, out, err = run("fit", "sensor.csv")
     assert (code, out) == (2, "")
-    assert "sensor.csv: found the distance 99.999 m, 1,111 times as far as the next one (0.09 m)" in err
-    assert "write inf if it means that no object was there" in err
+    assert "sensor.csv: found the distance 99.999 m, which is 1,111 times the next smaller distance (0.09 m)" in err
+    assert "write inf if no object was present" in err
 
 
 def test_a_person_who_waits_is_told_how_far_the_work_is(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:

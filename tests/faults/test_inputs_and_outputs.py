@@ -153,7 +153,7 @@ def test_nor_by_a_sweep_its_figure_or_python(run: Any, folder: Path) -> None:
     before = Path("sensor.png").read_bytes()
     code, _, err = run("sweep", "fingertip.toml", "--axis", "gain=-1:-0.1:5", "--figure", "sensor.png", "--force")
     assert code == 2
-    assert "sensor.png: is an input of this command" in err
+    assert "sensor.png: this file is an input of this command" in err
     task = pt.load_scenario("fingertip.toml")
     design = pt.design_gain(task)
     for path in ("sensor.png", "fingertip.toml"):
@@ -208,7 +208,9 @@ def test_keys_of_very_many_parts_are_refused_before_they_are_read(run: Any, key:
     Path("deep.toml").write_text(f"# a.b.c\n{key}{'' if key[0] == '[' else ' = 1'}\n", encoding="utf-8")
     code, out, err = run("design", "deep.toml")
     assert (code, out) == (2, "")
-    assert err == ("pretouch: deep.toml, line 2: found a key with more than 32 parts, expected section.key\n")
+    assert err == (
+        "pretouch: deep.toml, line 2: found a key with more than 32 parts, expected a key of the form section.key\n"
+    )
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX pipes and devices")
@@ -217,9 +219,9 @@ def test_a_scenario_that_never_ends_is_none(run: Any) -> None:
     for path, what in (("pipe", "a pipe"), ("/dev/zero", "a device or a socket")):
         code, _, err = run("design", path)
         assert code == 2
-        assert f"{path}: found {what}, expected a file" in err
+        assert f"{path}: found {what}, expected a regular file" in err
     Path("large.toml").write_text("#" * 1_000_001, encoding="utf-8")
-    assert "large.toml: found a file of more than 1 MB" in run("design", "large.toml")[2]
+    assert "large.toml: this file is larger than 1 MB" in run("design", "large.toml")[2]
 
 
 @pytest.mark.parametrize("kind", ["a table", "a header", "a line", "a distance without a unit"])

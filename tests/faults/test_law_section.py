@@ -34,9 +34,9 @@ MISTAKES = [
     (WHOLE + "[law]\nratio = 0.15\n", "[law]", "law.kind", 'missing, expected one of "virtual-damper", "virtual-drag"'),
     (WHOLE + '[law]\nkin = "virtual-drag"\n', "kin =", "law.kin", 'found an unknown key, expected "kind"'),
     (WHOLE + '[law]\nkind = "virtual-damper"\nratio = 0.15\n', "ratio", "law.ratio",
-     'found a key of "virtual-drag", which "virtual-damper" does not have; expected only kind'),
+     'a key that belongs to "virtual-drag", but not to "virtual-damper"; expected only kind'),
     (ALONE + LAW + "ratoi = 0.15\n", "ratoi", "law.ratoi", 'found an unknown key, expected "ratio"'),
-    (ALONE + LAW + "ratio = 1.5\n", "ratio", "law.ratio", "found 1.5, expected a number in (0, 1]"),
+    (ALONE + LAW + "ratio = 1.5\n", "ratio", "law.ratio", "found 1.5, expected a positive number up to 1"),
     (ALONE + LAW + "ratio = 0\n", "ratio", "law.ratio", "expected a positive number"),
     (ALONE + LAW + 'excursion = "60 N"\n', "excursion", "law.excursion", 'found "60 N", expected a quantity in m'),
     (ALONE + LAW + 'ratio = 0.1\nexcursion = "60 mm"\n', "excursion", "law.excursion", "found both ratio and ex"),
@@ -44,7 +44,7 @@ MISTAKES = [
     (ALONE + LAW + 'ratio = 0.1\nlargest_speed = "1 m/s"\n', "largest", "law.largest_speed",
      "found it together with ratio"),
     (WHOLE.replace(GAIN, IN_DRAGS) + LAW + "largest_speed = 1\n", "largest", "law.largest_speed", "found it alone"),
-    (ALONE + LAW + 'impact_force = "9 N"\n', "impact_force", "law.impact_force", "found impact_force without [impact]"),
+    (ALONE + LAW + 'impact_force = "9 N"\n', "impact_force", "law.impact_force", "needs the section [impact]"),
     (ALONE + UNSURE + LAW + 'contact_speed = "5 cm/s"\n', "[law]", "law.largest_speed",
      'because the approach speed is uncertain; add, for example: largest_speed ='),
     (replaced('"-0.3 m/s"', '"0 m/s"', ALONE).replace('"0 m/s^2"', "-1") + LAW + "acceleration = 2\n", "[law]",
@@ -60,11 +60,11 @@ MISTAKES = [
     (ALONE + LAW + 'ratio = 0.1\n[constraints]\ngain = 1\n', "gain", "constraints.gain", "expected bounds in [gain]"),
     (ALONE + LAW + 'ratio = 0.1\ndead_zone = 9\n', "dead_zone", "law.dead_zone", "expected [chain] and [controller]"),
     (replaced('rate = "1 kHz"', "rate = 1e3\ngain = -0.7", LOOP), "gain =", "controller.gain",
-     'a key of law kind "virtual-damper", which the law of this file does not have; expected drag = "0.0144 N*s²" in'),
+     'but this file uses another law; expected drag = "0.0144 N*s²" in'),
     (replaced('rate = "1 kHz"', "rate = 1e3\napproach_only = true", LOOP), "approach_only", "controller.approach_only",
      "expected only rate, period, floor"),
     (LOOP + 'noise = "1 mV"\n', "noise = \"1", "law.noise", 'found "1 mV", expected counts'),
-    (LOOP + 'own_advance = "2 N*s"\n', "own_advance", "law.own_advance", "expected 0 or less, so that it brakes"),
+    (LOOP + 'own_advance = "2 N*s"\n', "own_advance", "law.own_advance", "so that the force brakes the robot"),
     (LOOP + 'smoothing_time = "7 m"\n', "smoothing", "law.smoothing_time", "expected a quantity in s"),
     (replaced(CHAIN, '[chain]\npart = "VL53L5CX-4x4"\n', LOOP), "[law]", "law.noise",
      "because [chain] has a noise of distances, not of readings"),
@@ -110,7 +110,7 @@ def test_a_margin_that_leaves_no_drag_is_placed(write):
         pt.design_gain(load_scenario(write(text)))
     told = str(refused.value)
     assert told.startswith(f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: found 1e+06, whi")
-    assert "[gain] has bounds from 0.001 to 0.2 N*s^2" in told
+    assert "the bounds in [gain] are 0.001 to 0.2 N*s^2" in told
 
 
 def test_the_undamaged_files_are_read(write):

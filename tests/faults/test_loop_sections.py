@@ -31,16 +31,16 @@ MISTAKES = [
     ('part = "VCNL4010"', "", "[chain]", "chain", 'missing rate, expected rate = "250 Hz", or part = "VCNL4010"'),
     ('"VCNL4010"', '"VNCL4010"', "part", "chain.part", 'did you mean "VCNL4010"?'),
     ('"VCNL4010"', "4010", "part", "chain.part", "found 4010, expected text"),
-    ('"VCNL4010"', '"RPR-220"', "part", "chain.part", "reports V, but the sensor is in counts (sensor.scale, line 3)"),
+    ('"VCNL4010"', '"RPR-220"', "part", "chain.part", "curve are in counts (sensor.scale, line 3)"),
     (IN_CHAIN, 'noise = "20 mV"', "noise", "chain.noise", 'found "20 mV", expected counts, the unit of sensor.scale'),
     (IN_CHAIN, 'noise = "-1 counts"', "noise", "chain.noise", "expected a nonnegative sensor output"),
     (IN_CHAIN, "noise = true", "noise", "chain.noise", "found true, expected a sensor output"),
     (IN_CHAIN, 'drift = "2 V/s"', "drift", "chain.drift", 'found "2 V/s", expected counts'),
     (IN_CHAIN, 'drift = "2 counts"', "drift", "chain.drift", "a sensor output per second, a number or text in V/s or"),
     (IN_CHAIN, 'exposure = "5 ms"', "exposure", "chain.exposure", "longer than the period of 0.004 s at 250 Hz"),
-    (IN_CHAIN, 'jitter = "2 ms"', "jitter", "chain.jitter", "more than a quarter of the period of 0.004 s"),
-    (IN_CHAIN, "dropout = 1", "dropout", "chain.dropout", "found 1, which must be below 1"),
-    (IN_CHAIN, 'highest = "-1 counts"', "highest", "chain.highest", "must exceed the lowest reading (0)"),
+    (IN_CHAIN, 'jitter = "2 ms"', "jitter", "chain.jitter", "at most a quarter of the period of 0.004 s"),
+    (IN_CHAIN, "dropout = 1", "dropout", "chain.dropout", "found 1, expected a number below 1"),
+    (IN_CHAIN, 'highest = "-1 counts"', "highest", "chain.highest", "expected a number above the lowest reading, 0"),
     (IN_CHAIN, 'noise = 1\nhighest = "2 counts"', "highest", "chain.highest", "found readings that saturate at 2"),
     (IN_CHAIN, 'distance_noise = "1 mm"', "[chain]", "chain", "only for a part that measures_distance"),
     (IN_CHAIN, 'noise = 20\nmisfit = "2 %"', "[chain]", "chain.misfit_length", "found 0 m with a misfit of 0.02"),
@@ -48,7 +48,7 @@ MISTAKES = [
     (IN_CHAIN, 'phase = "any"', "phase", "chain.phase", 'found "any", expected a quantity in s or "random"'),
     (IN_CHAIN, 'rate = "0 Hz"', "rate", "chain.rate", "expected a positive quantity in Hz"),
     (IN_CHAIN, "nois = 20", "nois", "chain.nois", 'found an unknown key, expected "noise"'),
-    (IN_CHAIN, 'rate = "2 kHz"', 'rate = "1', "controller.rate", 'expected at least the rate of the sensor, 2000'),
+    (IN_CHAIN, 'rate = "2 kHz"', 'rate = "1', "controller.rate", 'expected at least 2000 Hz, the rate of the sensor'),
     (IN_CHAIN, "noise = 0", "[controller]", "controller.floor", "of the noise, but [chain] has no noise"),
     (IN_CONTROLLER, "", "[controller]", "controller", 'missing rate, expected one of rate = "1 kHz" and period'),
     (IN_CONTROLLER, 'rate = 1000\nperiod = "1 ms"', "period", "controller.period", "found both rate and period"),
@@ -56,22 +56,22 @@ MISTAKES = [
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = "1 mV"', "floor", "controller.floor", 'found "1 mV", expected counts'),
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = 0', "floor", "controller.floor", "expected a positive sensor output"),
     (IN_CONTROLLER, "rate = 1000\nfloor = 3e4", "scale", "sensor.scale", "below the controller's floor of 3e+04"),
-    (IN_CONTROLLER, "rate = 1000\nsaturation = 50", "satur", "controller.saturation", "exceed the sum of offset and"),
+    (IN_CONTROLLER, "rate = 1000\nsaturation = 50", "satur", "controller.saturation", "the sum of offset and"),
     (IN_CONTROLLER, "rate = 1000\nmedian_window = 17", "median", "controller.median_window", "from 1 (no median)"),
     (IN_CONTROLLER, "rate = 1000\nmedian_window = 3.0", "median", "controller.median_window", "a whole number of at l"),
-    (IN_CONTROLLER, "rate = 1000\nlow_pass_order = 2", "[controller]", "controller.cutoff", "a low-pass of order 2"),
+    (IN_CONTROLLER, "rate = 1000\nlow_pass_order = 2", "[controller]", "controller.cutoff", "a low-pass filter of"),
     (IN_CONTROLLER, 'rate = 1000\nlow_pass_order = 2\ncutoff = "200 Hz"', "cutoff", "controller.cutoff",
-     "must be below 125 Hz, half of the sensor's sampling rate"),
-    (IN_CONTROLLER, 'rate = 1000\ntimeout = "1 ms"', "timeout", "controller.timeout", "shorter than the time between"),
+     "expected less than 125 Hz, which is half of the sensor's sampling rate"),
+    (IN_CONTROLLER, 'rate = 1000\ntimeout = "1 ms"', "timeout", "controller.timeout", "at least the time between"),
     (IN_CONTROLLER, 'rate = 1000\ngain = "-0.7 N"', "gain", "controller.gain", "expected a quantity in N*s"),
-    (IN_CONTROLLER, "rate = 1000\ngain = 1e7", "gain", "controller.gain", "which must be within 1e6 N*s"),
+    (IN_CONTROLLER, "rate = 1000\ngain = 1e7", "gain", "controller.gain", "expected a gain between -1e6 and 1e6 N*s"),
     (IN_CONTROLLER, "rate = 1000\nlargest_force = 1e10", "largest_force", "controller.largest_force", "up to 1e+09 N"),
-    (IN_CONTROLLER, "rate = 1000\ncontact_gain = 1.5", "contact_gain", "controller.contact_gain", "a share from 0 to"),
+    (IN_CONTROLLER, "rate = 1000\ncontact_gain = 1.5", "contact_gain", "controller.contact_gain", "a fraction between"),
     (IN_CONTROLLER, 'rate = 1000\napproach_only = "yes"', "approach", "controller.approach_only", "true or false"),
     (IN_CONTROLLER, "rate = 1000\nsensor_period = 1", "sensor_p", "controller.sensor_period", "an unknown key"),
     ('kind = "impedance"', "", "[robot]", "robot.kind", 'missing, expected one of "ideal", "impedance", "position"'),
     ('"impedance"', '"impedence"', "kind", "robot.kind", 'did you mean "impedance"?'),
-    ('"impedance"', '"position"', "stiffness", "robot.stiffness", 'a key of "impedance", which "position" does not'),
+    ('"impedance"', '"position"', "stiffness", "robot.stiffness", 'belongs to "impedance", but not to'),
     ('mass = "4 kg"\n', "", "[robot]", "robot.mass", 'missing, expected a quantity in kg; add, for example'),
     ('"250 N*s/m"', '"250 N/m"', 'damping = "250', "robot.damping", "expected a quantity in N*s/m"),
     ('"250 N*s/m"', '1\nbandwidth = 80\nviscous_friction = 1', "viscous", "robot.viscous_friction", "only without a"),
@@ -82,9 +82,12 @@ MISTAKES = [
     (STIFF, "stiffness = -1", "stiffness = -1", "contact.stiffness", "a positive quantity in N/mⁿ"),
     (STIFF, "stiffness = 1e6\nexponent = 0.5", "exponent =", "contact.exponent", "found 0.5, which must be at least 1"),
     (STIFF, "stiffness = 1e6\ndamping = 1", "damping = 1", "contact.damping", 'a key of "spring-damper", which "hunt-'),
-    ("runs = 500", "runs = 0", "runs", "loop.runs", "expected a whole number of at least 1, such as 1000"),
-    ("runs = 500", "seed = -1", "seed", "loop.seed", "expected a whole number of at least 0"),
-    ("runs = 500", 'horizon = "0 s"', "horizon", "loop.horizon", "expected a positive quantity in s"),
+    ("runs = 500", "runs = 0", "runs", "verify.runs", "expected a whole number of at least 1, such as 1000"),
+    ("runs = 500", "confidence = 95", "confidence", "verify.confidence", "expected a probability between 0 and 1"),
+    ("runs = 500", "speed_tolerance = -0.1", "speed", "verify.speed_tolerance", "expected a nonnegative number"),
+    (MARGIN, "runs = 5", "runs", "loop.runs", "found a key of [verify], expected only seed, horizon, follow_time"),
+    (MARGIN, "seed = -1", "seed", "loop.seed", "expected a whole number of at least 0"),
+    (MARGIN, 'horizon = "0 s"', "horizon", "loop.horizon", "expected a positive quantity in s"),
     (MARGIN, "stability_margin = 1", "stability", "loop.stability_margin", "found 1, expected a gain margin above 1"),
     (MARGIN, 'stability_margin = "2 m"', "stability", "loop.stability_margin", 'found "2 m", expected a number'),
     ('[plant]\nposition = "0 m"', "[plant]\nmass = 4", "mass = 4", "plant.mass", "a key of [admittance] or [robot]"),
@@ -158,6 +161,7 @@ def test_the_undamaged_file_is_read(write):
         (ROBOT, "robot", "found this section without [controller]"),
         (LOOP + CHAIN, "chain", "found this section without [controller]"),
         (ROBOT + CONTACT + CONTROLLER, "controller", "found this section without [chain]"),
+        ("[verify]\nruns = 5\n", "verify", "found this section without [controller]"),
     ],
 )
 def test_a_part_of_a_loop_alone_is_refused(message, sections, named, says):
@@ -202,10 +206,10 @@ def test_several_mistakes_are_told_at_once(message):
 
 def test_a_bare_curve_is_in_the_unit_of_the_part_and_must_be_of_its_size(write, message):
     bare = LOOPED.replace('"0.533 counts"', "0.533")
-    assert load_scenario(write(bare)).part.unit == "counts"
+    assert load_scenario(write(bare)).sensor_part.unit == "counts"
     told = message(LOOPED.replace('"0.533 counts"', "1.30e-5"))
     assert "line 3: sensor.scale: found an output of 0.4877 at contact, below the controller's floor of 60" in told
-    assert "expected outputs in counts, which VCNL4010 reports, well above it" in told
+    assert "expected outputs in counts, which VCNL4010 reports, well above the floor" in told
 
 
 def test_without_any_other_unit_the_outputs_of_a_loop_share_one(message):
@@ -239,7 +243,7 @@ def test_a_margin_that_leaves_no_gain_is_placed(write):
     "axes", [{"admittance.mass": [1, 2]}, {"start": {"obstacle.position": [0.03, 0.04], "obstacle.velocity": [-1, -2]}}]
 )
 def test_a_margin_does_not_hold_for_a_sweep_that_moves_the_limit(write, axes):
-    with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: found a margin in a sweep over \w+\.\w+"):
+    with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: this sweep varies \w+\.\w+"):
         pt.sweep(load_scenario(write(LOOPED)), axes)
 
 
@@ -260,9 +264,9 @@ def test_a_start_outside_of_the_limits_is_refused(message):
 def test_a_curve_in_volts_takes_no_part_in_counts(message):
     told = message(LOOPED.replace('"0.533 counts"', '"13 uV"'))
     assert (
-        "chain.part: found a part that reports counts, but the sensor is in V (sensor.scale, line 3), expected one"
+        "chain.part: found a part that reports counts, but the outputs of the sensor curve are in V (sensor.scale, l"
         in told
     )
     table = '[sensor]\nmodel = "table"\ndistances = ["0 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'
     told = message(LOOPED.replace(SENSOR.replace("1.30e-5", '"0.533 counts"'), table))
-    assert "but the sensor is in V (sensor.outputs, line 4)" in told
+    assert "but the outputs of the sensor curve are in V (sensor.outputs, line 4)" in told

@@ -282,7 +282,7 @@ VERBS = [
     Case("letter.reproduce", {"ids": ("table-2",), "progress": print}),
     *(
         Case(f"plots.{name}", {inspect.signature(getattr(pt.plots, name)).parameters.__iter__().__next__(): RESULT})
-        for name in dir(pt.plots)
+        for name in pt.plots.__all__
     ),
 ]
 CURVE = {"x": Numbers([0.0, 1.0]), "y": Numbers([0.0, 1.0]), "low": Numbers([0.0, 1.0]), "high": Numbers([0.0, 1.0])}
@@ -338,27 +338,40 @@ VALUES = [
             "method": "auto",
             "horizon": 600.0,
             "law": Given(pt.motion.DAMPER, (1, 1.5, True, [], {}, THING, "x")),
-            "effect": pt.DragEffect(ratio=0.2),
+            "drag_effect": pt.DragEffect(ratio=0.2),
             "evaluate": pt.find_contact,
             "natural_frequency": (1.0, 10.0),
             "damping_ratio": (0.5, 2.0),
-            "quantities": ("displacement", "relative_velocity"),
-            "choice": Given(-0.7, ("1", b"1", True, 1j, [], {}, THING)),
             "gain": -0.7,
             "uncertainty": Given({"obstacle.velocity": pt.robust.Normal(mean=-0.3, deviation=0.1)}, MAPPING),
+            "loop": LOOP,
+            "stability_margin": 2.0,
+            "calibration": RESULT,
+            "pareto": pt.ParetoOptions(),
+            "robust": pt.robust.RobustOptions(),
+            "verify": pt.VerifyOptions(),
+        },
+        ("calibration",),
+    ),
+    Case(
+        "ParetoOptions",
+        {
+            "quantities": ("displacement", "relative_velocity"),
+            "choice": Given(-0.7, ("1", b"1", True, 1j, [], {}, THING)),
+        },
+    ),
+    Case(
+        "robust.RobustOptions",
+        {
             "measure": pt.robust.Expected(),
             "samples": 64,
             "validation": 64,
             "seed": 0,
             "sampling": "sobol",
             "confidence": 0.95,
-            "loop": LOOP,
-            "runs": 100,
-            "stability_margin": 2.0,
-            "calibration": RESULT,
         },
-        ("calibration",),
     ),
+    Case("VerifyOptions", {"runs": 100, "confidence": 0.95, "speed_tolerance": 0.1}),
     Case("Constraint", {"name": "excursion", "limit": 0.2}),
     Case("Term", {"quantity": "displacement", "scale": Given(0.5, CHOICE), "weight": 1.0}),
     Case("Objective", {"terms": (TERM,), "name": "own"}),
@@ -688,7 +701,7 @@ def test_every_public_name_is_tried_or_is_none_that_takes_arguments_of_a_user() 
     public = {}
     for place in ("", "robust", "plots", "report", "simulation", "control", "motion", "design", "letter"):
         room = getattr(pt, place) if place else pt
-        for name in getattr(room, "__all__", None) or dir(room):
+        for name in room.__all__:
             value = getattr(room, name)
             if callable(value) and not (inspect.isclass(value) and issubclass(value, Exception)):
                 public.setdefault(value, f"{place}.{name}".removeprefix("."))
@@ -706,7 +719,7 @@ def test_every_public_name_is_tried_or_is_none_that_takes_arguments_of_a_user() 
         (lambda: pt.verify_gain(None), "task: found None, expected a Task, such as load_scenario(path) returns"),
         (lambda: TASK.replace(bounds="x"), "bounds: found 'x', expected two numbers or None"),
         (lambda: TASK.replace(bounds=("-1", "0")), "bounds: found ('-1', '0'), expected two numbers or None"),
-        (lambda: TASK.replace(runs=True), "runs: found True, expected a whole number"),
+        (lambda: pt.VerifyOptions(runs=True), "runs: found True, expected a whole number"),
         (lambda: TASK.replace(loop=LAW), "loop: found a Controller, expected a ClosedLoop or None"),
         (lambda: pt.find_contact(SCENARIO, pt.InversePower, -0.7), "sensor: found the class InversePower, expected a"),
         (lambda: pt.find_contact(SENSOR, SCENARIO, -0.7), "scenario: found an InversePower, expected a Scenario"),
@@ -724,8 +737,11 @@ def test_every_public_name_is_tried_or_is_none_that_takes_arguments_of_a_user() 
             lambda: pt.plots.motion(SCENARIO),
             "design: found a Scenario, expected a GainDesign, which design_gain returns",
         ),
-        (lambda: SENSOR.log_slope("0.01"), "distance: found '0.01', expected a number or an array of numbers in m"),
-        (lambda: SENSOR.contains(True), "distance: found True, expected a number or an array of numbers in m"),
+        (
+            lambda: SENSOR.log_slope("0.01"),
+            "distance: found '0.01', expected a number or an array of numbers in meters",
+        ),
+        (lambda: SENSOR.contains(True), "distance: found True, expected a number or an array of numbers in meters"),
         (lambda: pt.report.panel_figure("x"), "panels: found 'x', expected a Panel"),
     ],
 )

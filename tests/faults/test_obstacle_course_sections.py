@@ -36,8 +36,14 @@ MISTAKES = [
     ('"50 ms"', '"50 mm"', 'until = "50', "obstacle.course[0].until", 'found "50 mm", expected a quantity in s'),
     ('"50 ms"', '"0 s"', 'until = "0 s"', "obstacle.course[0].until", "expected a positive quantity in s"),
     ('"50 ms"', '"inf"', 'until = "inf"', "obstacle.course[0].until", "expected a finite quantity in s"),
-    ('"0.2 s"', '"50 ms"', 'until = "50 ms"\nacc', "obstacle.course[1].until", "found 0.05 s after a stretch until"),
-    ('"0.2 s"', '"20 ms"', 'until = "20 ms"', "obstacle.course[1].until", "expected a later time"),
+    (
+        '"0.2 s"',
+        '"50 ms"',
+        'until = "50 ms"\nacc',
+        "obstacle.course[1].until",
+        "found a stretch that ends at 0.05 s",
+    ),
+    ('"0.2 s"', '"20 ms"', 'until = "20 ms"', "obstacle.course[1].until", "expected a time after"),
     ('"3 m/s^2"', '"3 m/s"', 'acceleration = "3 m', "obstacle.course[1].acceleration", "a quantity in m/s²"),
     (
         'until = "0.2 s"\n',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import pretouch as pt
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
-from pretouch.design.robust import ConditionalValueAtRisk, Expected, Quantile, WorstCase
+from pretouch.design.robust import ConditionalValueAtRisk, Expected, Quantile, RobustOptions, WorstCase
 from pretouch.uncertainty import CorrelatedNormal, Empirical, Interval, Normal, TruncatedNormal, Uniform
 from scenario_text import SENSOR, WHOLE, line_of, refusal, replaced, writer
 
@@ -51,15 +52,9 @@ def test_what_is_known_is_read_in_si_and_in_the_order_of_the_file(write):
         ("sensor.exponent", Normal(mean=3.32, deviation=0.1)),
         ("admittance.damping", Uniform(low=9.0, high=11.0)),
     ]
-    assert asked.measure == ConditionalValueAtRisk(probability=0.9)
     assert [(r.constraint.name, r.probability) for r in asked.constraints] == [("excursion", 0.99)]
-    assert (asked.samples, asked.validation, asked.seed, asked.sampling, asked.confidence) == (
-        4096,
-        4096,
-        7,
-        "sobol",
-        0.95,
-    )
+    measure = ConditionalValueAtRisk(probability=0.9)
+    assert asked.robust == RobustOptions(measure=measure, samples=4096, validation=4096, seed=7)
 
 
 def test_one_side_may_be_open_and_tables_may_be_sections(write):
@@ -79,7 +74,7 @@ def test_one_side_may_be_open_and_tables_may_be_sections(write):
 )
 def test_every_measure_is_built(write, text, measure):
     asked = load_scenario(write(WHOLE + KNOWN + "[robust]\n" + text + "\n"))
-    assert asked.measure == measure
+    assert asked.robust.measure == measure
     assert asked.constraints == load_scenario(write(WHOLE)).constraints
 
 
@@ -106,7 +101,9 @@ def test_a_robust_design_is_that_of_the_file(write):
     found = pt.robust.design_robust_gain(problem)
     assert (found.samples, found.seed, found.validation.samples) == (64, 7, 32)
     assert list(found.uncertainty) == list(problem.uncertainty)
-    other = pt.robust.design_robust_gain(problem.replace(samples=16, seed=1, validation=16))
+    other = pt.robust.design_robust_gain(
+        problem.replace(robust=replace(problem.robust, samples=16, seed=1, validation=16))
+    )
     assert (other.samples, other.seed, other.validation.samples) == (16, 1, 16)
     assert other.gain != found.gain
 
@@ -115,15 +112,15 @@ def test_a_robust_design_is_that_of_the_file(write):
 MISTAKES = [
     ('"10 cm/s"', '"10 cm"', "obstacle.vel", "uncertainty.obstacle.velocity.normal[1]", 'found "10 cm", expected a q'),
     ('"10 cm/s"', '"-10 cm/s"', "obstacle.vel", "uncertainty.obstacle.velocity.normal", "deviation of -0.1, expected"),
-    (', "10 cm/s"', "", "obstacle.vel", "uncertainty.obstacle.velocity.normal", "mean and standard deviation, such as"),
-    ('"-0.6 m/s"', '"0 m/s"', "obstacle.vel", "uncertainty.obstacle.velocity.between", "found 0 before -0.05, expect"),
-    ("normal = [3.32", "uniform = [3.32", "sensor.exp", "uncertainty.sensor.exponent.uniform", "3.32 before 0.1"),
+    (', "10 cm/s"', "", "obstacle.vel", "uncertainty.obstacle.velocity.normal", "the mean and the standard deviation"),
+    ('"-0.6 m/s"', '"0 m/s"', "obstacle.vel", "uncertainty.obstacle.velocity.between", "found 0 followed by -0.05"),
+    ("normal = [3.32", "uniform = [3.32", "sensor.exp", "uncertainty.sensor.exponent.uniform", "3.32 followed by 0.1"),
     ("{ normal = [3.32, 0.1] }", "{ norml = [1, 2] }", "sensor.exp", "uncertainty.sensor.exponent.norml", '"normal"?'),
     ("{ normal = [3.32, 0.1] }", "{}", "sensor.exp", "uncertainty.sensor.exponent", "found nothing, expected"),
     ("{ normal = [3.32, 0.1] }", "3.3", "sensor.exp", "uncertainty.sensor.exponent", "found 3.3, expected a table"),
     ("[3.32, 0.1] }", "[3.32, 0.1], uniform = [3, 4] }", "sensor.exp", "uncertainty.sensor.exponent", "exactly one"),
     ("{ uniform = [\"38", "{ between = [0, 1], uniform = [\"38", "obstacle.p", "uncertainty.obstacle.position.between",
-     "expected it only with normal"),
+     "expected between only with normal"),
     ('["2 cm/s", "0 m/s", "1 cm/s"]', '["2 cm/s"]', "plant.v", "uncertainty.plant.velocity.samples", "a list of two"),
     ("sensor.exponent", "sensor.rate", "sensor.rate", "uncertainty.sensor.rate", "expected one of: distance_off"),
     ("sensor.exponent", "sensor.order", "sensor.order", "uncertainty.sensor.order",
@@ -137,14 +134,14 @@ MISTAKES = [
     ("obstacle.position =", "obstacle.positon =", "obstacle.positon", "uncertainty.obstacle.positon", "an unknown"),
     ("plant.velocity", "plnt.velocity", "plnt", "uncertainty.plnt", 'expected "plant"'),
     ("admittance.damping = { uniform", "admittance.damping = { interval", "admittance.d",
-     "uncertainty.admittance.damping.interval", 'together with measure = "tail-mean"; expected uniform'),
+     "uncertainty.admittance.damping.interval", 'but measure = "tail-mean" needs probabilities; expected uniform'),
     ('["9 N*s/m", "11 N*s/m"]', '["-11 N*s/m", "-9 N*s/m"]', "[uncertainty]", "uncertainty", "found -10 N*s/m"),
     ("admittance.damping = {", "admittance.natural_frequency = { uniform = [4, 6] }\nadmittance.damping = {",
-     "[uncertainty]", "uncertainty", "expected damping and stiffness, or natural frequency"),
+     "[uncertainty]", "uncertainty", "expected either damping and stiffness, or natural frequency"),
     ('"tail-mean"', '"mean"', "measure", "robust.measure", 'found "mean", expected one of "expected"'),
-    ("probability = 0.9", "", "[robust]", "robust", "missing probability, which tail-mean needs"),
+    ("probability = 0.9", "", "[robust]", "robust", "the probability is missing, which the measure tail-mean needs"),
     ("probability = 0.9", "probability = 1.0", "probability", "robust.probability", "between 0 and 1, such as 0.95"),
-    ('"tail-mean"', '"expected"', "probability", "robust.probability", "found a probability together with expected"),
+    ('"tail-mean"', '"expected"', "probability", "robust.probability", "the measure expected does not"),
     ("seed = 7", "seed = -1", "seed", "robust.seed", "found -1, expected a whole number of at least 0"),
     ("seed = 7", "seed = true", "seed", "robust.seed", "found true, expected a whole number"),
     ("seed = 7", "samples = 1", "samples", "robust.samples", "a whole number of at least 2"),
@@ -154,7 +151,7 @@ MISTAKES = [
     ("seed = 7", "sed = 7", "sed", "robust.sed", 'expected "seed"'),
     ("{ excursion = 0.99 }", "{ excursion = 99 }", "required", "robust.required.excursion", "found 99, expected"),
     ("{ excursion = 0.99 }", "{ excursn = 0.9 }", "required", "robust.required.excursn", 'a constraint "excursn"'),
-    ("{ excursion = 0.99 }", "{ time = 0.9 }", "required", "robust.required.time", "expected time in [constraints]"),
+    ("{ excursion = 0.99 }", "{ time = 0.9 }", "required", "robust.required.time", "expected the constraint time in"),
     ("{ excursion = 0.99 }", "0.9", "required", "robust.required", "expected constraints and probabilities, such as"),
 ]  # fmt: skip
 
@@ -211,13 +208,13 @@ def test_the_covariance_of_a_calibration_is_taken(write, tmp_path):
     assert known.names == ("sensor.distance_offset", "sensor.exponent")
     best = problem.calibration.best
     np.testing.assert_array_equal(known.covariance, best.covariance[1:, 1:])
-    found = pt.robust.design_robust_gain(problem.replace(samples=128, validation=128))
+    found = pt.robust.design_robust_gain(problem.replace(robust=replace(problem.robust, samples=128, validation=128)))
     assert found.gain == pytest.approx(found.nominal_gain, rel=0.05)
     own = text + 'sensor.recess = { uniform = ["0 mm", "1 mm"] }\n'
     recessed = own.replace("minimum_distance = 0", 'minimum_distance = "0 mm"\nrecess = "0.5 mm"')
     assert list(load_scenario(write(recessed)).uncertainty) == ["calibration", "sensor.recess"]
     told = refusal(write(text + "sensor.exponent = { normal = [2.2, 0.1] }\n"))
-    assert "uncertainty.sensor.exponent: found sensor.exponent together with sensor.parameters" in told
+    assert "uncertainty.sensor.exponent: found the input sensor.exponent twice, alone and in sensor.parameters" in told
 
 
 def test_a_curve_whose_parameters_run_away_has_no_covariance(write, tmp_path):

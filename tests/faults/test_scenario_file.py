@@ -38,6 +38,11 @@ def test_the_file_of_the_issue_is_read_in_si(write):
 VALUES = [
     ('"10 N*s/m"', '"10 N/m"', "damping", "admittance.damping", '"10 N/m"', "a quantity in N*s/m"),
     ('"10 N*s/m"', '"-1 N*s/m"', "damping", "admittance.damping", '"-1 N*s/m"', "a nonnegative quantity in N*s/m"),
+    ('"1 kg"', '"1"', "mass", "admittance.mass", '"1"', '"1 kg", or 1 without quotes, which is in kg'),
+    ('"42.2 mm"', '"4.2"', "position", "obstacle.position", '"4.2"', '"4.2 mm", or 4.2 without quotes, which is in m'),
+    ('"42.2 mm"', '"42.2"', "position", "obstacle.position", '"42.2"', 'unit, such as "42.2 mm" or "42.2 m"'),
+    ("1.30e-5", '"1.3"', "scale", "sensor.scale", '"1.3"', '"1.3 V" or "1.3 counts", or 1.3 without quotes'),
+    ('"-10 N*s"', '"-10"', "bounds", "gain.bounds[0]", '"-10"', '"-10 N*s", or -10 without quotes, which is in N*s'),
     ('"1 kg"', '"0 kg"', "mass", "admittance.mass", '"0 kg"', "a positive quantity in kg"),
     ('"1 kg"', "true", "mass", "admittance.mass", "true", "a quantity in kg"),
     ('"1 kg"', "[1, 2]", "mass", "admittance.mass", "a list of 2 values", "a quantity in kg"),
@@ -101,7 +106,7 @@ KEYS = [
     ("exponent = 3.32", "", "[sensor]", "sensor.exponent", "missing, expected a number; add, for example: exponent = "),
     ('mass = "1 kg"', "", "[admittance]", "admittance.mass", 'add, for example: mass = "1 kg"'),
     ('bounds = ["-10 N*s", "-0.01 N*s"]', "", "[gain]", "gain.bounds", 'add, for example: bounds = ["-10 N*s"'),
-    ("exponent = 3.32", "exponent = 3\nrate = -60", "rate", "sensor.rate", 'which "inverse-power" does not have'),
+    ("exponent = 3.32", "exponent = 3\nrate = -60", "rate", "sensor.rate", 'but not to "inverse-power"'),
     ("exponent = 3.32", "exponent = 3\nselect = {}", "select", "sensor.select", "only together with calibration"),
     (
         "model =",
@@ -118,11 +123,17 @@ KEYS = [
         "found together with mass",
     ),
     ("exponent = 3.32", "exponent = 3\nmass = 1", "mass", "sensor.mass", "found a key of [admittance]"),
-    ("[sensor]", 'mass = "1 kg"\n[sensor]', "mass", "mass", "outside of a section, expected it in [admittance]"),
+    ("[sensor]", 'mass = "1 kg"\n[sensor]', "mass", "mass", "outside of a section, expected the key in [admittance]"),
     ('velocity_scale = "0.3 m/s"', "", "[objective]", "objective", "missing velocity_scale"),
     ("velocity_scale", "force_scale = 1\nvelocity_scale", "force_scale", "objective.force_scale", "found both"),
     ("velocity_scale", "force_weight = 1\nvelocity_scale", "force_weight", "objective.force_weight", "without force"),
-    ("velocity_scale", "time_scale = 1\nvelocity_scale", "time_scale", "objective.time_scale", 'a key of "time"'),
+    (
+        "velocity_scale",
+        "time_scale = 1\nvelocity_scale",
+        "time_scale",
+        "objective.time_scale",
+        'a key that belongs to "time"',
+    ),
 ]
 
 
@@ -174,8 +185,8 @@ def test_an_empty_file_misses_every_required_section(message):
 @pytest.mark.parametrize(
     ("old", "new", "line", "says"),
     [
-        ('"1 kg"', "1 kg", 7, 'a quantity with a unit is text, expected mass = "1 kg"'),
-        ('"1 kg"', "1,5", 7, "expected a decimal point instead of the comma: mass = 1.5"),
+        ('"1 kg"', "1 kg", 7, 'a quantity with a unit needs quotation marks: mass = "1 kg"'),
+        ('"1 kg"', "1,5", 7, "write a decimal point instead of the comma: mass = 1.5"),
         ('"inverse-power"', "inverse-power # L(3)", 2, 'text needs quotes, expected model = "inverse-power"'),
         ('"1 kg"', '"1 kg', 7, "not valid TOML"),
         ('mass = "1 kg"', 'mass = "1 kg"\nmass = 2', 8, "this key is given twice, expected once"),
@@ -199,9 +210,11 @@ def test_line_ends_and_byte_order_mark_change_nothing(write, message):
 
 
 def test_a_text_that_is_no_utf_8_is_refused_with_its_line(message):
-    assert message(WHOLE.encode("utf-16")).startswith("approach.toml, line 1: found text in UTF-16, expected UTF-8")
+    assert message(WHOLE.encode("utf-16")).startswith(
+        "approach.toml, line 1: found text in UTF-16, expected text in UTF-8"
+    )
     told = message(replaced('"1 kg"', '"1 kg" # \xe9').encode("latin-1"))
-    assert told.startswith("approach.toml, line 7: found the byte 0xe9, expected text in UTF-8")
+    assert told.startswith("approach.toml, line 7: found the byte 0xe9, which is not valid in UTF-8")
 
 
 def test_a_file_that_cannot_be_read_is_refused_with_its_name(write, tmp_path):
@@ -209,7 +222,7 @@ def test_a_file_that_cannot_be_read_is_refused_with_its_name(write, tmp_path):
     cases = {
         "aproach.toml": "aproach.toml: there is no such file; did you mean approach.toml?",
         "nothing.toml": "nothing.toml: there is no such file",
-        ".": ".: found a folder, expected a scenario file (TOML)",
+        ".": ".: this path is a folder, expected a scenario file (TOML)",
         "a\0b": "cannot be read",
     }
     for name, says in cases.items():

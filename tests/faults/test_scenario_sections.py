@@ -73,13 +73,15 @@ def test_a_sensor_that_is_none_is_refused_at_its_key(message, sensor, key, says)
 def test_a_sensor_that_does_not_reach_contact_is_refused_with_the_way_out(message):
     table = 'model = "table"\ndistances = ["5 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'
     told = message("[sensor]\n" + table + WHOLE.replace(SENSOR, ""))
-    assert "line 1: sensor: found a valid range that starts 5 mm in front of" in told
+    assert "line 1: sensor: found a curve that starts 5 mm from contact, expected one down to contact" in told
     assert 'recess = "5 mm"' in told
 
 
 def test_an_encounter_that_starts_beyond_the_sensor_is_refused(message):
     told = message(replaced("exponent = 3.32", 'exponent = 3.32\nmaximum_distance = "42 mm"'))
-    assert "obstacle.position: found a distance of 42.2 mm at the start, expected at most 42 mm" in told
+    assert (
+        "obstacle.position: the encounter starts at a distance of 42.2 mm, but the sensor curve ends at 42 mm" in told
+    )
 
 
 def test_natural_frequency_is_in_rad_per_second_and_never_in_hertz(write, message):
@@ -114,7 +116,7 @@ def test_objectives_and_impact_are_built(write, message):
     assert spring.impact.obstacle_mass == math.inf
     assert load_scenario(write(objective(force, hertz))).impact.radius == 0.01
     told = message(objective(force))
-    assert "objective.force_scale: found impact_force without [impact], expected [impact]" in told
+    assert "objective.force_scale: the quantity impact_force needs the section [impact]; add this section" in told
 
     terms = 'kind = "custom"\nterms = [\n  { quantity = "time", scale = "1 s" },\n  %s,\n]\n'
     custom = load_scenario(write(objective(terms % '{ quantity = "largest_speed", scale = "1 m/s", weight = 3 }')))
@@ -141,7 +143,7 @@ def test_the_speed_of_an_obstacle_at_rest_is_no_scale(message):
 
 def test_a_limit_that_needs_the_physical_mass_says_so(message):
     told = message(WHOLE + 'impact_force = "10 N"\n')
-    assert "line 27: constraints.impact_force: found impact_force without [impact]" in told
+    assert "line 27: constraints.impact_force: the quantity impact_force needs the section [impact]" in told
 
 
 def test_method_and_horizon(write, message):
@@ -202,7 +204,10 @@ def test_the_example_of_the_reference_is_read(write):
 def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, message):
     """60 is 60 m; who means that says it. The largest number without a unit is 5."""
     text = message(replaced('"42.2 mm"', "60"))
-    assert "obstacle.position: found 60, expected a quantity with its unit, because a bare number is in m" in text
+    assert (
+        "obstacle.position: found 60, expected a quantity with its unit, because a number without a unit is read in m"
+        in text
+    )
     assert 'did you mean "60 mm"? Otherwise write "60 m"' in text
     assert load_scenario(write(replaced('"42.2 mm"', '"60 m"'))).scenario.distance == 60.0
     assert load_scenario(write(replaced('"42.2 mm"', "5"))).scenario.distance == 5.0
@@ -211,4 +216,5 @@ def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, 
 def test_an_object_that_recedes_is_told_that_an_approach_is_negative(write):
     found = pt.design_gain(load_scenario(write(replaced('"-0.3 m/s"', '"0.3 m/s"'))))
     assert found.status.value == "no-contact"
-    assert found.warnings[0].endswith("The object recedes: an approach has a negative velocity.")
+    first = "every gain ended without contact, because the object recedes: an approach has a negative velocity."
+    assert found.warnings[0].startswith(first)

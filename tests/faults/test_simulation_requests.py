@@ -28,9 +28,9 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: pt.SensorChain(rate=0.0), "rate: found 0 Hz, which must be positive"),
         (lambda: pt.SensorChain(rate=100.0, exposure=0.02), "longer than the period of 0.01 s"),
         (lambda: pt.SensorChain(rate=100.0, delay=-1e-3), "delay: found -0.001 s, which must not be negative"),
-        (lambda: pt.SensorChain(rate=100.0, jitter=0.003), "more than a quarter of the period"),
+        (lambda: pt.SensorChain(rate=100.0, jitter=0.003), "at most a quarter of the period"),
         (lambda: pt.SensorChain(rate=100.0, dropout=1.0), "below 1"),
-        (lambda: pt.SensorChain(rate=100.0, lowest=1.0, highest=1.0), "must exceed the lowest reading"),
+        (lambda: pt.SensorChain(rate=100.0, lowest=1.0, highest=1.0), "expected a number above the lowest reading"),
         (lambda: pt.SensorChain(rate=100.0, noise=math.nan), "noise: found nan"),
         (lambda: pt.SensorChain(rate=100.0, highest=math.nan), "highest: found nan"),
         (lambda: pt.SensorChain(rate=[100.0, 200.0]), "rate: found an array"),
@@ -48,19 +48,22 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         ),
         (lambda: pt.simulation.HuntCrossley(stiffness=1e5, obstacle_mass=0.0), "obstacle_mass: found 0 kg"),
         (lambda: pt.simulation.SpringDamper(stiffness=1e5, damping=-1.0), "damping: found -1"),
-        (lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.004, delay=0.001), "less than half of the exposure"),
+        (
+            lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.004, delay=0.001),
+            "expected at least half of the exposure",
+        ),
         (lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.02, delay=0.1), "longer than the period"),
         (lambda: pt.simulation.LoopTiming(rate=100.0, sections=[(1.0, 0.0)]), "sections: found the row"),
         (lambda: simulate(runs=0), "runs: found 0, expected a whole number from 1"),
         (
             lambda: simulate(runs=10**12),
-            "runs: found 1,000,000,000,000, which would take 1,720,000 GB",
+            "runs: found 1,000,000,000,000, which would need 1,720,000 GB",
         ),
         (lambda: simulate(seed=-1), "seed: found -1"),
         (
             lambda: simulate(horizon=5e9),
             "loop horizon: found 5e+09 s, which is 5e+12 steps of a controller with a period of 1 ms, expected at most "
-            "20,000,000 of them, 2e+04 s",
+            "2e+04 s",
         ),
         (
             lambda: simulate(horizon=10.0, chain=pt.SensorChain(rate=1e9)),
@@ -76,15 +79,15 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         ),
         (
             lambda: simulate(chain=pt.SensorChain(rate=1e5, delay=1e3)),
-            "chain delay: found up to 1e+08 undelivered readings",
+            "chain delay: up to 1e+08 readings would wait for delivery",
         ),
         (lambda: simulate(horizon=0.0), "horizon: found 0 s"),
         (lambda: simulate(contact=pt.simulation.SpringDamper(stiffness=1e5)), "an ideal plant has no mass"),
         (lambda: simulate().trace(3), "index: found 3"),
-        (lambda: simulate(runs=4).trace(), "more than one of the runs"),
+        (lambda: simulate(runs=4).trace(), "selects several runs"),
         (
             lambda: pt.simulation.lowest_rate(SENSOR, ADMITTANCE, 0.5, distance=0.0),
-            "gain: found 0.5 N s, which must be negative",
+            "gain: found 0.5 N s, expected a negative value",
         ),
         (
             lambda: pt.simulation.gain_limit(SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=-1.0),

@@ -13,9 +13,9 @@ import pytest
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError, MissingExtraError
 from pretouch.cli import sweep as cli_sweep
-from pretouch.sweep import executors
-from pretouch.sweep.axes import read_axis
-from pretouch.sweep.executors import Progress
+from pretouch.sweeps import executors
+from pretouch.sweeps.axes import read_axis
+from pretouch.sweeps.executors import Progress
 from sweep_samples import CONSTANT, CURVED, OBJECTIVE, SCENARIO
 
 DESIGN: dict[str, Any] = {"objective": OBJECTIVE, "bounds": (-10.0, -0.01)}
@@ -29,14 +29,18 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
         (
             {"velocity": [-0.3]},
             {"gain": -0.5},
-            r"found 'velocity'.* did you mean obstacle\.velocity or plant\.velocity",
+            r"the name 'velocity' is not .* did you mean obstacle\.velocity or plant\.velocity",
         ),
-        ({"obstacle.velocty": [-0.3]}, {"gain": -0.5}, r"found 'obstacle\.velocty'.* did you mean obstacle\.velocity"),
+        (
+            {"obstacle.velocty": [-0.3]},
+            {"gain": -0.5},
+            r"'obstacle\.velocty' is not .* did you mean obstacle\.velocity",
+        ),
         ({"nonsense": [1.0]}, {"gain": -0.5}, "is not an input of this sweep; expected one of"),
         ({"sensor.rate": [-60.0]}, {"gain": -0.5}, "not an input of this sweep"),
         ({"constraint.excursion": [0.1]}, DESIGN, "not an input of this sweep"),
-        ({"obstacle.velocity": []}, {"gain": -0.5}, "expected a row of at least one value"),
-        ({"obstacle.velocity": [[-0.3]]}, {"gain": -0.5}, "expected a row"),
+        ({"obstacle.velocity": []}, {"gain": -0.5}, "expected a list of one or more values"),
+        ({"obstacle.velocity": [[-0.3]]}, {"gain": -0.5}, "expected a list"),
         (
             {"obstacle.velocity": [-0.3, np.nan]},
             {"gain": -0.5},
@@ -62,24 +66,24 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
             {"gain": -0.5, "results": ["speed"]},
             "results: found 'speed', expected one of",
         ),
-        ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["objective"]}, "which needs designs"),
-        ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["impact_force"]}, "without an impact model"),
+        ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["objective"]}, "needs designs"),
+        ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["impact_force"]}, "needs an impact model"),
         (
             {"sample": {"obstacle.velocity": [-0.3, -0.2], "plant.velocity": [0.0]}},
             {"gain": -0.5},
             "found 2 values of obstacle.velocity, 1 values of plant.velocity along sample",
         ),
-        ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "expected a custom name"),
-        ({"time": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "found 'time', which is the name of a result"),
+        ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "expected a name of your own"),
+        ({"time": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "the name 'time' is already the name of a result"),
         (
             {"a": {"plant.velocity": [0.0]}, "plant.velocity": [0.1]},
             {"gain": -0.5},
-            r"found plant\.velocity twice, expected each input only once",
+            r"the input plant\.velocity occurs twice",
         ),
         (
             {"admittance.natural_frequency": [5.0], "admittance.damping": [1.0]},
             {"gain": -0.5},
-            "expected damping and stiffness, or natural frequency and damping ratio",
+            "expected either damping and stiffness, or natural frequency and damping ratio",
         ),
     ],
 )
@@ -135,7 +139,8 @@ def test_a_library_that_is_not_installed_is_named_with_what_installs_it(
     monkeypatch.setattr(sys, "meta_path", [Hidden(), *sys.meta_path])
     extra = "dask" if library == "distributed" else "sweep"
     with pytest.raises(
-        MissingExtraError, match=rf"{library}: found no such library.*pip install 'pretouch\[{extra}\]'"
+        MissingExtraError,
+        match=rf"{library}: this call needs a library that is not installed.*pip install 'pretouch\[{extra}\]'",
     ):
         pt.sweep(
             pt.Task(SCENARIO, CURVED),

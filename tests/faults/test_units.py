@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pretouch._core.errors import UnitError
-from pretouch._core.units import format_quantity, parse_unit, to_si
+from pretouch._core.units import format_quantity, parse_unit, read_quantity, to_si
 from properties import examples
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -105,10 +105,10 @@ def test_division_binds_from_the_left_and_powers_first() -> None:
         ("m^100", "an exponent must be an integer up to 99"),
         ("m^" + "9" * 5000, "an exponent must be an integer up to 99"),
         ("N/m s", "the space before 's' is ambiguous"),
-        ("nm^-40", "its factor to SI is zero or infinite"),
-        ("km^99/nm^99", "its factor to SI is zero or infinite"),
-        ("1/(nm^36)", "its factor to SI is zero or infinite"),
-        ("((nm^36))^9", "its factor to SI is zero or infinite"),
+        ("nm^-40", "the conversion factor to SI units would be zero or infinite"),
+        ("km^99/nm^99", "the conversion factor to SI units would be zero or infinite"),
+        ("1/(nm^36)", "the conversion factor to SI units would be zero or infinite"),
+        ("((nm^36))^9", "the conversion factor to SI units would be zero or infinite"),
         ("(" * 5000 + "m", "it has more than 7 nested parentheses"),
     ],
 )
@@ -144,7 +144,6 @@ def test_what_is_no_unit_is_refused_with_the_reason(text: str, reason: str) -> N
         (".5 m", "m", 0.5),
         ("5. m", "m", 5.0),
         ("+5E-1 m", "m", 0.5),
-        ("42.2", "m", 42.2),
         ("  42.2   mm  ", "m", 0.0422),
         ("inf mm", "m", math.inf),
         ("-inf", "m", -math.inf),
@@ -169,19 +168,30 @@ def test_a_multiple_of_a_unit_is_rounded_once(x: float) -> None:
 
 
 @given(x=FINITE)
-def test_a_bare_number_is_taken_as_si_however_it_is_written(x: float) -> None:
-    assert to_si(x, "m", name="length") == to_si(repr(x), "m", name="length") == to_si(f"{x!r} m", "m", name="l") == x
+def test_a_bare_number_is_taken_as_si_and_as_text_only_if_bare_text_is_allowed(x: float) -> None:
+    assert to_si(x, "m", name="length") == to_si(f"{x!r} m", "m", name="l") == x
+    assert to_si(repr(x), "m", name="length", bare_text=True) == x
+    with pytest.raises(UnitError, match="expected a number with its unit"):
+        to_si(repr(x), "m", name="length")
+
+
+def test_an_option_of_the_command_line_may_be_a_bare_number() -> None:
+    assert read_quantity("-0.7", "N*s", name="--gain") == read_quantity("-0.7 N*s", "N*s", name="--gain") == -0.7
 
 
 @pytest.mark.parametrize(
     ("value", "unit", "reason"),
     [
+        ("42.2", "m", """found '42.2', expected a number with its unit, such as "42.2 mm", or 42.2 without quotes"""),
+        ("1", "kg", """such as "1 kg", or 1 without quotes, which is in kg"""),
+        (" -0.3 ", "m/s^2", """such as "-0.3 m/s²", or -0.3 without quotes, which is in m/s²"""),
+        ("1e-3", "s", """such as "1e-3 ms", or 0.001 without quotes, which is in s"""),
         ("42.2 mm", "m/s", "found '42.2 mm', expected a quantity in m/s"),
         ("5 N*s", "N*s/m", "found '5 N*s', expected a quantity in N*s/m"),
         ("5 m", "", "found '5 m', expected a quantity in a pure number"),
         ("5 %", "m", "found '5 %', expected a quantity in m"),
         ("5 counts", "V", "found '5 counts', expected a quantity in V"),
-        ("5 parsec", "m", "'parsec' is not a unit: 'parsec' is unknown (known are m, s, g,"),
+        ("5 parsec", "m", "'parsec' is not a unit: the symbol 'parsec' is unknown; known symbols are m, s, g,"),
         ("42,2 mm", "m", "cannot read ',2 mm'"),
         ("3 1 mm", "m", "cannot read 'mm'"),
         ("", "m", "found '', expected a number with a unit of m"),
@@ -192,7 +202,7 @@ def test_a_bare_number_is_taken_as_si_however_it_is_written(x: float) -> None:
         ("--5 m", "m", "expected a number with a unit of m"),
         ("1e999 m", "m", "found '1e999 m', which is larger than any float"),
         ("1e308 km", "m", "found '1e308 km', which is larger than any float"),
-        (10**400, "m", "found an integer larger than any float, expected m"),
+        (10**400, "m", "found an integer that is too large for a floating-point number (m expected)"),
         (math.nan, "m", "found nan, expected a quantity in m"),
         (True, "m", "found True, expected a number or text with a unit of m"),
         (None, "m", "found None, expected a number or text with a unit of m"),

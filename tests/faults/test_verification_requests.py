@@ -21,28 +21,28 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
     [
         (lambda: verdict(QUICK, runs=0), "runs: found 0, expected a positive whole number"),
         (lambda: verdict(QUICK, runs=True), "runs: found True"),
-        (lambda: verdict(QUICK, runs=10**12), "runs: found 1,000,000,000,000, which would take"),
+        (lambda: verdict(QUICK, runs=10**12), "runs: found 1,000,000,000,000, which would need"),
         (lambda: verdict(QUICK, confidence=1.0), "confidence: found 1, expected a number between 0 and 1"),
         (lambda: verdict(QUICK, gain=float("nan")), "gain: found nan"),
         (lambda: verdict(QUICK, bounds=(-0.1, -1.0)), "bounds: found [-0.1, -1] N*s"),
         (lambda: verdict(replace(QUICK, seed=-1), runs=1), "seed: found -1"),
-        (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), "without the method with_value"),
+        (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), "has no method with_value"),
         (lambda: verdict(QUICK.law), "loop: found a Controller, expected a ClosedLoop"),
         (
             lambda: verdict(replace(QUICK, horizon=0.1)),
-            "loop horizon: found 0.1 s, but contact is predicted after",
+            "loop horizon: found 0.1 s, but contact is predicted only after",
         ),
         (
             lambda: verdict(QUICK, constraints=[velocity_limit(0.1), velocity_limit(0.2)]),
-            "constraint relative_velocity: found twice",
+            "constraint relative_velocity: this constraint is given twice",
         ),
         (
             lambda: verdict(QUICK, constraints=[pt.Constraint(name="impact_force", limit=10.0)]),
-            "impact_force: needs the physical properties",
+            "impact_force: this quantity depends on the physical masses",
         ),
         (
             lambda: verdict(QUICK, uncertainty={"admittance.mass": pt.robust.Uniform(low=1.0, high=2.0)}),
-            "a number in the controller and known exactly",
+            "a number in the controller and therefore known exactly",
         ),
         (
             lambda: verdict(QUICK, uncertainty={"obstacle.speed": pt.robust.Uniform(low=1.0, high=2.0)}),
@@ -50,7 +50,7 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
         ),
         (
             lambda: pt.verify_gain(pt.Task(SEVERAL, SENSOR, OBJECTIVE, loop=QUICK, bounds=BOUNDS)),
-            "scenario: found encounters of shape (2,), expected one",
+            "scenario: found an array of encounters of shape (2,), expected a single",
         ),
     ],
 )
@@ -62,14 +62,17 @@ def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], mess
 @pytest.mark.parametrize("verb", [pt.verify_gain, pt.simulate_encounter])
 def test_the_law_of_a_task_is_that_of_its_loop(verb: Callable[[pt.Task], Any]) -> None:
     drag = replace(QUICK, law=replace(QUICK.law, law=pt.control.VirtualDrag(drag=0.0144, noise=1e-3)))
-    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(1e-3, 0.1), gain=0.0144, loop=drag, runs=2)
+    task = pt.Task(
+        SCENARIO, SENSOR, OBJECTIVE, bounds=(1e-3, 0.1), gain=0.0144, loop=drag, verify=pt.VerifyOptions(runs=2)
+    )
     assert task.law is pt.motion.DRAG
     assert task.replace(loop=QUICK, gain=-0.7).law is pt.motion.DAMPER
     with pytest.raises(
-        pt.errors.InvalidInputError, match=r"^law: found virtual-damper, but the controller of the loop is a .*drag$"
+        pt.errors.InvalidInputError,
+        match=r"^law: the task has the law virtual-damper, but the controller of the loop has the law .*drag; use",
     ):
         verb(task.replace(law="virtual-damper"))
     with pytest.raises(
-        pt.errors.InvalidInputError, match=r"^law: found 'friction', .* expected one of virtual-damper, "
+        pt.errors.InvalidInputError, match=r"^law: found 'friction', expected a law in continuous time: virtual"
     ):
         task.replace(law="friction")

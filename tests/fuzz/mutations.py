@@ -46,7 +46,7 @@ ADDITIONS = (
     "uncertainty.sensor.exponent = { samples = [3.1, 3.3, 3.5] }",
     'robust.measure = "worst-case"',
     'robust.measure = "quantile"',
-    "loop.runs = 50",
+    "verify.runs = 50",
     "loop.stability_margin = 3.0",
     'loop.horizon = "0.2 s"',
     "controller.low_pass_order = 2",

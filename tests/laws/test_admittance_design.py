@@ -201,7 +201,7 @@ def test_infeasible_and_no_contact_are_statuses(letter_encounter: Scenario) -> N
     assert design.status is DesignStatus.INFEASIBLE
     assert design.gain is None
     assert design.best_ratio > 1
-    assert "Infeasible: no gain and admittance" in str(design)
+    assert "Infeasible: within the bounds, no gain and admittance" in str(design)
     with pytest.raises(ResultUnavailableError, match="infeasible"):
         _ = design.admittance
     assert json.loads(json.dumps(design.to_dict(), allow_nan=False))["status"] == "infeasible"
@@ -236,7 +236,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     assert together["certificate"]["residual"] == design.certificate.residual
     assert len(together["map"]["objective"]) == design.map.objective.size
     text = str(design)
-    assert text.startswith("Optimal admittance: natural frequency 2 rad/s")
+    assert text.startswith("The optimal admittance has a natural frequency of 2 rad/s")
     assert "% less than with the unchanged admittance" in text
     assert "At this admittance: Optimal gain" in text
     assert "<table" in design._repr_html_()

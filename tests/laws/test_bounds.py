@@ -69,10 +69,17 @@ def test_a_design_at_a_bound_has_that_bound(ends: tuple[float, float], which: in
         "loop": pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, evaluate=loop_of())).gain,
         "several": set(pt.design_gain(pt.Task(several, SENSOR, OBJECTIVE, bounds=ends)).gain),
         "robust": pt.robust.design_robust_gain(
-            pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, uncertainty=uncertainty, samples=32, validation=32)
+            pt.Task(
+                SCENARIO,
+                SENSOR,
+                OBJECTIVE,
+                bounds=ends,
+                uncertainty=uncertainty,
+                robust=pt.robust.RobustOptions(samples=32, validation=32),
+            )
         ).gain,
         "verdict": pt.verify_gain(
-            pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop_of(), bounds=ends, runs=2)
+            pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop_of(), bounds=ends, verify=pt.VerifyOptions(runs=2))
         ).loss.loop_gain,
         "admittance": pt.design_admittance(
             pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, damping_ratio=(0.7, 1.3))

@@ -206,7 +206,9 @@ def test_a_known_acceleration_is_fed_forward_while_the_object_approaches() -> No
     assert (found[:51, FORCE] == 0.0).all()
     assert (found[51:100, FORCE] <= -2.0).all()
     assert (found[130:, FORCE] == 0.0).all(), "over 20 ms after the last rise"
-    with pytest.raises(InvalidInputError, match=r"known_acceleration: found 9\.81 m/s\^2, expected 0 or less"):
+    with pytest.raises(
+        InvalidInputError, match=r"known_acceleration: found 9\.81 m/s\^2, expected 0 or a negative number"
+    ):
         VirtualDrag(drag=0.01, noise=0.0, known_acceleration=9.81)
 
 
@@ -219,7 +221,7 @@ def test_a_loop_tries_values_of_its_coefficient() -> None:
     assert found[1] == one
     # half of the coefficient takes half of ln(1/rho)
     assert -found / 0.3 == pytest.approx(np.array([1.0, SHARE**0.5, SHARE]), rel=0.05)
-    with pytest.raises(InvalidInputError, match=r"the law VirtualDrag, which has no gain; use with_value"):
+    with pytest.raises(InvalidInputError, match=r"the law VirtualDrag has no gain; use the method with_value"):
         loop.law.with_gain(-0.7)
 
 

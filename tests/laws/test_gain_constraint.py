@@ -118,8 +118,7 @@ def test_arrays_of_encounters_are_limited_each() -> None:
 def test_a_robust_gain_keeps_the_limit_in_every_sample() -> None:
     options: dict[str, Any] = {
         "uncertainty": {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
-        "samples": 128,
-        "validation": 128,
+        "robust": pt.robust.RobustOptions(samples=128, validation=128),
     }
     for constraint in (limited(0.3), pt.robust.Required(constraint=limited(0.3), probability=0.9)):
         found = pt.robust.design_robust_gain(
@@ -138,8 +137,7 @@ def test_a_robust_gain_keeps_the_limit_in_every_sample() -> None:
             OBJECTIVE,
             bounds=BOUNDS,
             constraints=[limited(0.3)],
-            measure=pt.robust.WorstCase(),
-            **options,
+            **{**options, "robust": replace(options["robust"], measure=pt.robust.WorstCase())},
         )
     )
     assert worst.gain == pytest.approx(-0.3, rel=SAME)

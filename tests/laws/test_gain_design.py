@@ -151,6 +151,20 @@ def test_constraints_that_exclude_each_other_are_reported_together(letter_encoun
     assert ratios[0] == pytest.approx(ratios[1], rel=1e-6)
 
 
+def test_a_limit_that_no_gain_meets_and_those_that_it_conflicts_with_are_named_at_one_gain(
+    letter_encounter: Scenario,
+) -> None:
+    limits = [Constraint(name=name, limit=limit) for name, limit in (("excursion", 5e-4), ("relative_velocity", 0.06))]
+    limits.append(Constraint(name="time", limit=10.0))  # met, so it is no part of the conflict
+    design = design_gain(Task(letter_encounter, CURVES["inverse-power"], F1, bounds=BOUNDS, constraints=limits))
+    assert not design.constraints[0].achievable
+    assert design.headline.count("D_p =") == 1
+    assert f"nearest, at {design.number.equals(float(design.nearest.gain))}:" in design.headline
+    assert "excursion and relative_velocity cannot be met together" in design.headline
+    assert "within the bounds, excursion alone is at least 0.95" in design.headline
+    assert "time" not in design.headline
+
+
 def test_no_contact_is_a_status(letter_first_order: ExponentialFirstOrder) -> None:
     """The plant is called back to -0.2 m, the obstacle rests at 0.03 m: never in contact."""
     scenario = Scenario(
@@ -159,7 +173,7 @@ def test_no_contact_is_a_status(letter_first_order: ExponentialFirstOrder) -> No
     design = design_gain(Task(scenario, letter_first_order, F1, bounds=BOUNDS))
     assert design.status is DesignStatus.NO_CONTACT
     assert design.result is None
-    assert "never-in-contact" in " ".join(design.warnings)
+    assert "every gain ended without contact. The distance never reaches zero" in " ".join(design.warnings)
     assert json.loads(json.dumps(design.to_dict(), allow_nan=False))["status"] == "no-contact"
 
 
@@ -243,7 +257,7 @@ THROWN = Scenario(
         ),
         (
             {"scenario": THROWN, "bounds": (-2.0, -0.01)},
-            [" scanned gains ended without contact (", "the optimum lies at the edge of contact"],
+            [" scanned gains ended without contact. The distance", "the optimum lies at the edge of contact"],
         ),
         ({"scenario": THROWN, "bounds": (-0.1, -0.01)}, ["the optimum lies on the bound"]),
     ],
@@ -268,9 +282,9 @@ def test_a_motion_that_does_not_meet_its_balance_is_warned_of(
         design = design_gain(Task(letter_encounter, letter_power, F1, bounds=BOUNDS))
         with monkeypatch.context() as other:
             other.setattr(InversePower, "log_output", lambda self, x, e=error: (1 + e) * log_output(self, x))
-            said = [text for text in design.warnings if "the impulse balance of the motion has a residual of" in text]
+            said = [text for text in design.warnings if "the computed motion violates its impulse balance by" in text]
         assert len(said) == warned
-    residual = float(re.search(r"has a residual of (\S+), expected at most", said[0]).group(1))
+    residual = float(re.search(r"violates its impulse balance by (\S+) \(usual: at most", said[0]).group(1))
     assert residual == pytest.approx(1e-6, rel=1.0)  # one digit of a share of some 0.5 to 1.5 of the largest term
 
 

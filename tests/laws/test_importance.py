@@ -9,6 +9,7 @@ import pytest
 from scipy import stats
 
 from pretouch.design import Task, excursion_objective
+from pretouch.design.robust import RobustOptions
 from pretouch.design.robust.importance import rank_uncertain_inputs
 from pretouch.design.robust.problem import RobustProblem
 from pretouch.design.search import GainAxis
@@ -31,7 +32,7 @@ KNOWN: Uncertainty = {
 
 
 def ranked(known: Uncertainty, samples: int = 1 << 14) -> dict[str, object]:
-    task = Task(SCENARIO, POWER, OBJECTIVE, uncertainty=known, samples=samples, seed=3)
+    task = Task(SCENARIO, POWER, OBJECTIVE, uncertainty=known, robust=RobustOptions(samples=samples, seed=3))
     problem = RobustProblem.over(task, GainAxis(low=-10.0, high=-0.01), {"obstacle.velocity": [-0.3]})
     return {one.name: one for one in rank_uncertain_inputs(problem, -0.75)}
 

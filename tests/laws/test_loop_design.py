@@ -46,7 +46,15 @@ def many(count: int, scenario: pt.Scenario = SCENARIO) -> pt.Scenario:
 @lru_cache(maxsize=1)
 def slow_design() -> pt.robust.RobustDesign:
     return pt.robust.design_robust_gain(
-        pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}, evaluate=SLOW, samples=128, validation=1024)
+        pt.Task(
+            SCENARIO,
+            SENSOR,
+            OBJECTIVE,
+            bounds=BOUNDS,
+            uncertainty={},
+            evaluate=SLOW,
+            robust=pt.robust.RobustOptions(samples=128, validation=1024),
+        )
     )
 
 
@@ -158,7 +166,11 @@ def test_no_gain_of_a_dense_grid_is_better_than_the_robust_one() -> None:
 def test_the_samples_of_a_sensor_parameter_meet_the_same_runs() -> None:
     """Curves one by one, or all alike at once: where the curve is the same, so is every encounter."""
     alike = pt.robust.Empirical(samples=(3.32, 3.32))
-    options: dict[str, Any] = {"bounds": (-1.0, -0.5), "evaluate": NOISY, "samples": 16, "validation": 16}
+    options: dict[str, Any] = {
+        "bounds": (-1.0, -0.5),
+        "evaluate": NOISY,
+        "robust": pt.robust.RobustOptions(samples=16, validation=16),
+    }
     each = pt.robust.design_robust_gain(
         pt.Task(SCENARIO, SENSOR, OBJECTIVE, uncertainty={"sensor.exponent": alike}, **options)
     )
@@ -178,9 +190,8 @@ def test_noise_counts_beside_the_inputs_that_vary() -> None:
             constraints=[
                 pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.12), probability=0.9)
             ],
-            measure=pt.robust.ConditionalValueAtRisk(probability=0.8),
+            robust=pt.robust.RobustOptions(measure=pt.robust.ConditionalValueAtRisk(probability=0.8), samples=64),
             evaluate=NOISY,
-            samples=64,
         )
     )
     assert design.status is pt.DesignStatus.OPTIMAL
@@ -268,7 +279,11 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
 
     assert not isinstance(ideal, NoisyEvaluator)
     uncertainty = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
-    options: dict[str, Any] = {"bounds": BOUNDS, "uncertainty": uncertainty, "samples": 64, "validation": 64}
+    options: dict[str, Any] = {
+        "bounds": BOUNDS,
+        "uncertainty": uncertainty,
+        "robust": pt.robust.RobustOptions(samples=64, validation=64),
+    }
     theirs = pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, evaluate=ideal, **options))
     ours = pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **options))
     assert theirs.gain == pytest.approx(ours.gain, rel=1e-6)
@@ -287,7 +302,7 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
                     OBJECTIVE,
                     bounds=BOUNDS,
                     uncertainty={"obstacle.velocity": pt.robust.Interval(low=-0.4, high=-0.2)},
-                    measure=pt.robust.WorstCase(),
+                    robust=pt.robust.RobustOptions(measure=pt.robust.WorstCase()),
                     evaluate=NOISY,
                 )
             ),
@@ -299,7 +314,15 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
         ),
         (
             lambda: pt.robust.design_robust_gain(
-                pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}, evaluate=NOISY, samples=0)
+                pt.Task(
+                    SCENARIO,
+                    SENSOR,
+                    OBJECTIVE,
+                    bounds=BOUNDS,
+                    uncertainty={},
+                    evaluate=NOISY,
+                    robust=pt.robust.RobustOptions(samples=0),
+                )
             ),
             "samples: found 0",
         ),
@@ -307,11 +330,11 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
             lambda: pt.design_admittance(
                 pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, damping_ratio=(0.7, 2.0), evaluate=NOISY)
             ),
-            "a loop has the admittance of its law",
+            "the controller of a loop has only one admittance",
         ),
         (
             lambda: NOISY(replace(SCENARIO, admittance=replace(ADMITTANCE, mass=2.0)), SENSOR, -0.7),
-            "found 2 in the scenario and 1 in the law",
+            "found 2 in the scenario but 1 in the control law",
         ),
         (lambda: NOISY(many(3), SENSOR, np.zeros(2)), "does not broadcast"),
         (lambda: replace(NOISY, first_run=-1), "first_run: found -1"),

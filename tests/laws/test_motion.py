@@ -379,9 +379,9 @@ def test_an_encounter_that_makes_no_sense_is_refused(make: object, message: str)
         ({"gain": np.inf}, "gain: found inf"),
         ({"gain": [[1.0], [2.0]], "velocity": [-0.1, -0.2, -0.3], "shape": True}, None),
         ({"method": "euler"}, "method: found 'euler'"),
-        ({"method": "closed-form"}, "requires a constant slope"),
+        ({"method": "closed-form"}, "needs a sensor curve of constant slope"),
         ({"horizon": 0.0}, "horizon: found 0 s"),
-        ({"position": 0.2}, "outside the 0 m to 0.1 m"),
+        ({"position": 0.2}, "valid only from 0 m to 0.1 m"),
     ],
 )
 def test_a_solve_that_makes_no_sense_is_refused(change: dict, message: str | None) -> None:

@@ -18,6 +18,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch.design import (
     Constraint,
     FrontStatus,
+    ParetoOptions,
     SpringImpact,
     Task,
     design_gain,
@@ -133,7 +134,9 @@ def test_what_the_front_misses_is_what_dense_sampling_finds(
     letter_encounter: Scenario, name: str, quantities: tuple[str, ...]
 ) -> None:
     """Between its points, too: they are looked at to 1/128 of an interval, so to 2 % of the largest shift."""
-    front = pareto_front(Task(letter_encounter, CURVES[name], bounds=BOUNDS, quantities=quantities))
+    front = pareto_front(
+        Task(letter_encounter, CURVES[name], bounds=BOUNDS, pareto=ParetoOptions(quantities=quantities))
+    )
     everywhere = find_contact(letter_encounter, CURVES[name], -np.geomspace(0.01, 10.0, 20_001))
     dense = shortfall(
         magnitudes(everywhere, quantities)[everywhere.reached] / extent_of(front), front.values / extent_of(front)
@@ -146,7 +149,9 @@ def test_what_the_front_misses_is_what_dense_sampling_finds(
     "quantities", [PAIR, ("largest_excursion", "time"), TRIPLE, ("position", "largest_virtual_force")]
 )
 def test_each_point_is_the_encounter_of_its_gain(letter_encounter: Scenario, quantities: tuple[str, ...]) -> None:
-    front = pareto_front(Task(letter_encounter, CURVES["inverse-power"], quantities=quantities, bounds=BOUNDS))
+    front = pareto_front(
+        Task(letter_encounter, CURVES["inverse-power"], pareto=ParetoOptions(quantities=quantities), bounds=BOUNDS)
+    )
     again = find_contact(letter_encounter, CURVES["inverse-power"], front.gain)
     assert front.values == pytest.approx(magnitudes(again, quantities), rel=1e-9)
     assert non_dominated(front.values).all()
@@ -166,7 +171,12 @@ def test_limits_end_the_front_exactly(letter_encounter: Scenario) -> None:
 def test_quantities_that_do_not_conflict_leave_one_point(letter_encounter: Scenario) -> None:
     """Without mitigation the obstacle arrives first, and finds the plant where it was: the weakest gain is best."""
     front = pareto_front(
-        Task(letter_encounter, CURVES["inverse-power"], quantities=("time", "displacement"), bounds=BOUNDS)
+        Task(
+            letter_encounter,
+            CURVES["inverse-power"],
+            pareto=ParetoOptions(quantities=("time", "displacement")),
+            bounds=BOUNDS,
+        )
     )
     assert front.gain.tolist() == [-0.01]
     assert front.knee is None
@@ -179,7 +189,7 @@ def test_the_optimum_of_any_weights_lies_on_the_front(letter_encounter: Scenario
     for weight in (0.1, 1.0, 10.0):
         objective = excursion_objective(position_scale=0.5, velocity_scale=0.3, velocity_weight=weight)
         design = design_gain(Task(letter_encounter, sensor, objective, bounds=BOUNDS))
-        front = pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, choice=design))
+        front = pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, pareto=ParetoOptions(choice=design)))
         assert front.choice.gain == design.gain
         # the front's points on both sides of it are 0.01 of the extent apart
         assert abs(front.choice.distance_to_front) < 0.01
@@ -206,7 +216,9 @@ def wide() -> object:
     scenario = Scenario(
         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.0422, velocity=-0.3)
     )
-    return scenario, pareto_front(Task(scenario, CURVES["inverse-power"], bounds=BOUNDS, choice=-0.7463451, **FREE))
+    return scenario, pareto_front(
+        Task(scenario, CURVES["inverse-power"], bounds=BOUNDS, pareto=ParetoOptions(choice=-0.7463451), **FREE)
+    )
 
 
 def test_brute_force_over_gain_and_admittance_finds_nothing_better(wide: object) -> None:
@@ -230,7 +242,9 @@ def test_what_a_front_of_gain_and_admittance_misses_is_no_less_than_dense_sampli
 ) -> None:
     scenario, front = wide  # type: ignore[misc]
     if quantities != PAIR:
-        front = pareto_front(Task(scenario, CURVES["inverse-power"], bounds=BOUNDS, quantities=quantities, **FREE))
+        front = pareto_front(
+            Task(scenario, CURVES["inverse-power"], bounds=BOUNDS, pareto=ParetoOptions(quantities=quantities), **FREE)
+        )
     rng, count = np.random.default_rng(5), 60_000
     frequency, gain = np.geomspace(2, 12, count), -np.exp(rng.uniform(np.log(0.01), np.log(10), count))
     admittance = Admittance.from_natural_frequency(
@@ -270,7 +284,13 @@ def test_three_quantities_over_gain_and_frequency_are_not_beaten_by_brute_force(
     sensor = ExponentialFirstOrder(scale=0.458, rate=-61.0)
     quantities = ("time", "relative_velocity", "virtual_force")
     front = pareto_front(
-        Task(letter_encounter, sensor, quantities=quantities, bounds=BOUNDS, natural_frequency=(2.0, 12.0))
+        Task(
+            letter_encounter,
+            sensor,
+            pareto=ParetoOptions(quantities=quantities),
+            bounds=BOUNDS,
+            natural_frequency=(2.0, 12.0),
+        )
     )
     frequency, gain = np.meshgrid(np.geomspace(2, 12, 61), -np.geomspace(0.01, 10, 401))
     admittance = Admittance.from_natural_frequency(mass=1.0, natural_frequency=frequency)
@@ -289,14 +309,16 @@ def test_infeasible_and_no_contact_are_statuses(letter_encounter: Scenario) -> N
     sensor = CURVES["inverse-power"]
     limits = [Constraint(name="excursion", limit=1e-4), Constraint(name="relative_velocity", limit=0.01)]
     for free in ({}, FREE):
-        front = pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, constraints=limits, choice=-0.7, **free))
+        front = pareto_front(
+            Task(letter_encounter, sensor, bounds=BOUNDS, constraints=limits, pareto=ParetoOptions(choice=-0.7), **free)
+        )
         assert front.status is FrontStatus.INFEASIBLE
         assert len(front.gain) == 0
         assert not front.choice.feasible
         assert json.loads(json.dumps(front.to_dict(), allow_nan=False))["knee"] is None
         assert str(front).startswith("Infeasible")
     still = replace(letter_encounter, obstacle=Obstacle(position=0.03))
-    front = pareto_front(Task(still, sensor, bounds=BOUNDS, choice=-0.7))
+    front = pareto_front(Task(still, sensor, bounds=BOUNDS, pareto=ParetoOptions(choice=-0.7)))
     assert front.status is FrontStatus.NO_CONTACT
     assert front.choice is None
     assert front.no_bound.startswith("found an obstacle that does not approach")
@@ -315,16 +337,21 @@ def test_forces_are_traded_with_the_physical_mass(letter_encounter: Scenario) ->
         Task(
             letter_encounter,
             CURVES["inverse-power"],
-            quantities=("displacement", "impact_force"),
+            pareto=ParetoOptions(quantities=("displacement", "impact_force")),
             bounds=BOUNDS,
             impact=impact,
         )
     )
     speed = np.abs(front.result.end.relative_velocity)
     assert front.of("impact_force") == pytest.approx(speed * math.sqrt(0.5 * 2e4), rel=1e-12)
-    with pytest.raises(InvalidInputError, match="needs the physical properties"):
+    with pytest.raises(InvalidInputError, match="depends on the physical masses"):
         pareto_front(
-            Task(letter_encounter, CURVES["inverse-power"], quantities=("displacement", "impact_force"), bounds=BOUNDS)
+            Task(
+                letter_encounter,
+                CURVES["inverse-power"],
+                pareto=ParetoOptions(quantities=("displacement", "impact_force")),
+                bounds=BOUNDS,
+            )
         )
 
 
@@ -342,7 +369,13 @@ def test_a_users_own_evaluator_is_traded_with(letter_encounter: Scenario) -> Non
 def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> None:
     limits = [Constraint(name="acceleration", limit=5.0), Constraint(name="speed", limit=0.5)]
     front = pareto_front(
-        Task(letter_encounter, CURVES["inverse-power"], bounds=BOUNDS, constraints=limits, choice=-0.2)
+        Task(
+            letter_encounter,
+            CURVES["inverse-power"],
+            bounds=BOUNDS,
+            constraints=limits,
+            pareto=ParetoOptions(choice=-0.2),
+        )
     )
     found = json.loads(json.dumps(front.to_dict(), allow_nan=False))
     assert found["status"] == "found"
@@ -367,20 +400,30 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     ("change", "message"),
     [
         ({"bounds": (-0.1, -1.0)}, "smaller gain first"),
-        ({"quantities": ("time",)}, "two or three different ones"),
-        ({"quantities": ("time", "time")}, "two or three different ones"),
-        ({"quantities": "time"}, "quantities: found 'time', expected a sequence of texts"),
-        ({"quantities": ("time", "speed")}, "quantities: found 'speed'"),
         ({"natural_frequency": (5.0, 5.0)}, "the smaller one first"),
         ({"damping_ratio": (-1.0, 1.0)}, "must not be negative"),
         ({"damping_ratio": (0.5, 1.0, 2.0)}, "expected two numbers"),
-        ({"choice": math.nan}, "choice"),
         ({"method": "magic"}, "expected one of auto"),
     ],
 )
 def test_a_request_that_makes_no_sense_is_refused(letter_encounter: Scenario, change: dict, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         pareto_front(Task(letter_encounter, CURVES["exponential-1"], **{"bounds": BOUNDS, **change}))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"quantities": ("time",)}, "two or three different ones"),
+        ({"quantities": ("time", "time")}, "two or three different ones"),
+        ({"quantities": "time"}, "quantities: found 'time', expected a sequence of texts"),
+        ({"quantities": ("time", "speed")}, "quantities: found 'speed'"),
+        ({"choice": math.nan}, "choice"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(letter_encounter: Scenario, options: dict, message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        pareto_front(Task(letter_encounter, CURVES["exponential-1"], bounds=BOUNDS, pareto=ParetoOptions(**options)))
 
 
 def test_arrays_and_admittances_without_a_ratio_are_refused(letter_encounter: Scenario) -> None:
@@ -396,4 +439,4 @@ def test_arrays_and_admittances_without_a_ratio_are_refused(letter_encounter: Sc
         pareto_front(Task(free, sensor, bounds=BOUNDS, damping_ratio=(1.0, 2.0)))
     designs = design_gain(Task(many, sensor, F1, bounds=BOUNDS))
     with pytest.raises(InvalidInputError, match="array of designs"):
-        pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, choice=designs))
+        pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, pareto=ParetoOptions(choice=designs)))

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch.sensors.recessed import recess_in_words
 from pretouch.uncertainty import reservations_of
-from pretouch.uncertainty.reservations import recess_in_words
 
 TRUTH = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 
@@ -113,10 +113,10 @@ def test_without_force_nearer_than_the_data_contact_is_that_of_a_silent_sensor(g
 
 def test_the_headline_has_both_speeds_and_what_to_measure() -> None:
     found = answer(0.008, 0.06)
-    for text in ("from 8 mm (first measured distance) to contact", 'recess = "8 mm"', "With no virtual force nearer"):
+    for text in ("from 8 mm (first measured distance) to contact", 'recess = "8 mm"', "Without a virtual force below"):
         assert text in found.headline
     assert answer(0.008, 0.06, gain=None).speed is None
-    assert "With no virtual force" not in answer(0.008, 0.06, gain=None).headline
+    assert "Without a virtual force" not in answer(0.008, 0.06, gain=None).headline
     assert answer(0.008, 0.06, gain=np.array([-0.5, -1.0])).speed is None
 
 
@@ -135,7 +135,9 @@ def test_a_motion_that_leaves_the_curve_is_said_to() -> None:
     found = reservations_of(report(0.008, 0.06), Answer(encounter(), sensor))
     assert found.leaves_range
     assert not found.recedes
-    assert found.headline.startswith("Not supported by data: the motion leaves the range of the data before contact. ")
+    assert found.headline.startswith(
+        "Not supported by data: the motion leaves the calibrated distances before contact. "
+    )
     assert "recedes" not in found.headline
 
 
@@ -166,7 +168,10 @@ def test_a_contact_harder_than_without_mitigation_is_compared_with_it() -> None:
     assert found.speed_without_force < found.speed_without_mitigation
     assert "harder than without mitigation" not in found.headline.partition("Not supported by the readings")[0]
     harder = replace(found, speed_without_force=1.01 * found.speed_without_mitigation)
-    assert f"instead of {pt_speed(found.speed)}. That is harder than without mitigation (0.3 m/s)." in harder.headline
+    assert (
+        f"instead of {pt_speed(found.speed)}. This contact is harder than without mitigation (0.3 m/s)."
+        in harder.headline
+    )
 
 
 def pt_speed(speed: float) -> str:
@@ -175,10 +180,10 @@ def pt_speed(speed: float) -> str:
 
 def test_distances_count_from_the_contact_surface_and_those_in_brackets_from_the_zero_of_the_sensor() -> None:
     found = answer(0.008, 0.06, recess=0.005)
-    zero = "the sensor's zero, 5 mm behind the contact surface"
+    zero = "the zero of the sensor, which is 5 mm behind the contact surface"
     assert "from 3 mm (first measured distance) to contact at 0 mm. Distances in brackets count from" in found.headline
     assert f"Distances in brackets count from {zero}." in found.headline
-    assert 'mount the sensor deeper, with recess = "8 mm" (now 5 mm), or ' in found.headline
+    assert 'mount the sensor 8 mm (now 5 mm) behind the contact surface, with recess = "8 mm" (' in found.headline
     assert any(zero in line and "all others count from the contact surface" in line for line in found.lines)
     bare = answer(0.008, 0.06)
     assert zero not in str(bare)
@@ -222,7 +227,7 @@ def test_what_a_drag_does_where_no_data_are_is_its_share_of_the_logarithm_of_the
     contact = pt.find_contact(task.scenario, sensor, 0.0144, law="virtual-drag").contact
     assert found.speed == pytest.approx(-contact.relative_velocity, rel=1e-12)
     assert found.speed_without_force > found.speed
-    assert "nearer than 8 mm, the extrapolated curve gives " in str(found)
+    assert "nearer than 8 mm, the curve is extrapolated and gives " in str(found)
     assert "% of the effect of the drag, ln(1/\u03c1)\n" in str(found)
-    design = pt.design_drag(task.replace(effect=pt.DragEffect(ratio=0.15)))
+    design = pt.design_drag(task.replace(drag_effect=pt.DragEffect(ratio=0.15)))
     assert reservations_of(report(0.008, 0.06), design).speed == pytest.approx(0.15 * 0.3, rel=1e-9)

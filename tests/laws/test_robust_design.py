@@ -26,6 +26,7 @@ from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.motion.scenario import scenario_with, sensor_with
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 from pretouch.uncertainty import CorrelatedNormal, Interval, Normal, TruncatedNormal, Uniform, sample_inputs
+from robust_samples import with_robust_options
 
 SCENARIO = Scenario(
     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.0422, velocity=-0.3)
@@ -42,7 +43,7 @@ MEASURES = (Expected(), Quantile(probability=0.9), ConditionalValueAtRisk(probab
 
 def design(sensor: SensorModel = CONSTANT, *, scenario: Scenario = SCENARIO, **given: object) -> RobustDesign:
     asked = {"uncertainty": SPEED, "samples": 256, "validation": 256, "bounds": BOUNDS, **given}
-    return design_robust_gain(Task(scenario, sensor, asked.pop("objective", OBJECTIVE), **asked))  # type: ignore[arg-type]
+    return design_robust_gain(Task(scenario, sensor, asked.pop("objective", OBJECTIVE), **with_robust_options(**asked)))  # type: ignore[arg-type]
 
 
 def limit(name: str, size: float, probability: float = 1.0) -> Required:
@@ -294,7 +295,7 @@ def test_knowing_more_never_costs(name: str) -> None:
     slope = np.gradient(price.best_gain, price.value)[i]
     near = abs(price.best_gain[i] - found.gain) <= abs(slope) * (price.value[1] - price.value[0])
     assert near == (price.loss[i] < price.loss.max() / 20)  # where the best gain is the robust one, nothing is lost
-    with pytest.raises(InvalidInputError, match="expected an uncertain input"):
+    with pytest.raises(InvalidInputError, match="expected the name of an uncertain input"):
         found.price("plant.velocity")
 
 
@@ -359,7 +360,7 @@ def test_what_is_shown_is_what_was_designed() -> None:
         ({"confidence": 1.0}, "confidence: found 1"),
         ({"samples": 0}, "samples: found 0"),
         ({"seed": -1}, "seed: found -1"),
-        ({"constraints": [limit("time", 1.0), limit("time", 2.0)]}, "constraint time: found twice"),
+        ({"constraints": [limit("time", 1.0), limit("time", 2.0)]}, "constraint time: this constraint is given twice"),
     ],
 )
 def test_what_makes_no_sense_is_refused(asked: dict[str, object], words: str) -> None:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy import optimize, stats
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.vocabulary import QUANTITIES
 from pretouch.design import Constraint
 from pretouch.design.robust import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
 from pretouch.design.robust.required import least_probability
@@ -128,7 +129,7 @@ def test_what_fresh_samples_say_of_a_limit_is_what_their_number_of_hits_allows(p
     required = Required(constraint=Constraint(name="time", limit=1.0), probability=p)
     for hits in range(n + 1):
         low = least_probability(hits, n, 0.95)
-        outcome = LimitOutcome(required=required, held=hits / n, low=low, magnitude=1.0)
+        outcome = LimitOutcome(required=required, limited=QUANTITIES["time"], held=hits / n, low=low, magnitude=1.0)
         nothing = {"value": 1.0, "low": 1.0, "high": 1.0, "nominal": None, "loss": None, "nominal_breaks": ()}
         fresh = Validation(samples=n, confidence=0.95, limits=(outcome,), reached=1.0, **nothing)
         said.append(fresh.state_of(outcome))

@@ -209,7 +209,9 @@ def test_flags_say_what_was_reported_since_when_and_for_how_long() -> None:
         1e-3 * (on & (trace.time < encounter.run.time)).sum()
     )
     assert flags["in-contact"].approach_duration == 0
-    assert any("force-limited" in warning for warning in encounter.warnings)
+    assert any(
+        "Before contact, the virtual force was limited: first after" in warning for warning in encounter.warnings
+    )
     assert not any("in-contact" in warning for warning in encounter.warnings)
 
 
@@ -248,14 +250,14 @@ def test_a_loop_that_runs_away_says_so() -> None:
     with np.errstate(over="ignore"):
         encounter = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(law=LoudLaw(0.0, 1e-3)), gain=-1e308))
     assert encounter.run.status is pt.ContactStatus.UNRESOLVED
-    assert encounter.headline.startswith("The loop diverges: its numbers exceed all bounds after ")
+    assert encounter.headline.startswith("The simulated loop diverges: its numbers exceed all bounds after ")
     assert json.loads(as_json(encounter.to_dict()))["status"] == "unresolved"
     assert_legible(plots.simulation(encounter))
 
 
 def test_runs_that_do_not_come_to_a_contact_say_so() -> None:
     short = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(horizon=0.2), gain=GAIN))
-    assert short.headline.startswith("No contact on the loop within 200 ms; closest distance ")
+    assert short.headline.startswith("There is no contact on the loop within 200 ms; the closest distance is ")
     assert "predicted 0.0815 m/s" in short.headline
     assert compared(short)["time"][:2] == (None, short.prediction.end.time)
     assert compared(short)["closest_distance"][:3] == (short.run.closest_distance, 0.0, 0.0)
@@ -280,7 +282,7 @@ def test_the_headline_is_made_of_the_numbers() -> None:
     speed, time = encounter.comparison("relative_velocity"), encounter.comparison("time")
     assert speed.relative_difference is not None
     assert time.difference is not None
-    harder = "harder" if speed.relative_difference > 0 else "softer"
+    harder = "faster" if speed.relative_difference > 0 else "slower"
     later = "later" if time.difference > 0 else "earlier"
     assert encounter.headline == (
         f"Contact on the loop at {abs(encounter.run.relative_velocity):.3g} m/s; predicted 0.0815 m/s "

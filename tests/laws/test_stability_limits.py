@@ -332,10 +332,12 @@ def test_the_worst_delay_of_a_range_may_be_the_shortest_or_between() -> None:
 
 def test_a_range_of_delays_leaves_no_force_before_its_reading() -> None:
     with pytest.raises(
-        pt.errors.InvalidInputError, match=r"delay_range: found 0\.02 s, more than the delay of 0\.01 s"
+        pt.errors.InvalidInputError, match=r"delay_range: found 0\.02 s, expected at most the delay of 0\.01 s"
     ):
         pt.simulation.LoopTiming(rate=100.0, delay=0.01, delay_range=0.02)
-    with pytest.raises(pt.errors.InvalidInputError, match=r"delay: found 0\.001 s, less than half of the exposure"):
+    with pytest.raises(
+        pt.errors.InvalidInputError, match=r"delay: found 0\.001 s, expected at least half of the exposure"
+    ):
         pt.simulation.LoopTiming(rate=100.0, delay=0.01, exposure=0.004, delay_range=0.009)
 
 

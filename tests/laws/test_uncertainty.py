@@ -144,11 +144,11 @@ def test_correlated_inputs_have_the_covariance_that_was_given() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Interval(low=1.0, high=1.0), "low: found 1 with high = 1"),
+        (lambda: Interval(low=1.0, high=1.0), "low: found low = 1 and high = 1"),
         (lambda: Uniform(low=2.0, high=math.nan), "high: found nan"),
         (lambda: Normal(mean=0.0, deviation=0.0), "deviation: found 0, which must be positive"),
-        (lambda: TruncatedNormal(location=0.0, deviation=1.0, low=40.0, high=41.0), "more than 30 deviations"),
-        (lambda: Empirical(samples=(1.0,)), "expected a row of two values or more"),
+        (lambda: TruncatedNormal(location=0.0, deviation=1.0, low=40.0, high=41.0), "more than 30 standard deviations"),
+        (lambda: Empirical(samples=(1.0,)), "expected a list of two or more values"),
         (lambda: CorrelatedNormal(names=("a", "b"), mean=(0.0, 0.0), covariance=((1.0, 2.0), (2.0, 1.0))), "negative"),
         (lambda: CorrelatedNormal(names=("a", "b"), mean=(0.0, 0.0), covariance=((1.0, 0.5), (0.1, 1.0))), "symmetric"),
         (lambda: CorrelatedNormal(names=("a",), mean=(0.0, 0.0), covariance=((1.0,),)), "for 1 names"),
@@ -160,7 +160,7 @@ def test_correlated_inputs_have_the_covariance_that_was_given() -> None:
                 {"a": Normal(mean=0, deviation=1), "b": CorrelatedNormal(names=("a",), mean=(0,), covariance=((1,),))},
                 9,
             ),
-            "found a twice",
+            "the input a has two",
         ),
     ],
 )

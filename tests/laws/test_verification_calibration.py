@@ -15,6 +15,7 @@ import pytest
 import pretouch as pt
 from page_checks import assert_sound
 from page_rows import row
+from pretouch._core.units import format_quantity
 from pretouch.cli import main
 from pretouch.report import report_html
 from scenario_text import ENCOUNTER
@@ -34,7 +35,7 @@ relative_velocity = "0.1 m/s"
 rate = "1 kHz"
 [controller]
 rate = "1 kHz"
-[loop]
+[verify]
 runs = 20
 """
 )
@@ -84,7 +85,10 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
     assert f"  {check.reason}\n" in str(found)
     assert check.failing > 2 * known.failing
     assert (check.decisive, check.draws) == ("offset", 100)
-    assert check.remedy == "record readings without an object in range, and add them to the calibration as no_object"
+    assert (
+        check.remedy
+        == "record readings without an object in range, and add these readings to the calibration as no_object"
+    )
     assert check.high > 1.15 * check.predicted
     page = report_html(found, calibration=problem.calibration)
     assert_sound(page)
@@ -135,7 +139,16 @@ def judged(make: Callable[[np.random.Generator], Drawn], sensor: Any = SENSOR, *
     chain = {"offset": 0.05} | options.pop("chain", {})
     loop = loop_of(rate=1000.0, conditioning={"offset": 0.05}, **chain)
     return pt.verify_gain(
-        pt.Task(SCENARIO, sensor, OBJECTIVE, loop=loop, bounds=BOUNDS, runs=2, calibration=known, **options),
+        pt.Task(
+            SCENARIO,
+            sensor,
+            OBJECTIVE,
+            loop=loop,
+            bounds=BOUNDS,
+            verify=pt.VerifyOptions(runs=2),
+            calibration=known,
+            **options,
+        ),
         changes=False,
     )
 
@@ -212,5 +225,20 @@ def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> Non
     few = replace(report(), curves=None)
     found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, calibration=few, **given), changes=False)
     assert found.calibration_check is None
-    assert any("too few to check whether it is good enough" in warning for warning in found.warnings)
+    assert any("too few to check its accuracy" in warning for warning in found.warnings)
     assert found.to_dict()["calibration_check"] is None
+
+
+@pytest.mark.parametrize(("exponent", "way"), [(3.0, "softer"), (3.5, "harder"), (3.32, "")])
+def test_a_prediction_outside_of_the_range_of_the_sensors_is_explained(exponent: float, way: str) -> None:
+    """A flatter curve brakes less, so that contact is harder than on the fitted curve, but by less than 15 %."""
+    check = judged(lambda _: drawn(exponent)).calibration_check
+    assert check is not None
+    assert check.is_good_enough
+    on_loop, in_time = (format_quantity(v, "m/s", 3) for v in (check.predicted, check.witness.predicted))
+    assert f"On the loop without noise, contact is at {on_loop} on the fitted curve" in check.text
+    assert "in continuous time: on 100 curves that fit the readings, contact is at " in check.text
+    assert f"({in_time} on the fitted curve" in check.text
+    assert (f"the fitted curve gives a {way} contact than most of them" in check.text) is bool(way)
+    assert (", outside of this range; up to 15 % apart counts as agreement)" in check.text) is bool(way)
+    assert ("; up to 15 % harder counts as agreement" in check.text) is (way == "softer")

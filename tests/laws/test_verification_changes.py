@@ -11,6 +11,8 @@ import pytest
 
 import pretouch as pt
 from loop_samples import BareLaw
+from page_checks import parse
+from pretouch.report import report_html
 from pretouch.simulation import ClosedLoop
 from pretouch.verification.stability import candidates_of, chain_at, loop_at, told_period
 from verification_samples import NOISY, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
@@ -141,7 +143,7 @@ def test_the_loop_as_it_is_stands_beside_its_changes_over_the_same_runs() -> Non
 def test_more_runs_without_noise_are_one_run_and_nothing_helps_a_perfect_loop() -> None:
     found = verdict(QUICK, runs=3)
     assert found.best_change is None
-    assert "None of the tried changes" in str(found)
+    assert "No change that was tried" in str(found)
     assert all(not change.helps for change in found.changes)
     assert {change.name for change in found.changes}.isdisjoint({"noise", "delay", "median", "low-pass", "offset"})
 
@@ -156,16 +158,17 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
     assert said == {
         "sensor-rate": "Read the sensor at 500 Hz instead of 250 Hz.",
         "delay": "Remove the sensor latency of 3 ms.",
-        "noise": "Halve the noise of the sensor to a standard deviation of 0.0005 (unit of the readings) instead "
-        "of 0.001.",
+        "noise": "Halve the sensor noise to a standard deviation of 0.0005 (unit of the readings) instead of 0.001.",
         "median": "Remove the 5-sample median filter.",
         "low-pass": "Remove the low-pass filter of order 2 at 50 Hz.",
         "controller-rate": "Run the controller at 2000 Hz instead of 1000 Hz.",
-        "robot-bandwidth": "Raise the bandwidth of the robot's controller to 100 Hz from 50 Hz.",
-        "robot-stiffness": "Raise the stiffness of the robot's impedance controller to 8000 N/m from 4000 N/m, and its "
+        "robot-bandwidth": "Raise the bandwidth of the robot's controller from 50 Hz to 100 Hz.",
+        "robot-stiffness": "Raise the stiffness of the robot's impedance controller from 4000 N/m to 8000 N/m, and its "
         "damping to 254.6 N s/m.",
-        "offset": "Subtract the exact offset, 0.12 (unit of the readings) instead of 0.1, and track its drift.",
-        "largest-rate": "Set largest_rate to 48 1/s: twice the largest |d ln xi / dt| of an approach plus noise.",
+        "offset": "Subtract the exact offset of the sensor, 0.12 (unit of the readings) instead of 0.1, and "
+        "track its drift.",
+        "largest-rate": "Set largest_rate to 48 1/s, which is twice the largest rate |d ln xi / dt| of an approach "
+        "plus noise.",
     }
 
 
@@ -173,7 +176,8 @@ def test_no_noise_is_halved_that_is_not_there_and_a_misfit_is_calibrated_away() 
     said = {c.name: c for c in candidates_of(loop_of(misfit=0.03, misfit_length=0.005), **APPROACH)}
     assert {"noise", "add-median", "add-low-pass"}.isdisjoint(said)
     assert said["calibration"].sentence == (
-        "Calibrate again, with a misfit of the curve of 1.5 % of xi instead of 3 %: record more distances, set the "
+        "Calibrate again to reduce the misfit of the curve from 3 % to 1.5 % of the signal: record more distances, "
+        "set the "
         "distances more exactly, or recess the sensor to where its curve fits better."
     )
     chain = said["calibration"].loop.chain
@@ -213,3 +217,18 @@ def test_another_law_is_judged_by_its_runs_and_nothing_is_said_of_its_stability(
         assert mine.simulated.mean == pytest.approx(theirs.simulated.mean, rel=1e-3)
     assert all(change.margin is None for change in found.changes)
     assert "sensor-rate" in {change.name for change in found.changes}
+
+
+def test_a_change_names_what_stands_against_the_gain_and_was_not_checked_with_it() -> None:
+    found = verdict(loop_of(rate=20.0), gain=-0.5, runs=2)
+    assert found.best_change is not None
+    assert found.sensor_speed is not None
+    assert found.sensor_speed.is_fast_enough
+    assert "what would help most\n" in str(found)
+    assert "Not checked with this change" not in str(found)
+    slow = replace(found, sensor_speed=replace(found.sensor_speed, excess=5.39))
+    assert "what would help most (not fully checked)\n" in str(slow)
+    assert f"{found.best_change.sentence} Not checked with this change: whether the sensor is still too slow." in str(
+        slow
+    )
+    assert "Prediction, sensor speed and calibration are not checked for a change." in parse(report_html(found)).words

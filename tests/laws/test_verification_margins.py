@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import pretouch as pt
 from page_rows import line, row
+from pretouch._core.blocks import page_of
 from pretouch.control import VirtualAdmittance
 from pretouch.report import report_html
 from pretouch.simulation.stability import passed_distances
@@ -30,7 +33,7 @@ def test_the_best_gain_is_sought_among_those_with_a_margin_of_2() -> None:
     assert found.loss.loop_gain is not None
     assert found.stability.strongest / found.loss.loop_gain >= 2 * (1 - 1e-12)
     assert BOUNDS[0] < found.stability.strongest < 0
-    assert line(str(found), "best gain on this loop with a gain margin of 2, mean of the runs").startswith("-0.")
+    assert line(str(found), "best gain on this loop that has a gain margin of 2, mean of the runs").startswith("-0.")
 
 
 def test_where_no_gain_within_the_bounds_has_a_margin_of_2_the_stable_ones_are_searched_and_it_is_said() -> None:
@@ -129,6 +132,33 @@ def test_a_change_that_costs_margin_says_what_is_left_of_it() -> None:
     assert said["noise"].margin == before
 
 
+def test_a_gain_that_only_the_required_margin_excludes_is_refused_with_the_rate_that_gives_it_this_margin() -> None:
+    """A design at the advised rate finds the gain; at half that rate it does not find the same one."""
+    options: dict[str, Any] = {"constraints": [velocity_limit(0.1)], "stability_margin": 2.0}
+    slow = verdict(loop_of(rate=8.0, exposure=170e-6), **options)
+    assert slow.gain is None
+    assert "infeasible with the required gain margin of 2 at this sensor rate (8 Hz): relative_vel" in slow.headline
+    advice = re.search(r"read the sensor at (\d+) Hz instead of 8 Hz", page_of(slow).next_step)
+    assert advice is not None
+    assert f"from a sensor rate of {advice[1]} Hz on" in slow.reasons[0]
+    free = verdict(loop_of(rate=8.0, exposure=170e-6), constraints=[velocity_limit(0.1)], runs=2, changes=False).gain
+    for share, same in ((1.0, True), (0.5, False)):
+        faster = loop_of(rate=share * float(advice[1]), exposure=170e-6)
+        task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=faster, bounds=BOUNDS, **options)
+        gain = pt.design_gain(task).gain
+        assert (gain == pytest.approx(free, rel=1e-6)) is same
+
+
+def test_the_rate_is_not_advised_if_no_rate_gives_the_margin_or_if_the_limit_cannot_be_met_anyway() -> None:
+    late = verdict(loop_of(delay=0.06), constraints=[velocity_limit(0.1)], stability_margin=2.0)
+    assert late.needed_rate == math.inf
+    assert "no sensor rate gives it this margin" in late.reasons[0]
+    assert "no sensor rate gives the optimum its gain margin" in page_of(late).next_step
+    hard = verdict(loop_of(rate=8.0), constraints=[velocity_limit(1e-3)], stability_margin=2.0)
+    assert hard.needed_rate is None
+    assert "margin" not in hard.headline + page_of(hard).next_step
+
+
 def test_stability_of_a_proposal_is_that_of_its_own_loop() -> None:
     found = verdict(replace(LATE, seed=4), gain=-0.3, runs=2)
     for change in found.changes:
@@ -213,7 +243,9 @@ def test_where_no_gain_is_stable_the_verdict_says_so() -> None:
     late = loop_of(delay=0.05)
     loop = replace(late, law=replace(late.law, admittance=ringing))
     scenario = replace(SCENARIO, admittance=pt.Admittance(mass=1.0, damping=0.0, stiffness=2500.0))
-    found = pt.verify_gain(pt.Task(scenario, SENSOR, OBJECTIVE, loop=loop, gain=-0.3, bounds=BOUNDS, runs=2))
+    found = pt.verify_gain(
+        pt.Task(scenario, SENSOR, OBJECTIVE, loop=loop, gain=-0.3, bounds=BOUNDS, verify=pt.VerifyOptions(runs=2))
+    )
     assert found.stability is not None
     assert found.stability.margin == 0
     assert found.stability.lowest_rate == math.inf

@@ -10,7 +10,7 @@ import pytest
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import Constraint, Task, excursion_objective, time_objective
 from pretouch.design.objectives import Objective, Term
-from pretouch.design.robust import Expected, Required, WorstCase, design_robust_gain
+from pretouch.design.robust import Expected, Required, RobustOptions, WorstCase, design_robust_gain
 from pretouch.design.search.box_maximum import maximize_on_box
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, Recessed, SensorModel
@@ -63,7 +63,14 @@ def test_what_is_monotone_is_settled_at_a_corner_exactly() -> None:
 @pytest.mark.parametrize("objective", [F1, time_objective(time_scale=1.0, velocity_scale=0.3)], ids=["f_1", "f_2"])
 def test_no_gain_has_a_milder_worst_encounter(sensor: SensorModel, objective: Objective) -> None:
     design = design_robust_gain(
-        Task(SCENARIO, sensor, objective, bounds=(-10.0, -0.01), uncertainty=BOX, measure=WorstCase(), validation=16)
+        Task(
+            SCENARIO,
+            sensor,
+            objective,
+            bounds=(-10.0, -0.01),
+            uncertainty=BOX,
+            robust=RobustOptions(measure=WorstCase(), validation=16),
+        )
     )
     grid = np.array(list(product(np.linspace(-0.5, -0.1, 15), np.linspace(0.035, 0.05, 7))))
     dense = make_ensemble(SCENARIO, sensor, dict(zip(BOX, grid.T, strict=True)))
@@ -88,7 +95,14 @@ def test_a_worst_encounter_inside_the_box_is_found() -> None:
     )
     box = {"obstacle.velocity": Interval(low=-1.5, high=-0.05)}
     design = design_robust_gain(
-        Task(SCENARIO, FIRST, objective, bounds=(-3.0, -0.05), uncertainty=box, measure=WorstCase(), validation=16)
+        Task(
+            SCENARIO,
+            FIRST,
+            objective,
+            bounds=(-3.0, -0.05),
+            uncertainty=box,
+            robust=RobustOptions(measure=WorstCase(), validation=16),
+        )
     )
     speeds = -np.geomspace(0.05, 1.5, 4001)
     dense = make_ensemble(SCENARIO, FIRST, {"obstacle.velocity": speeds})
@@ -102,9 +116,19 @@ def test_a_worst_encounter_inside_the_box_is_found() -> None:
 def test_a_limit_holds_in_the_worst_encounter_too() -> None:
     limit = Constraint(name="excursion", limit=0.12)
     design = design_robust_gain(
-        Task(SCENARIO, FIRST, F1, bounds=(-10.0, -0.01), uncertainty=BOX, measure=WorstCase(), constraints=[limit])
+        Task(
+            SCENARIO,
+            FIRST,
+            F1,
+            bounds=(-10.0, -0.01),
+            uncertainty=BOX,
+            robust=RobustOptions(measure=WorstCase()),
+            constraints=[limit],
+        )
     )
-    free = design_robust_gain(Task(SCENARIO, FIRST, F1, bounds=(-10.0, -0.01), uncertainty=BOX, measure=WorstCase()))
+    free = design_robust_gain(
+        Task(SCENARIO, FIRST, F1, bounds=(-10.0, -0.01), uncertainty=BOX, robust=RobustOptions(measure=WorstCase()))
+    )
     assert design.gain > free.gain, "weaker, since the limit binds"
     corners = make_ensemble(SCENARIO, FIRST, dict(zip(BOX, np.array([[-0.5, 0.035], [-0.5, 0.05]]).T, strict=True)))
     excursions = corners.contacts(design.gain).end.largest_excursion
@@ -161,12 +185,20 @@ def test_slopes_of_an_ensemble_are_differences_of_it(sensor: SensorModel) -> Non
             BOX,
             WorstCase(),
             [Required(constraint=Constraint(name="time", limit=1.0), probability=0.9)],
-            "with a worst case, which has no probabilities",
+            "but a worst-case design has no probabilities",
         ),
     ],
 )
 def test_what_has_no_worst_case_is_refused(known: dict, measure: object, limits: list, words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         design_robust_gain(
-            Task(SCENARIO, FIRST, F1, bounds=(-10.0, -0.01), uncertainty=known, measure=measure, constraints=limits)
+            Task(
+                SCENARIO,
+                FIRST,
+                F1,
+                bounds=(-10.0, -0.01),
+                uncertainty=known,
+                robust=RobustOptions(measure=measure),
+                constraints=limits,
+            )
         )

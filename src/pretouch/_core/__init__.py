@@ -1,1 +1,1 @@
-"""The foundation of all other packages: errors, units, checks of arguments, pages of results, the compiled core."""
+"""Provide what all other packages share: errors, units, argument checks, report pages and the compiled core."""

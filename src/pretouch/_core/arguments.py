@@ -1,4 +1,4 @@
-"""Check the arguments of public functions, and the fields of values, by their annotations.
+"""Check the arguments of public functions and the fields of dataclasses against their type annotations.
 
 `check_arguments` decorates a function; `check_declared` of fields.py calls `rules_of_fields`. A rule is made once,
 when its function or class is first used. An argument whose type was accepted before costs one lookup.

@@ -1,4 +1,4 @@
-"""The page of a result: headline, warnings, tables, sentences and figures, independent of the medium.
+"""Describe a report as headline, warnings, tables, text and figures, for terminal, notebook and HTML alike.
 
 A result is described once, as a `Page`. The terminal shows the headline, the warnings and the blocks that are marked as
 brief. A notebook shows the headline, the warnings and the first brief table. A report shows everything, with figures.
@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Final, TypeAlias
 
 from .units import format_quantity
 from .values import Value
-from .vocabulary import QUANTITIES
+from .vocabulary import QUANTITIES, Entry
 
 LINK: Final = re.compile(r"\[([^\[\]]+)\]\(#([a-z0-9-]+)\)")
 """A link inside a page: `[words](#anchor)`."""
@@ -219,9 +219,14 @@ class Page(Value):
 
 
 def named(name: str, *, magnitude: bool = False) -> Named:
-    """Return a table cell with the name and symbol of a quantity; `magnitude` puts bars around the symbol."""
-    q = QUANTITIES[name]
-    return Named(q.words, f"|{q.symbol}|" if magnitude and "|" not in q.symbol else q.symbol)
+    """Return the name of a quantity as a cell; with `magnitude`, its symbol is written as |symbol|."""
+    return named_entry(QUANTITIES[name], magnitude=magnitude)
+
+
+def named_entry(q: Entry, *, magnitude: bool = False) -> Named:
+    """Return words and symbol of a quantity as a cell; with `magnitude`, its symbol is written as |symbol|."""
+    with_bars = magnitude and q.is_magnitude and q.symbol and "|" not in q.symbol
+    return Named(q.words, f"|{q.symbol}|" if with_bars else q.symbol)
 
 
 def tables_of(blocks: Iterable[Block]) -> Iterator[PageTable]:

@@ -1,4 +1,4 @@
-"""The letter's numbered equations, by id, so that code and tests can cite them.
+"""List the equations that code and tests cite, such as L(10) for equation 10 of the published letter.
 
 A function or class that implements an equation cites its id in the first paragraph of its docstring. A test that checks
 the equation independently has the marker `equation`. tests/contract/test_equation_ids.py fails if either is missing.

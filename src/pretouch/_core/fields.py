@@ -1,4 +1,4 @@
-"""Fields of dataclasses that declare unit, sign and an example, and the checks of their values."""
+"""Declare dataclass fields with unit, sign and example, and check the values of these fields."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ Sign: TypeAlias = Literal["any", "positive", "nonnegative", "negative", "nonzero
 OUTPUT: Final = "output"
 """Placeholder for the unit of a sensor output: V, counts, or none."""
 
+INPUT: Final = "input"
+"""Placeholder for the unit of the uncertain input that a distribution describes."""
+
 ONE_ROBOT: Final = ": a controller runs one robot"
 """The reason why a controller takes no arrays, for messages."""
 
@@ -25,7 +28,7 @@ OUTPUT_RATE: Final = "output/s"
 """Placeholder for the unit of the rate of change of a sensor output."""
 
 _RULES: Final[dict[str, Callable[..., Any]]] = {"positive": positive, "nonnegative": nonnegative}
-_UNIT_WORDS: Final = {OUTPUT: "unit of xi", OUTPUT_RATE: "unit of xi per s"}
+_UNIT_WORDS: Final = {OUTPUT: "unit of xi", OUTPUT_RATE: "unit of xi per s", INPUT: "unit of the input"}
 
 
 def quantity(
@@ -40,7 +43,8 @@ def quantity(
     """Declare a dataclass field that holds a number, or an array of numbers, in SI units.
 
     Args:
-        unit: SI unit; empty for a pure number; OUTPUT or OUTPUT_RATE for a sensor output.
+        unit: SI unit; empty for a pure number; OUTPUT or OUTPUT_RATE for a sensor output;
+            INPUT for the unit of the uncertain input that a distribution describes.
         default: default value; None if the field is optional.
         sign: required sign.
         example: an example value, in the syntax of scenario files.

@@ -1,4 +1,4 @@
-"""Read input files, write output files atomically, sign reports, and serialize to JSON."""
+"""Read input files, write output files atomically, recognize unchanged reports, and serialize results to JSON."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callab
     mode = os.stat(path).st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         kind = "a pipe" if stat.S_ISFIFO(mode) else "a device or a socket"
-        raise refuse(f"{path}: found {kind}, expected a file; save its content as a file first")
+        raise refuse(f"{path}: found {kind}, expected a regular file; save the content as a regular file first")
     with open(path, "rb") as stream:
         content = stream.read(most + 1)
     if len(content) > most:
-        raise refuse(f"{path}: found a file of more than {most / 1e6:,.0f} MB, expected at most that size")
+        raise refuse(f"{path}: this file is larger than {most / 1e6:,.0f} MB, the largest allowed size")
     return content
 
 
@@ -66,8 +66,8 @@ def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
             same = os.path.realpath(path) == os.path.realpath(each)
         if same:
             raise OutputExistsError(
-                f"{path}: is an input of this command ({each}) and is never overwritten; choose another name with "
-                "--output"
+                f"{path}: this file is an input of this command ({each}) and is never overwritten; choose "
+                "another name with --output"
             )
 
 
@@ -155,8 +155,8 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
             temporary.unlink(missing_ok=True)
     except FileExistsError:
         raise OutputExistsError(
-            f"{named}: this {'folder' if target.is_dir() else 'file'} exists and is not overwritten; "
-            "choose another name with --output, or replace the file with --force (overwrite=True in Python)"
+            f"{named}: this {'folder' if target.is_dir() else 'file'} exists and is not overwritten; choose "
+            "another name with --output, or replace the file with --force (overwrite=True in Python)"
         ) from None
     except FileNotFoundError:
         raise InvalidInputError(f"{named}: the folder {named.parent} does not exist; create it first") from None

@@ -1,4 +1,4 @@
-"""Parts of error messages: the value that was found, and what was expected."""
+"""Format wrong values for error messages, together with an example of the expected value."""
 
 from __future__ import annotations
 
@@ -21,8 +21,10 @@ EXAMPLES: Final = {
     "SteppedLaw": "a law for a controller, such as VirtualDamper(gain=-0.7)",
     "Measure": "a measure, such as Expected() or Quantile(probability=0.9)",
     "ParetoFront": "a ParetoFront, which pareto_front returns",
+    "ParetoOptions": "options such as ParetoOptions(choice=-0.7)",
     "PlantModel": "a robot, such as ImpedancePlant(mass=4.0, stiffness=4e3, damping=250.0)",
     "RobustDesign": "a RobustDesign, which design_robust_gain returns",
+    "RobustOptions": "options such as RobustOptions(samples=512)",
     "SampledLaw": "a sampled law, such as Controller(...)",
     "SensorFit": "a SensorFit, which fit_sensor returns",
     "SensorModel": "a sensor curve, such as InversePower(...)",
@@ -30,6 +32,7 @@ EXAMPLES: Final = {
     "Task": "a Task, such as load_scenario(path) returns",
     "TunableLaw": "a sampled law, such as Controller(...)",
     "Verdict": "a Verdict, which verify_gain returns",
+    "VerifyOptions": "options such as VerifyOptions(runs=500)",
 }
 """Descriptions of expected values, for classes whose name does not say how to make one."""
 

@@ -1,4 +1,4 @@
-"""Load and call the compiled core, a shared library, by ctypes.
+"""Load the compiled core, a shared library, and call its functions through ctypes.
 
 The library is loaded when a kernel is first called. A kernel takes numbers and addresses. `address` returns the address
 of an array. It refuses arrays that a kernel would misread, so that a mistake raises a Python exception instead of a
@@ -31,7 +31,7 @@ DOUBLE: Final = ctypes.c_double
 VARIANTS: Final = ("base", "avx2", "avx512")
 """The kinds of processors for which kernels are compiled."""
 
-INTERFACE: Final = "9916e89402fee2e5"
+INTERFACE: Final = "70bea9ef9aaa64cd"
 """Hash of the C headers that these calls match; native/build.py reports when they have changed."""
 
 _SWITCH: Final = "PRETOUCH_VARIANT"
@@ -67,7 +67,9 @@ def _library() -> ctypes.CDLL:
         raise InvalidInputError(f"{_SWITCH}: found {wanted!r}, expected one of {', '.join(VARIANTS)}")
     number = VARIANTS.index(wanted) if wanted else -1
     if wanted and library.pretouch_choose_variant(number) != number:
-        raise InvalidInputError(f"{_SWITCH}: found {wanted}, which this processor does not have")
+        raise InvalidInputError(
+            f"{_SWITCH}: found {wanted}, which this processor does not support; choose another processor variant"
+        )
     return library
 
 
@@ -156,7 +158,10 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
         TypeError: the array is not of that type, or not contiguous.
     """
     if array.dtype != dtype or not array.flags.c_contiguous:
-        raise TypeError(f"a kernel takes contiguous arrays of {dtype}, not {array.dtype} with strides {array.strides}")
+        raise TypeError(
+            f"the compiled function needs a contiguous array of type {dtype}, but received type {array.dtype} with "
+            f"strides {array.strides}"
+        )
     if _HEAD is None:
         return int(array.__array_interface__["data"][0])
     return _word(id(array) + _HEAD).value  # ten times as fast as the array interface
@@ -177,7 +182,7 @@ def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _
         TypeError: the array is not of that shape or type, or not contiguous.
     """
     if array.shape != shape:
-        raise TypeError(f"a kernel takes an array of shape {shape} here, not {array.shape}")
+        raise TypeError(f"the compiled function needs an array of shape {shape}, but received shape {array.shape}")
     return address(array, dtype)
 
 
@@ -196,7 +201,10 @@ def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ..
     """
     *steps, last = array.strides
     if array.shape != shape or (last != _FLOAT.itemsize and array.size) or not array.flags.aligned:
-        raise TypeError(f"a kernel takes rows of shape {shape} here, not {array.shape} with strides {array.strides}")
+        raise TypeError(
+            f"the compiled function needs an aligned array of shape {shape} with contiguous rows, but received shape "
+            f"{array.shape} with strides {array.strides}"
+        )
     start = address(array[..., :0])  # an empty slice is contiguous
     return (start, *[step // _FLOAT.itemsize for step in steps])
 
@@ -301,8 +309,8 @@ def location(memory: Any, name: str) -> tuple[int, int]:
     if isinstance(memory, np.ndarray) and memory.flags.c_contiguous and not memory.dtype.hasobject:
         return int(memory.__array_interface__["data"][0]), memory.nbytes
     raise InvalidInputError(
-        f"{name}: found {type(memory).__name__}, expected a ctypes.Structure or a contiguous NumPy array, because a "
-        "compiled step reads memory"
+        f"{name}: found {type(memory).__name__}, expected a ctypes.Structure or a contiguous NumPy array, "
+        "because the compiled step function reads its memory directly"
     )
 
 

@@ -1,4 +1,4 @@
-"""Checks and conversions of numbers from users; Chebyshev polynomials."""
+"""Check and convert numbers that users pass, and evaluate Chebyshev polynomials."""
 
 from __future__ import annotations
 
@@ -65,6 +65,14 @@ def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
         return checked
     _require(np.asarray(checked) >= 0, np.asarray(checked), name, unit, "must not be negative")
     return checked
+
+
+def checked_probability(value: Any, name: str = "probability") -> float:
+    """Return a probability between 0 and 1, both excluded; raise an error for other numbers."""
+    number = float(finite(value, name))
+    if not 0 < number < 1:
+        raise InvalidInputError(f"{name}: found {number:g}, expected a number between 0 and 1, such as 0.95")
+    return number
 
 
 def float_or_array(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Report progress: one listener is called about once a second while long work is done."""
+"""Report the progress of long computations to one callback function, about once a second."""
 
 from __future__ import annotations
 

@@ -72,6 +72,7 @@ _LARGEST_WHOLE: Final = 1e300  # largest factor (or inverse factor) that is test
 _LONGEST: Final = 1000  # characters; longer numbers are not scaled exactly
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf"
 _QUANTITY: Final = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
+_LIKELY: Final = {"m": "mm", "s": "ms"}  # the unit that is most likely meant if it is missing
 
 
 def parse_unit(text: str) -> Unit:
@@ -101,7 +102,7 @@ def parse_unit(text: str) -> Unit:
     if rest:
         raise UnitError(f"{text!r} is not a unit: cannot read {rest[0]!r}")
     if not 0 < unit.factor < math.inf:
-        raise UnitError(f"{text!r} is not a unit: its factor to SI is zero or infinite")
+        raise UnitError(f"{text!r} is not a unit: the conversion factor to SI units would be zero or infinite")
     return unit
 
 
@@ -118,7 +119,9 @@ def _tokens(text: str) -> list[str]:
         space, part = match.groups()
         if space and tokens and _ends_factor(tokens) and _starts_factor(part):
             if divided[-1]:
-                raise UnitError(f"{text!r} is not a unit: the space before {part!r} is ambiguous; write * or /")
+                raise UnitError(
+                    f"{text!r} is not a unit: the space before {part!r} is ambiguous; write * or / instead of the space"
+                )
             tokens.append("*")
         divided[-1] |= part == "/"
         if part == "(":
@@ -182,7 +185,7 @@ def _symbol(symbol: str, text: str) -> Unit:
         factor = 1.0 if symbol == "kg" else _PREFIX[symbol[0]] * base.factor
         return Unit(factor, base.exponents)
     symbols = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, in, counts, %"
-    raise UnitError(f"{text!r} is not a unit: {symbol!r} is unknown (known are {symbols})")
+    raise UnitError(f"{text!r} is not a unit: the symbol {symbol!r} is unknown; known symbols are {symbols}")
 
 
 def _combine(left: Unit, right: Unit, power: int) -> Unit:
@@ -192,19 +195,44 @@ def _combine(left: Unit, right: Unit, power: int) -> Unit:
     return Unit(factor, exponents)  # type: ignore[arg-type]
 
 
-def to_si(value: float | str, unit: str, *, name: str) -> float:
+def missing_unit(text: str, unit: str) -> str:
+    """Return what to write instead of a quoted number without its unit; empty if no unit is missing.
+
+    Args:
+        text: text that may be such a number.
+        unit: the expected SI unit.
+
+    Returns:
+        The alternatives, for messages; empty also for infinity, which is the same in every unit.
+
+    Examples:
+        >>> missing_unit("42.2", "m")
+        'a number with its unit, such as "42.2 mm", or 42.2 without quotes, which is in m'
+        >>> missing_unit("42.2 mm", "m"), missing_unit("0.95", "")
+        ('', '')
+    """
+    match = _QUANTITY.fullmatch(text)
+    if match is None or match.group(2) or "inf" in match.group(1) or parse_unit(unit).exponents == _NONE:
+        return ""
+    number, base = match.group(1), written_unit(unit)
+    bare = f"{float(number):.15g} without quotes, which is in {base}"
+    return f'a number with its unit, such as "{number} {_LIKELY.get(unit, base)}", or {bare}'
+
+
+def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) -> float:
     """Convert a number in SI, or text such as `42.2 mm`, to an SI float and check its dimension.
 
     Args:
-        value: a number in SI, or text such as `"42.2 mm"`; text without a unit is in SI.
+        value: a number in SI, or text such as `"42.2 mm"`.
         unit: the expected SI unit, such as `m/s`; empty for a pure number.
         name: name of the quantity in messages.
+        bare_text: whether text without a unit is a number in SI; otherwise it is refused, since its unit is missing.
 
     Returns:
         The value in SI.
 
     Raises:
-        UnitError: the text is not a quantity, has another dimension, or is not a number.
+        UnitError: the text is not a quantity, lacks its unit, has another dimension, or is not a number.
 
     Examples:
         >>> to_si("42.2 mm", "m", name="position")
@@ -224,6 +252,8 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
         except UnitError as error:
             raise UnitError(f"{name}: {error}; expected a unit of {expected}") from None
         wanted = parse_unit(unit)
+        if not bare_text and (instead := missing_unit(value, unit)):
+            raise UnitError(f"{name}: found {value!r}, expected {instead}")
         if match.group(2) and parsed.exponents != wanted.exponents:
             raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
         number = _scaled(match.group(1), parsed.factor)
@@ -233,7 +263,9 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
         try:
             number = float(value)
         except OverflowError:
-            raise UnitError(f"{name}: found an integer larger than any float, expected {expected}") from None
+            raise UnitError(
+                f"{name}: found an integer that is too large for a floating-point number ({expected} expected)"
+            ) from None
     if math.isnan(number):
         raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
     return number
@@ -256,10 +288,10 @@ def has_workable_magnitude(value: float) -> bool:
 
 
 def read_quantity(value: float | str, unit: str, *, name: str) -> float:
-    """Convert a user's quantity to SI and refuse extreme magnitudes, whose products could overflow.
+    """Convert a quantity of the command line to SI and refuse extreme magnitudes, whose products could overflow.
 
     Args:
-        value: a number, or text with a unit.
+        value: a number, or text with or without a unit: on a command line, a number without a unit is text, too.
         unit: the expected SI unit.
         name: name of the quantity in messages.
 
@@ -273,7 +305,7 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
         >>> read_quantity("-0.7 N*s", "N*s", name="gain")
         -0.7
     """
-    number = to_si(value, unit, name=name)
+    number = to_si(value, unit, name=name, bare_text=True)
     if not (math.isinf(number) or has_workable_magnitude(number)):
         raise UnitError(
             f"{name}: found {value!r}, expected a quantity in {written_unit(unit) or 'a pure number'} {WORKABLE}"

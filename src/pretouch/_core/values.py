@@ -1,4 +1,4 @@
-"""Base classes of values: comparison by content, copying and pickling."""
+"""Provide base classes that let results be compared by content, copied and pickled."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""Name, symbol and SI unit of every quantity that results report."""
+"""List the name, symbol, SI unit and function of every quantity that results report."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,40 +16,82 @@ class Entry:
         symbol: the letter's symbol.
         unit: its SI unit.
         whole: whether it depends on the whole motion, not only on its end.
+        value: function of the state at contact and of the impact model that returns it; None if objectives and
+            constraints cannot use it.
+        limit: short name of its constraint; empty if it has none.
+        needs_impact: whether it needs the impact model.
+        is_magnitude: whether limits and Pareto fronts use its magnitude, not its signed value.
     """
 
     words: str
     symbol: str
     unit: str
     whole: bool = False
+    value: Callable[[Any, Any], Any] | None = None
+    limit: str = ""
+    needs_impact: bool = False
+    is_magnitude: bool = True
+
+    @property
+    def short(self) -> str:
+        """The words without "at contact", such as `relative velocity`."""
+        return self.words.removesuffix(" at contact")
+
+
+def _state(name: str, words: str, symbol: str, unit: str, *, whole: bool = False, limit: str = "") -> Entry:
+    """Return the entry of a field of the state at contact."""
+    return Entry(words, symbol, unit, whole, lambda state, _: getattr(state, name), limit)
 
 
 QUANTITIES: Final[dict[str, Entry]] = {
-    "time": Entry("time of contact", "t", "s"),
+    "time": _state("time", "time of contact", "t", "s", limit="time"),
     "distance": Entry("distance at contact", "l", "m"),
-    "position": Entry("plant position at contact", "x", "m"),
-    "velocity": Entry("plant velocity at contact", "x\u2032", "m/s"),
-    "acceleration": Entry("plant acceleration at contact", "x\u2033", "m/s^2"),
-    "displacement": Entry("deviation from the reference at contact", "x \u2212 x_d", "m"),
-    "relative_velocity": Entry("relative velocity at contact", "l\u2032", "m/s"),
-    "virtual_force": Entry("virtual force at contact", "F_p", "N"),
-    "largest_excursion": Entry("largest excursion", "max |x \u2212 x_d|", "m", whole=True),
-    "largest_travel": Entry("largest travel from the start", "max |x \u2212 x(0)|", "m", whole=True),
-    "largest_speed": Entry("largest plant speed", "max |x\u2032|", "m/s", whole=True),
-    "largest_acceleration": Entry("largest plant acceleration", "max |x\u2033|", "m/s^2", whole=True),
-    "largest_virtual_force": Entry("largest virtual force", "max |F_p|", "N", whole=True),
+    "position": _state("position", "plant position at contact", "x", "m"),
+    "velocity": _state("velocity", "plant velocity at contact", "x\u2032", "m/s"),
+    "acceleration": _state("acceleration", "plant acceleration at contact", "x\u2033", "m/s^2"),
+    "displacement": _state("displacement", "deviation from the reference at contact", "x \u2212 x_d", "m"),
+    "relative_velocity": _state(
+        "relative_velocity", "relative velocity at contact", "l\u2032", "m/s", limit="relative_velocity"
+    ),
+    "virtual_force": _state("virtual_force", "virtual force at contact", "F_p", "N"),
+    "largest_excursion": _state(
+        "largest_excursion", "largest excursion", "max |x \u2212 x_d|", "m", whole=True, limit="excursion"
+    ),
+    "largest_travel": _state(
+        "largest_travel", "largest travel from the start", "max |x \u2212 x(0)|", "m", whole=True, limit="travel"
+    ),
+    "largest_speed": _state("largest_speed", "largest plant speed", "max |x\u2032|", "m/s", whole=True, limit="speed"),
+    "largest_acceleration": _state(
+        *("largest_acceleration", "largest plant acceleration", "max |x\u2033|", "m/s^2"),
+        whole=True,
+        limit="acceleration",
+    ),
+    "largest_virtual_force": _state(
+        "largest_virtual_force", "largest virtual force", "max |F_p|", "N", whole=True, limit="virtual_force"
+    ),
     "closest_distance": Entry("smallest distance", "min l", "m", whole=True),
     "settling_distance": Entry("settling distance", "l(\u221e)", "m", whole=True),
     "impulse_residual": Entry("residual of the impulse balance", "", "", whole=True),
-    "drive_force": Entry("largest drive force", "m max |x\u2033|", "N", whole=True),
-    "impact_force": Entry("peak impact force", "F", "N"),
+    "drive_force": Entry(
+        *("largest drive force", "m max |x\u2033|", "N"),
+        whole=True,
+        value=lambda state, impact: impact.robot_mass * state.largest_acceleration,
+        limit="drive_force",
+        needs_impact=True,
+    ),
+    "impact_force": Entry(
+        *("peak impact force", "F", "N"),
+        value=lambda state, impact: impact.peak_force(state.relative_velocity),
+        limit="impact_force",
+        needs_impact=True,
+    ),
     "peak_force": Entry("peak contact force", "max F", "N", whole=True),
     "impulse": Entry("impulse of all contacts", "\u222bF dt", "N*s", whole=True),
     "rebound_velocity": Entry("relative velocity after impact", "l\u2032", "m/s"),
-    "gain": Entry("gain", "D_p", "N*s"),
+    "gain": Entry("gain", "D_p", "N*s", value=lambda state, _: state.columns.column("gain"), limit="gain"),
     "objective": Entry("objective", "f", ""),
 }
-"""Every quantity of results, objectives, limits and sweeps, by its name in code."""
+"""Every quantity of results, objectives, limits and sweeps, by its name in code; user-defined ones are added."""
 
 
 def words_for(name: str) -> str:
@@ -65,11 +108,6 @@ def words_for(name: str) -> str:
         ('largest excursion', 'natural frequency')
     """
     return QUANTITIES[name].words if name in QUANTITIES else name.replace("_", " ").replace("-", " ")
-
-
-def in_short(name: str) -> str:
-    """Return the name of a quantity in words without "at contact", such as `relative velocity`."""
-    return words_for(name).removesuffix(" at contact")
 
 
 def unit_of(name: str) -> str:

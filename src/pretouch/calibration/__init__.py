@@ -1,4 +1,4 @@
-"""Fit a sensor curve to readings at known distances, with its uncertainty and a verdict on the sensor."""
+"""Fit a sensor curve to readings at known distances, estimate its uncertainty, and judge the sensor."""
 
 from .data import Calibration, Provenance
 from .file_reading import read_calibration, read_calibrations

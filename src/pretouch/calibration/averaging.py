@@ -1,4 +1,4 @@
-"""Average the readings at each distance, condense many distances into few, and estimate the noise of one reading."""
+"""Average the readings at each distance, condense many distances into few, and estimate the reading noise."""
 
 from __future__ import annotations
 
@@ -206,7 +206,9 @@ def condense(calibration: Calibration) -> Calibration:
     kept = (calibration.outputs == 0) | (at_top & (at_top.sum() > 1))
     widths = [format_quantity(float(w), "m", 3) for w in (np.diff(places).min(), np.diff(places).max())]
     distinct, source = len(calibration.distinct_distances), calibration.source
-    note = f"{distinct} distances were condensed into {count} groups, {widths[0]} to {widths[1]} wide, along the curve."
+    note = (
+        f"{distinct} distances were combined into {count} groups, each {widths[0]} to {widths[1]} wide, and averaged."
+    )
     return replace(
         calibration,
         distances=middle[part],

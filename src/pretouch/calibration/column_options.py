@@ -1,4 +1,4 @@
-"""Options that select the columns of a table, by header or number, and give their units."""
+"""Define the user's options that select table columns by header or number and give their units."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ class ColumnOption:
             return header_unit
         if header_unit is not None and header_unit != self.unit:
             raise CalibrationDataError(
-                f"columns: found the unit {self.unit!r} for the {self.key}, but {header_unit!r} in its header "
-                f"{title!r}; give only one of them"
+                f"columns: the option gives the unit {self.unit!r} for the {self.key}, but the header {title!r} "
+                f"gives {header_unit!r}; give only one unit"
             )
         return self.unit
 
@@ -85,18 +85,20 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
     options = {}
     for key, value in (columns or {}).items():
         if key not in _KEYS:
-            raise CalibrationDataError(f"columns: found {key!r}, expected only 'distance' and 'output'")
+            raise CalibrationDataError(
+                f"columns: found the key {key!r}, but only the keys 'distance' and 'output' are allowed"
+            )
         if isinstance(value, bool) or not isinstance(value, (str, int)) or not str(value).strip():
             raise CalibrationDataError(
-                f"columns: found {value!r} for the {key}, expected the header of a column or its number, such as "
-                f'{key}=1, or its unit, such as {key}="[{"mm" if key == "distance" else "V"}]"'
+                f"columns: found {value!r} for the {key}, expected the header of a column, its number such as {key}=1, "
+                f'or its unit such as {key}="[{"mm" if key == "distance" else "V"}]"'
             )
         text = str(value).strip()
         match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", text)
         name, unit = (match[1], match[2].strip()) if match else (text, None)
         if key == "distance" and unit is not None and not is_length(unit):
             raise CalibrationDataError(
-                f"columns: found the unit {unit!r} for the distance, expected a length such as mm"
+                f"columns: found the unit {unit!r} for the distance, expected a unit of length such as mm"
             )
         number = int(name) if re.fullmatch(r"\d{1,6}", name) else None
         options[key] = ColumnOption(
@@ -138,8 +140,8 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], message:
         at = [i for i, title in enumerate(among) if title == wanted]
         if len(at) > 1:
             raise CalibrationDataError(
-                f"{message}, the name of columns {' and '.join(str(i + 1) for i in at[:2])} of {table.file}; give the "
-                "number of the column instead"
+                f"{message}, but columns {' and '.join(str(i + 1) for i in at[:2])} of {table.file} both have "
+                "this name; give the number of the column instead"
             )
         if at:
             return at[0]

@@ -1,4 +1,4 @@
-"""Calibration data: readings at known distances, readings without an object, and where they come from."""
+"""Store calibration data: readings at known distances, readings without an object, and the source file."""
 
 from __future__ import annotations
 
@@ -84,8 +84,8 @@ class Calibration(Value):
             raise CalibrationDataError("distances: found none, expected at least one reading with an object in range")
         if self.distances.min() < 0:
             raise CalibrationDataError(
-                f"distances: found {self.distances.min():g} m, which must not be negative; measure l from the sensor "
-                "(or the contact surface) to the object"
+                f"distances: found {self.distances.min():g} m, but distances must not be negative; measure them "
+                "from the sensor or contact surface to the object"
             )
 
     @property
@@ -110,7 +110,7 @@ def _column(values: ArrayLike, name: str, unit: str) -> FloatArray:
     except ValueError as error:
         raise CalibrationDataError(str(error)) from None
     if column.ndim != 1:
-        raise CalibrationDataError(f"{name}: found an array of shape {column.shape}, expected one column")
+        raise CalibrationDataError(f"{name}: found an array of shape {column.shape}, expected a one-dimensional array")
     column = np.array(column, dtype=np.float64)
     size = np.abs(column)
     beyond = column[(size != 0) & ~((size >= MAGNITUDES[0]) & (size <= MAGNITUDES[1]))]

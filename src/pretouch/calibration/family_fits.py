@@ -1,4 +1,4 @@
-"""Fit curve families to averaged readings, estimate noise and misfit from the residuals, find outlier distances."""
+"""Fit curve families to averaged readings; estimate noise, misfit and outliers from the residuals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read calibrations from text tables: one curve, or every curve of a file."""
+"""Read one calibration curve, or all calibration curves, from a text table such as CSV."""
 
 from __future__ import annotations
 
@@ -73,14 +73,16 @@ def read_calibration(
     for key in wanted:
         if key not in keys:
             available = ", ".join(sorted(keys)) or "none: the file holds one curve"
-            raise CalibrationDataError(f"select: found {key!r}, expected a label column ({available})")
+            raise CalibrationDataError(
+                f"select: found the label {key!r}, expected one of the file's label columns ({available})"
+            )
     selected = [curve for of, curve in curves if all(of[k] == v for k, v in wanted.items())]
     if len(selected) == 1:
         return selected[0]
     values = "; ".join(f"{k}: {', '.join(dict.fromkeys(of[k] for of, _ in curves))}" for k in keys)
     raise CalibrationDataError(
-        f"{Path(path).name}: found {len(selected)} curves{f' for {wanted}' if wanted else ''}, expected one: choose "
-        f"with select={{...}} among {values}"
+        f"{Path(path).name}: found {len(selected)} curves{f' for {wanted}' if wanted else ''}, expected one; "
+        f"choose one of these labels with select={{...}}: {values}"
     )
 
 
@@ -124,14 +126,14 @@ def _curves(
     groups, shared = _rows_by_label(table, label_columns, readings.distances)
     if not groups:
         raise CalibrationDataError.without_content(
-            f"{table.file}: found no rows below the header, expected distances and outputs"
+            f"{table.file}: there are no rows below the header, expected rows with distances and sensor outputs"
         )
     if labels is None and len(groups) > 3 and max(map(len, groups.values())) * len(layout.pairs) == 1:
         titles = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
-            f"{table.file}: found a different value of {titles} in every row, so each curve has one reading; name the "
-            "label columns with --labels NAME,NAME, or use --labels none (in a scenario file and in Python: labels, a "
-            "list, which may be empty)"
+            f"{table.file}: every row has a different label in {titles}, so each curve would have only one "
+            "reading; name the label columns with --labels NAME,NAME, or use --labels none (a list named labels "
+            "in Python and in scenario files)"
         )
     extra = _no_object_readings(no_object, layout)
     names = tuple(table.name(i) for i in label_columns)
@@ -232,8 +234,8 @@ def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
     value = math.inf if is_no_object(cell) else number(table, line, cell, column)
     if value < 0:
         raise CalibrationDataError(
-            f"{table.file}, line {line}: found the distance {cell}, which must not be negative",
-            problem=f"{table.file}, line {line}: found a distance that is negative",
+            f"{table.file}, line {line}: found the distance {cell}, but distances must not be negative",
+            problem=f"{table.file}, line {line}: found a negative distance, but distances must not be negative",
         )
     return value
 
@@ -252,9 +254,10 @@ def _curve(
     _refuse_stray_distance(table, readings.distances[present & ~without_object])
     if not (present & ~without_object).any():
         raise CalibrationDataError(
-            f"{table.file}{f', {label}' if label else ''}: found no reading with an object in range, expected at "
-            "least one",
-            problem=f"{table.file}: found no reading with an object in range, expected at least one",
+            f"{table.file}{f', {label}' if label else ''}: every reading was taken without an object, but at "
+            "least one reading with an object in range is needed",
+            problem=f"{table.file}: every reading was taken without an object, but at least one reading with an object "
+            "in range is needed",
         )
     return Calibration(
         distances=readings.distances[present & ~without_object],
@@ -284,9 +287,8 @@ def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
     if len(distinct) < _FEW or distinct[-1] <= _STRAY * distinct[-2]:
         return
     message = (
-        f"{table.file}: found the distance {distinct[-1]:g} m, {distinct[-1] / distinct[-2]:,.0f} times as far as the "
-        f"next one ({distinct[-2]:g} m), expected distances without such a gap; correct it, or write inf if it means "
-        "that no object was there"
+        f"{table.file}: found the distance {distinct[-1]:g} m, which is {distinct[-1] / distinct[-2]:,.0f} times "
+        f"the next smaller distance ({distinct[-2]:g} m); correct it, or write inf if no object was present"
     )
     raise CalibrationDataError(message, problem=f"{table.file}: found one distance far beyond all others")
 
@@ -304,7 +306,8 @@ def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
         wanted = split_title(layout.pairs[0][1].title)[0]
         if wanted not in names:
             raise CalibrationDataError(
-                f"{table.place}: found {len(names)} columns, expected one of readings, or one named {wanted!r}"
+                f"{table.place}: found {len(names)} columns, expected a single column of readings or a column "
+                f"named {wanted!r}"
             )
         index = names.index(wanted)
     cells = list(zip(table.lines, table.columns[index], strict=True))

@@ -1,4 +1,4 @@
-"""Fit one model to one calibration: the curve, its parameters with confidence intervals, and its goodness of fit."""
+"""Fit one curve model to one calibration, with confidence intervals of its parameters and goodness of fit."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch.sensors import Family, SensorModel, Table, sensor_curves
 from pretouch.sensors.conformance import refuse_invalid_curve
 from pretouch.sensors.model import is_built_in
+from pretouch.sensors.registry import CURVE_KINDS, find_curve
 
 from .averaging import AveragedCurve
 from .data import Calibration
@@ -116,8 +117,11 @@ def estimates(
     at_bound = any(min(value - low, high - value) < 1e-4 for value, low, high in zip(x, *family.bounds, strict=True))
     warnings = family.remarks(parameters, at_bound=at_bound)
     if offset.kind == "fitted":
-        moves = f"a change by one standard error changes the slope by {100 * shift:.2g} %."
-        warnings = (*warnings, f"The offset was fitted, not measured; {moves}")
+        warnings = (
+            *warnings,
+            "The offset was fitted, not measured: one standard error of the offset changes the slope by "
+            f"{100 * shift:.2g} %.",
+        )
     return {
         "parameters": parameters,
         "covariance": covariance,
@@ -137,7 +141,10 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
     _, s, vt = np.linalg.svd(best.jacobian[0][:, free] / norms[free], full_matrices=False)
     if s[-1] < _REDUNDANT * s[0]:
         involved = [names[free[i]] for i in np.flatnonzero(np.abs(vt[-1]) > _INVOLVED)]
-        raise InvalidInputError(f"{' and '.join(involved)}: found parameters that no readings can distinguish")
+        raise InvalidInputError(
+            f"{' and '.join(involved)}: no readings can distinguish the effects of these parameters; remove one of "
+            "these parameters"
+        )
 
 
 def _covariance(
@@ -241,10 +248,11 @@ def fit_sensor(
 def check_models(models: tuple[str, ...]) -> None:
     """Raise an error for an empty list of sensor models and for unknown model names."""
     for model in models:
-        if model not in model_names() and model not in sensor_curves(fitted=True, foreign=True):
-            raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join(model_names())}")
+        if find_curve(model) is None or model not in (*sensor_curves(fitted=True, foreign=True), _TABLE):
+            others = [name for name in CURVE_KINDS.names() if name not in model_names()]
+            raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join((*model_names(), *others))}")
     if not models:
-        raise InvalidInputError(f"models: found none, expected one or more of {', '.join(model_names())}")
+        raise InvalidInputError(f"models: the list is empty, expected one or more of {', '.join(model_names())}")
 
 
 def why_not(model: str, prepared: Prepared) -> str:
@@ -253,13 +261,18 @@ def why_not(model: str, prepared: Prepared) -> str:
     if model != _TABLE:
         count, size = len(used.distance), _family(model, used).size
         return (
-            "" if count > size else f"It has {size} parameters, but only {count} distances are above the signal floor."
+            ""
+            if count > size
+            else f"The model has {size} parameters, but only {count} distances are above the signal floor."
         )
     rises = np.flatnonzero(np.diff(used.output) >= 0)
     if not len(rises):
         return ""
     d = used.distance[rises[0] : rises[0] + 2] * 1e3
-    return f"The averaged output does not fall from {d[0]:g} to {d[1]:g} mm, but a table must fall strictly."
+    return (
+        f"The averaged output does not fall from {d[0]:g} to {d[1]:g} mm, but a table model needs an output that "
+        "falls at every step."
+    )
 
 
 def model_names() -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Interpret the cells and headers of a text table: numbers, missing values, names and units of columns."""
+"""Interpret the cells and headers of a text table: numbers, missing values, column names and units."""
 
 from __future__ import annotations
 
@@ -137,7 +137,8 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     place = f"{table.file}, line {line}"
     if math.isfinite(value):
         expected = (
-            f"expected a number {WORKABLE} (in {column.unit or 'its unit'}), the range in which fits can be computed"
+            f"expected a number {WORKABLE} (unit: {column.unit or 'its unit'}), because fits outside this range "
+            "cannot be computed"
         )
         problem = "a number that is too large or too small for the arithmetic"
     else:
@@ -160,7 +161,7 @@ _OUTPUTS = {
 }
 _SOURCE = r"(?:led|ir led|ir|drive|driving|driver|forward|supply|bias|pulse|emitter|emission|laser|source|tx|transmit)"
 _SETTING = re.compile(
-    rf"{_SOURCE} (?:current|voltage|power|level|intensity|frequency)|current|power|frequency|supply|vcc|vdd|bias"
+    _SOURCE + r" (?:current|voltage|power|level|intensity|frequency)|current|power|frequency|supply|vcc|vdd|bias"
     r"|(?:pga|amplifier|analog|adc|sensor)? ?gain|(?:\w+ )?temperature|temp|humidity|wavelength|duty|duty cycle"
     r"|(?:integration|exposure|measurement|measuring|shutter|conversion|settling) time|integration|exposure"
     r"|(?:sample|sampling|data|frame) rate|pulse (?:width|length|count)|pulses|averages|averaging|led count"
@@ -310,6 +311,7 @@ def output_column(table: TextTable, index: int, layout: Layout) -> Column:
     symbol, factor = output_unit(header_unit) if header_unit else (layout.unit, layout.pairs[0][1].factor)
     if symbol != layout.unit:
         raise CalibrationDataError(
-            f"{table.place}: found the unit {header_unit!r}, expected {layout.unit or 'none'!r} as in the calibration"
+            f"{table.place}: found the unit {header_unit!r}, expected the unit of the calibration, "
+            f"{layout.unit or 'none'!r}"
         )
     return Column(index=index, title=title, unit=symbol, factor=factor)

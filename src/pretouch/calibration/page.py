@@ -1,4 +1,4 @@
-"""Build the report page of a calibration: verdict, usable window, ranking, parameters and provenance."""
+"""Build the calibration report: verdict on the sensor, usable distances, ranking of models, and parameters."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 from pretouch._core.blocks import Cell, Code, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
+from pretouch.sensors.recessed import recess_in_words
 
 from .result import CalibrationReport, Estimate, SensorFit
 
@@ -17,14 +18,16 @@ Row = tuple[Cell, ...]
 
 def calibration_page(report: CalibrationReport) -> Page:
     """Create the report page of a calibration: verdict, usable distances, ranking of models and parameters."""
-    usable, best, name = report.verdict == "usable", report.best, report.calibration.name
+    usable, best = report.verdict == "usable", report.best
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
     if best is None:
         blocks: tuple[Any, ...] = (_ranking(report) if report.not_fitted else None,)
     else:
         parameters = tuple(block for fit in report.fits for block in _parameters(fit, report))
         note = Paragraph(
-            text=f"The {best.model} curve, with the contact surface where the usable window starts.", quiet=True
+            text=f"These keys describe the {best.model} curve. The contact surface is placed where the usable "
+            "distances start.",
+            quiet=True,
         )
         blocks = (
             _ranking(report),
@@ -40,10 +43,20 @@ def calibration_page(report: CalibrationReport) -> Page:
         key_figures=tuple(_key_figures(report)),
         warnings=() if usable else report.reasons,
         findings=tuple(f"left out: {text}" for text in report.left_out),
-        next_step="" if best is None else f'add calibration = "{name}" to the section [sensor] of a scenario file',
+        next_step="" if best is None else _next_step(report),
         lead="calibration",
         blocks=(_picture(report), *first, *blocks, PageSection(title="Provenance", blocks=tuple(_provenance(report)))),
     )
+
+
+def _next_step(report: CalibrationReport) -> str:
+    """Return the keys of a scenario file for this sensor, with the recess that puts contact into its window."""
+    nearest = report.window.l_min
+    text = f'add calibration = "{report.calibration.name}" to the section [sensor] of a scenario file'
+    if nearest <= 0:
+        return text
+    recess = recess_in_words(nearest)
+    return f'{text}, with recess = "{recess}" for a sensor that is mounted {recess} behind the contact surface'
 
 
 def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
@@ -92,14 +105,14 @@ def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tup
 def _headline(report: CalibrationReport) -> str:
     name = report.calibration.name
     if report.best is None:
-        return f"{name}: no usable signal. These readings do not determine a sensor curve."
+        return f"{name}: there is no usable signal, so the readings do not determine a sensor curve."
     low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))
     slope = report.best.middle_slope
     spread = "" if not math.isfinite(slope.standard_error) else f" \u00b1 {slope.standard_error:.2g}"
     reserve = "" if report.verdict == "usable" else ", with reservations"
     return (
         f"{name}: usable from {low} to {high}{reserve}. The {report.best.model} curve ranks first, with a slope "
-        f"g = {slope.value:.4g}{spread} 1/m in the middle of the window."
+        f"g = {slope.value:.4g}{spread} 1/m in the middle of this range."
     )
 
 
@@ -142,13 +155,13 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
             Measured(n.output, unit),
             f"standard deviation without signal, from {n.output_source}",
         )
-        relative = f"standard deviation of one reading, proportional to the signal; from {n.relative_source}"
+        relative = f"standard deviation of one reading, in proportion to the signal, from {n.relative_source}"
         yield "noise relative to the signal", f"{100 * n.relative:.3g} %", relative
         length = f"; correlation length {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
         yield (
             "misfit of the curve",
             f"{100 * n.misfit:.3g} %",
-            f"RMS deviation of averaged readings beyond their noise{length}",
+            f"RMS deviation of averaged readings that noise does not explain{length}",
         )
     if report.slope is not None:
         near, far = (format_quantity(float(d), "m") for d in report.slope.distances[[0, -1]])

@@ -1,4 +1,4 @@
-"""Fit every curve family at every plausible offset, and combine the fits into what the readings determine.
+"""Estimate offset and slope of a sensor by averaging over all curves and offsets that fit its readings.
 
 With one family and one offset, the readings determine the parameters to about a percent. But they do not determine the
 family: with a slightly different offset, another family fits equally well. So each family of three parameters is fitted

@@ -1,4 +1,4 @@
-"""Prepare a calibration for fitting: usable window, outliers, offset, noise, and whether there is a signal."""
+"""Prepare a calibration for fitting: find offset, noise, outliers and usable distances, and test for a signal."""
 
 from __future__ import annotations
 
@@ -80,9 +80,9 @@ def prepare(
     count = len(curve.distance) - near.index
     if count < needed:
         few = (
-            f"Only {count} usable distinct distance{'s' if count != 1 else ''} ({near.reason}); at least {needed} are "
-            "needed: measure at 8 or more, out to where the output no longer changes, and record readings with no "
-            "object."
+            f"Only {count} distance{'s are' if count != 1 else ' is'} usable ({near.reason}), but at least "
+            f"{needed} are needed: measure at 8 or more distances, out to where the output no longer changes, "
+            "and record readings with no object."
         )
         return _nothing(calibration, curve, near, offset_estimate, few)
     if not np.ptp(curve.output[near.index :]) > 0:
@@ -199,19 +199,20 @@ def _steep_end(
 def _reports_distance(calibration: Calibration) -> str:
     """Return the message for a sensor whose output is a distance."""
     return (
-        f"The output is a distance in {calibration.unit}: this sensor reports a distance, not a signal that falls with "
-        "it. No curve is fitted: enter the curve of the law by hand, and set chain.measures_distance = true."
+        f"The output is a distance in {calibration.unit}, because this sensor reports a distance and not a "
+        "signal that falls with it. No curve is fitted: enter a sensor curve by hand, and set "
+        "chain.measures_distance = true."
     )
 
 
 def _rising(calibration: Calibration) -> str:
     """Return the message for a sensor whose output rises with distance."""
     top = float(max([calibration.outputs.max(), *calibration.no_object]))
+    highest = f"{top:g} {calibration.unit}".rstrip()
     return (
-        "The output rises with distance, but a proximity signal falls. For a sensor that reports a distance, enter "
-        "its curve by hand and set chain.measures_distance = true. For inverting electronics, invert the output, for "
-        f"example {top:g} {calibration.unit}".rstrip()
-        + " minus the reading."
+        "The output rises with distance, but the signal of a proximity sensor falls. If the sensor reports a distance, "
+        "enter its curve by hand and set chain.measures_distance = true. If the electronics invert the signal, use "
+        f"{highest} minus the reading."
     )
 
 
@@ -223,7 +224,7 @@ def _given_offset(calibration: Calibration, offset: OffsetChoice, noise: Reading
         return _measured_offset(calibration.no_object, noise)
     expected = "a number, or a number and its standard error"
     if isinstance(offset, str) and offset != "zero":
-        raise InvalidInputError(f"offset: found {offset!r}, expected 'auto', 'fit', 'zero', {expected}")
+        raise InvalidInputError(f"offset: found {offset!r}, but the offset must be 'auto', 'fit', 'zero', {expected}")
     if isinstance(offset, (tuple, list)) and len(offset) != 2:
         raise InvalidInputError(f"offset: found {offset!r}, expected {expected}")
     return declared_offset(0.0 if isinstance(offset, str) else offset)
@@ -283,12 +284,12 @@ def _why_no_signal(
         )
     if count < _FEWEST_POINTS:
         far = format_quantity(window.distances[-1], "m") if count else "none"
+        floor = f"{window.floor:.4g} {unit}".rstrip()
         reasons.append(
-            f"Only {count} distinct distance{'s' if count != 1 else ''} (last: {far}) {'is' if count == 1 else 'are'} "
-            f"above the signal floor of {window.floor:.4g} {unit}".rstrip()
-            + f" (offset {offset.in_words('')}, noise of one reading {noise.output:.2g}); a curve needs "
-            f"{_FEWEST_POINTS}: measure in finer steps near the sensor, repeat readings, and record the output with no "
-            "object."
+            f"Only {count} distance{' is' if count == 1 else 's are'} above the signal floor of {floor}, but a "
+            f"curve needs {_FEWEST_POINTS} (last distance: {far}, offset: {offset.in_words('')}, noise of one "
+            f"reading: {noise.output:.2g}): measure in finer steps near the sensor, repeat readings, and record "
+            "the output with no object."
         )
     return tuple(reasons)
 

@@ -1,4 +1,4 @@
-"""Fit all models to one calibration, rank them by AICc, and judge whether the sensor is usable."""
+"""Fit all curve models to one calibration, rank the models by AICc, and judge whether the sensor is usable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of a calibration: estimates with their uncertainty, the fit of one model, and the report on all models."""
+"""Define the results of a calibration: estimates with uncertainty, the fit of each model, and their report."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""How accurately the readings determine the slope g, and the warnings that follow from it.
+"""Estimate the uncertainty of the sensor slope g, and warn if it is too large for a design.
 
-g is judged from the nearest usable distance to the distance at which the signal is a tenth of the signal there. The
+The slope is judged from the nearest usable distance to the distance at which the signal has fallen to a tenth. The
 virtual force gives the impulse D_p ln(xi / xi_0) until xi has grown from xi_0 to xi. From a tenth of its value at
 contact, xi grows by a factor of ten, 2.3 in ln xi: most of the impulse of any motion.
 """
@@ -61,21 +61,23 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
             remedy = "record the output with no object, or measure out to where it no longer changes"
             if prepared.reaches_last:
                 remaining = f"{100 * used[-1] / used[0]:.2g} %"
-                remedy += f" (at the last distance the signal is still {remaining} of its largest value)"
+                remedy += f" (at the last distance, the signal is still {remaining} of the largest signal)"
         elif offset is not None and best.slope_shift > 0.5 * _ALLOWED / _NORMAL:
             remedy = "record the output with no object more often, because its uncertainty changes the slope"
         size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
         near, far = (format_quantity(float(d), "m", 3) for d in slope.distances[[0, -1]])
         warnings.append(
-            f"The uncertainty of g is {size} at {format_quantity(slope.worst_at, 'm', 3)}; a design needs "
-            f"{100 * _ALLOWED:.0f} % or less from {near} to {far}, where most of the virtual force acts: {remedy}."
+            f"The uncertainty of the slope g is {size} at {format_quantity(slope.worst_at, 'm', 3)}, but a "
+            f"design needs at most {100 * _ALLOWED:.0f} % from {near} to {far}, where most of the virtual force "
+            f"acts: {remedy}."
         )
     gap = _largest_gap(prepared, best, float(slope.distances[-1]))
     if gap is not None:
         share, near, far = gap[0], *(format_quantity(d, "m", 3) for d in gap[1:])
         warnings.append(
-            f"From {near} to {far} the readings are {100 * abs(share):.0f} % {'flatter' if share > 0 else 'steeper'} "
-            f"than the best model, {best.model}: the curve has another shape, which the table model follows."
+            f"From {near} to {far} the readings are {100 * abs(share):.0f} % "
+            f"{'flatter' if share > 0 else 'steeper'} than the best model, {best.model}: the true curve has "
+            "another shape, which the table model follows."
         )
     return warnings
 

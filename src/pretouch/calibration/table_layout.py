@@ -1,4 +1,4 @@
-"""Find the columns of a table that hold distances, outputs and labels, in long and in wide tables."""
+"""Find out which columns of a table contain distances, sensor outputs and labels."""
 
 from __future__ import annotations
 
@@ -68,16 +68,20 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
         distance = (0 if output is None else 1 - output) if distance is None else distance
         output = 1 - distance if output is None else output
     if distance is not None and distance == output:
-        raise CalibrationDataError(f"columns: found column {distance + 1} for the distance and for the output")
+        raise CalibrationDataError(
+            f"columns: column {distance + 1} is given both as the distance and as the output; give two different "
+            "columns"
+        )
     if distance is None or output is None:
         columns = join_first([f"{i}: {quoted(title)}" for i, title in enumerate(table.header, start=1)], _SHOWN)
         distance_or_first = 0 if distance is None else distance
         free = [i for i in range(len(table.header)) if i != distance_or_first]
         output_guess = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
         raise CalibrationDataError(
-            f"{table.place}: found the columns {columns}, expected one named distance and one named output; or name "
-            f"them with {columns_hint(f'distance={distance_or_first + 1},output={output_guess + 1}')}",
-            problem=f"{table.place}: found no columns that are named as distance and output",
+            f"{table.place}: found the columns {columns}, of which one must be named distance and one output; "
+            "rename them, or name the columns with "
+            f"{columns_hint(f'distance={distance_or_first + 1},output={output_guess + 1}')}",
+            problem=f"{table.place}: the table has no columns that are named distance and output",
         )
     return distance, [output]
 
@@ -94,13 +98,13 @@ def _refuse_no_header(table: TextTable) -> None:
     if all(is_number(cell) for cell in table.header):
         wide = ', or --columns "distance=[mm]" if they are distances' if len(table.header) > 2 else ""
         raise CalibrationDataError(
-            f'{table.place}: found numbers where the header is expected, such as "distance [mm],output [V]"; or name '
-            f"the columns with {columns_hint('distance=1 [mm],output=2 [V]')}{wide}"
+            f'{table.place}: found numbers where the header is expected, such as "distance [mm],output [V]"; or '
+            f"name the columns with {columns_hint('distance=1 [mm],output=2 [V]')}{wide}"
         )
     if len(table.header) < 2:
         raise CalibrationDataError(
-            f"{table.place}: found one column ({quoted(table.header[0])}), expected two or more, separated by "
-            "comma, semicolon, tab or blanks",
+            f"{table.place}: found only one column ({quoted(table.header[0])}), expected two or more columns, "
+            "separated by comma, semicolon, tab or blanks",
             problem=f"{table.place}: found one column, expected two or more",
         )
 
@@ -147,21 +151,25 @@ def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | 
         return matches[0] if matches else None
     first, second = (f"{i + 1}: {quoted(table.header[i])}" for i in matches[:2])
     raise CalibrationDataError(
-        f"{table.place}: found two columns that may be the {what} ({first}, {second}), expected one; select one with "
+        f"{table.place}: two columns may contain the {what} ({first}, {second}); select one column with "
         f"{columns_hint(f'{what}={matches[0] + 1}')}"
     )
 
 
 def _distance_column(table: TextTable, index: int, option: ColumnOption) -> Column:
     title, unit = table.header[index], option.unit_with(table.header[index])
-    how = f'write it into the header, such as "distance [mm]", or use {columns_hint(f"distance={index + 1} [mm]")}'
+    how = (
+        f'write the unit into the header, such as "distance [mm]", or use {columns_hint(f"distance={index + 1} [mm]")}'
+    )
     if not unit:
         raise CalibrationDataError(
             f"{table.place}: found {quoted(title)}, a distance without a unit: {how}",
             problem=f"{table.place}: found a distance without a unit",
         )
     if not is_length(unit):
-        raise CalibrationDataError(f"{table.place}: found the unit {unit!r}, expected a length such as mm: {how}")
+        raise CalibrationDataError(
+            f"{table.place}: found the unit {unit!r} for the distance, expected a unit of length such as mm: {how}"
+        )
     return Column(index=index, title=title, unit="m", factor=parse_unit(unit).factor)
 
 
@@ -171,10 +179,11 @@ def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOptio
     symbol, factor = output_unit(unit)
     if unit is None:
         symbol, meaning = default_output_unit(set().union(*(table.columns[i] for i in outputs)))
-        notes.append(f"The output column {title!r} has no unit; its values are taken as {meaning}.")
+        notes.append(f"The output column {title!r} has no unit, so its values are read as {meaning}.")
     if is_named(title, "setting") and not option.names_a_column:
         notes.append(
-            f"The column {title!r} is named as a setting; it is taken as the output, because no other column can be."
+            f"The column {title!r} is named like a setting, but it is read as the sensor output, because no "
+            "other column can be the output."
         )
     return Column(index=outputs[0], title=title, unit=symbol, factor=factor), notes
 
@@ -235,7 +244,10 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
     unit_text = "" if any(mark.unit for mark in marks.values()) else f" in {unit}"
     span = f"{places[0]} to {places[-1]}{unit_text}" if places else "none"
     filled = [table.title(i) for i in counts if any(table.columns[i])]
-    notes = [f"The headers {span} are read as distances, each row as a repeat.", *notes]
+    notes = [
+        f"The column headers {span} are read as distances, and each row as one repetition of the measurement.",
+        *notes,
+    ]
     notes += [f"Column {title} is not used: it counts the rows." for title in filled]
     columns = [Column(index=i, title=table.header[i], unit=symbol, factor=factor) for i in marks]
     distances = [_distance_of_header(table, mark, unit) for mark in marks.values()]
@@ -258,9 +270,8 @@ def _refuse_ambiguity(table: TextTable, marks: dict[int, UnitMark], others: list
     if any(cells) and all(is_number(cell) or is_no_object(cell) for cell in cells):
         first, last = (table.header[i] for i in (min(marks), max(marks)))
         raise CalibrationDataError(
-            f"{table.place}: found a column {table.header[corner]!r} of numbers and headers {first!r} to {last!r}, "
-            "expected distances in only one of them; use "
-            f'--columns "distance={corner + 1}" if the column is the distance and the headers number repeats, or '
+            f"{table.place}: both the column {table.header[corner]!r} and the headers {first!r} to {last!r} may "
+            f'be distances; use --columns "distance={corner + 1}" if the column contains the distances, or '
             f"{columns_hint('distance=[mm]')} if the headers are the distances"
         )
 
@@ -274,14 +285,13 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Un
         first = next((unit for unit in header_units if unit != option_unit), option_unit)
         if option_unit is not None and first != option_unit:
             raise CalibrationDataError(
-                f"columns: found the unit {option_unit!r} for the distance, but {first!r} in the headers; give only "
-                "one of them"
+                f"columns: the option gives the unit {option_unit!r} for the distance, but the headers give "
+                f"{first!r}; give only one unit"
             )
         if bare and len(header_units) > 1:
             raise CalibrationDataError(
-                f"{table.place}: found the header {table.header[bare[0]]!r} without a unit among several units, "
-                "expected "
-                'a unit, such as "5 mm"'
+                f"{table.place}: the header {table.header[bare[0]]!r} has no unit, but the other headers have "
+                'different units; add the unit, such as "5 mm"'
             )
         return str(first)
     if option_unit is not None:
@@ -290,8 +300,9 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Un
     if not corner:
         shown = join_first([repr(table.header[i]) for i in marks], 3)
         raise CalibrationDataError(
-            f"{table.place}: found the distances {shown} without a unit: write it into them, such as "
-            f'"5 mm", or use {columns_hint("distance=[mm]")}'
+            f'{table.place}: the distances {shown} have no unit; write the unit into each header, such as "5 '
+            'mm", or use '
+            f"{columns_hint('distance=[mm]')}"
         )
     return corner[0]
 
@@ -325,7 +336,7 @@ def _output_unit(
     if unit_text is not None:
         return (*output_unit(unit_text), [])
     symbol, meaning = default_output_unit(set().union(*(table.columns[i] for i in marks)))
-    return symbol, 1.0, [f"The outputs have no unit; they are taken as {meaning}."]
+    return symbol, 1.0, [f"The sensor outputs have no unit, so their values are read as {meaning}."]
 
 
 def _counts_rows(table: TextTable, index: int) -> bool:

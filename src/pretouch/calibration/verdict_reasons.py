@@ -1,4 +1,4 @@
-"""The reasons of a verdict on a sensor: problems of a usable signal with their remedies, and readings left out."""
+"""List why a sensor is not fully usable, how to correct each problem, and which readings were excluded."""
 
 from __future__ import annotations
 
@@ -33,12 +33,15 @@ def left_out(prepared: Prepared) -> tuple[str, ...]:
         at = (format_quantity(float(calibration.distances[i]), "m") for i in single)
         shown = [f"{_level(calibration, calibration.outputs[i])} at {d}" for i, d in zip(single, at, strict=True)]
         named = ", ".join(shown[:_MOST_NAMED]) + (", ..." if len(shown) > _MOST_NAMED else "")
-        groups.append(f"{_readings(len(single))} ({named}): lost, or outliers among those at the same distance.")
+        groups.append(
+            f"{_readings(len(single))} ({named}): dropout or outlier among the readings at the same distance."
+        )
     for distance in prepared.outlier_distances:
         here = calibration.distances == distance
         named = f"{_level(calibration, np.mean(calibration.outputs[here]))} at {format_quantity(distance, 'm')}"
         groups.append(
-            f"{_readings(here.sum())} ({named}): outliers from every curve through the others; measure again."
+            f"{_readings(here.sum())} ({named}): outliers, because no curve through the other readings explains "
+            "their output; measure again."
         )
     if window.distances:
         low, high = window.l_min, window.l_max
@@ -66,8 +69,8 @@ def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
         return f"The signal is usable from {low} to {high}, but none of the requested models fits it."
     best = fits[0]
     return (
-        f"{best.model} fits {len(best.distances)} distances from {low} to {high}: averaged readings deviate by "
-        f"{100 * best.rmse_log_output:.2g} % of the signal (RMS, noise and misfit together)."
+        f"The {best.model} curve fits {len(best.distances)} distances from {low} to {high}. Averaged readings "
+        f"deviate from it by {100 * best.rmse_log_output:.2g} % of the signal (RMS of noise and misfit together)."
     )
 
 
@@ -81,15 +84,19 @@ def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUnc
     dropped = calibration.source.dropped if calibration.source else 0
     once = "Every distance was read once, so the noise is estimated from deviations from the curve"
     unknowns = (len(fits[0].parameters) or 3) + (fits[0].offset.kind == "fitted") if fits else 0
-    few = f"The window from {low} to {high} holds only {count} distinct distances for {unknowns} unknowns of the curve"
+    few = (
+        f"The usable range from {low} to {high} contains only {count} different distances, but the curve has "
+        f"{unknowns} unknown parameters: measure at 8 or more distances in this range."
+    )
     lacking = count < _FEW_POINTS or count - unknowns < _MORE_THAN_UNKNOWNS
-    reasons = [f"{few}: measure at 8 or more inside it."] if lacking else []
+    reasons = [few] if lacking else []
     if used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
         reasons.append(f"{once}: read each distance 3 times or more.")
     reasons += _offset_reservations(prepared)
     if bad > 1 + count // 10:
         reasons.append(
-            f"The outputs at {bad} distances are outliers from every curve through the others: measure again."
+            f"No curve through the other readings explains the outputs at {bad} distances: measure these "
+            "distances again."
         )
     if fall < _SMALL_FALL:
         falls = f"the output falls only by a factor of {math.exp(fall):.2g}"
@@ -115,7 +122,9 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
         reasons.append(f"The {named} is negative, but no reading is: {record}.")
     if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
         reading = _level(prepared.calibration, lowest)
-        reasons.append(f"The {named} is larger than readings ({reading}), which leaves no signal there: {record}.")
+        reasons.append(
+            f"The {named} is larger than some readings ({reading}), so these readings contain no signal: {record}."
+        )
     if offset.kind == "fitted" and prepared.flattens:
         similar = (
             "The offset was fitted, and the output flattens near the sensor; both change the curve in similar ways"
@@ -126,12 +135,13 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     free_offset = prepared.free.offset("fitted")
     fitted = f"{free_offset.value:.4g} {unit} (95 % interval {free_offset.low:.4g} to {free_offset.high:.4g})"
     contradiction = (
-        f"level off at {fitted}, above the {named}: too little is subtracted, which weakens the virtual force"
+        f"The far readings level off at {fitted}, above the {named}, so the controller subtracts too little, "
+        "which weakens the virtual force"
         if free_offset.value > offset.value
-        else f"fall more steeply than any curve with the {named}; they fit {fitted}: too much is subtracted, which "
-        "makes the virtual force too strong far away"
+        else f"The far readings fall more steeply than any curve with the {named}, but agree with {fitted}, so the "
+        "controller subtracts too much and exaggerates the virtual force far away"
     )
-    return [*reasons, f"The far readings {contradiction}; {record}, or fit the offset."]
+    return [*reasons, f"{contradiction}: {record}, or fit the offset."]
 
 
 def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
@@ -141,6 +151,6 @@ def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
     table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""
     return [
         f"Averaged readings deviate from the best model, {fits[0].model}, by {100 * prepared.noise.misfit:.0f} % of "
-        "the signal (RMS) beyond their noise. Over one step of distance, the virtual force has about the same error: "
-        f"check how distances were set.{table}"
+        "the signal (RMS) beyond their noise: check how distances were set. Over one step of distance, the virtual "
+        f"force has about the same error.{table}"
     ]

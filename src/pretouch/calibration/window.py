@@ -1,4 +1,4 @@
-"""Find the usable window of a sensor: beyond clipping and the near-field peak, and above the noise floor."""
+"""Find the usable distances of a sensor, between saturation or a near-field peak and the noise floor."""
 
 from __future__ import annotations
 
@@ -132,8 +132,8 @@ def find_window(
     near = find_near_end(calibration, curve, saturation, near_field_peak)
     if near.index == len(curve.distance):
         raise CalibrationDataError(
-            f"saturation: found every distance clipped ({near.reason}); measure farther away, lower the gain of the "
-            "sensor, or set saturation=None"
+            f"saturation: the readings are clipped at every distance ({near.reason}); measure farther away, "
+            "lower the gain of the sensor, or set saturation=None"
         )
     return window_of(calibration, curve, near, offset=offset_estimate, sigma=sigma, floor_sigmas=floor_sigmas)
 
@@ -208,8 +208,8 @@ def _peak(curve: AveragedCurve, start: int, option: float | str | None) -> tuple
         index = int(np.searchsorted(curve.distance, distance * (1 - 1e-12)))
         if index >= len(curve.distance) or not math.isfinite(distance):
             raise InvalidInputError(
-                f"near_field_peak: found {distance:g} m, expected less than the last measured distance "
-                f"({curve.distance[-1]:g} m)"
+                f"near_field_peak: found {distance:g} m, but the peak must be nearer than the last measured "
+                f"distance, {curve.distance[-1]:g} m"
             )
         return index, "declared"
     part = curve.part(slice(start, None))
@@ -243,7 +243,7 @@ def window_of(
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
         reason = (
             f"from {beyond} on, the signal is less than {floor_sigmas:g} standard errors "
-            f"({floor - offset.value:.3g}{unit}) above the offset ({offset.value:.4g}{unit})"
+            f"({floor - offset.value:.3g}{unit}) above the offset of {offset.value:.4g}{unit}"
         )
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),

@@ -1,8 +1,8 @@
-"""Curves for testing a gain on the readings: curves through the readings, and curves under soft ceilings.
+"""Draw other sensor curves that fit the same readings, so that a gain can be tested on these curves.
 
 The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's virtual
-force, L(2), is D_p times the change of ln(y - o). This holds whatever the curve does in between and whatever the true
-offset is. So the readings themselves contradict a fit that is wrong between them.
+force, L(2), is D_p times the change of ln(y - o). This impulse does not depend on the curve between the readings, or on
+the true offset. So the readings themselves contradict a fit that is wrong between them.
 """
 
 from __future__ import annotations

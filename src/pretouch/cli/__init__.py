@@ -1,4 +1,4 @@
-"""The command line of pretouch."""
+"""Implement the command line of pretouch."""
 
 from .app import main
 

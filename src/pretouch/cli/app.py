@@ -1,4 +1,4 @@
-"""The command `pretouch`: its verbs, its version option, and the start and end of the process."""
+"""Define the command `pretouch` with its subcommands and version option, and set up the process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `pretouch fit`: fit sensor curves to a calibration file."""
+"""Implement the command `pretouch fit`, which fits sensor curves to a calibration file."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _columns(text: str | None) -> dict[str, str]:
     parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
     if parts[0].strip() or len(parts) < 3:
         raise InvalidInputError(
-            f"--columns: found {text!r}, expected columns by header, number or unit, for example "
+            f"--columns: found {text!r}, expected the columns by header, number or unit, for example "
             '"distance=1,output=3 [V]"'
         )
     return dict(zip(parts[1::2], parts[2::2], strict=True))
@@ -145,8 +145,9 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
     """Fit several calibration curves and print a row or a JSON object for each of them."""
     if shown.output is not None:
         raise InvalidInputError(
-            f"--output: found {len(curves)} curves in {request.path.name}, expected one; choose one with --select, "
-            f"for example {' '.join(f'--select {shlex.quote(part)}' for part in curves[0].label.split(', '))}"
+            f"--output: {request.path.name} contains {len(curves)} curves, but a report covers one; choose a "
+            "curve with --select, for example "
+            f"{' '.join(f'--select {shlex.quote(part)}' for part in curves[0].label.split(', '))}"
         )
     width = max(len(curve.label) for curve in curves)
     usable, objects = 0, []
@@ -163,7 +164,9 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
     if shown.json:
         print_text(as_json({"file": request.path.name, "usable": usable, "curves": objects}))
     else:
-        print_text(f"\n{usable} of {len(curves)} curves usable; choose one with --select for its report and figures")
+        print_text(
+            f"\n{usable} of {len(curves)} curves are usable; choose a curve with --select to get its report and figures"
+        )
     end(good=usable > 0)
 
 

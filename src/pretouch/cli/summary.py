@@ -1,4 +1,4 @@
-"""Summarize the page of a result for a terminal: answer, important numbers, limits, warnings and next step."""
+"""Summarize a result for the terminal: answer, important numbers, limits, warnings and next step."""
 
 from __future__ import annotations
 
@@ -73,7 +73,8 @@ def _first_sentence(text: str) -> str:
 
 
 def _wrapped(text: str, *, first: str = "", indent: str = "") -> list[str]:
-    """Break a text into lines, but never between a number and its unit."""
-    kept = re.sub(r"(?<=\d) (?=[^\W\d]|%)|(?<=\bN) (?=s\b)", "\u00a0", plain_text(text))
+    """Break a text into lines, but never between a number and its unit, or within a key and its quoted value."""
+    together = r"(?<=\d) (?=[^\W\d]|%)|(?<=\bN) (?=s\b)|(?<=\w) (?== \")|(?<==) (?=\")"
+    kept = re.sub(together, "\u00a0", plain_text(text))
     lines = textwrap.wrap(kept, WIDTH, initial_indent=first, subsequent_indent=indent, break_on_hyphens=False)
     return [line.replace("\u00a0", " ") for line in lines]

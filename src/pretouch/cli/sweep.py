@@ -1,4 +1,4 @@
-"""The command `pretouch sweep`: contacts or optimal gains over a grid of inputs of a scenario file."""
+"""Implement the command `pretouch sweep`, which computes contacts or optimal gains over a grid of inputs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pretouch.design import Task
-    from pretouch.sweep import Progress
+    from pretouch.sweeps import Progress
     from pretouch.uncertainty import Reservations
 
 
@@ -103,7 +103,7 @@ def _sweep(
 ) -> None:
     """Compute the sweep that the command line describes, and show its results."""
     from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
-    from pretouch.sweep import sweep as run_sweep  # noqa: PLC0415
+    from pretouch.sweeps import sweep as run_sweep  # noqa: PLC0415
 
     task = load_scenario(file)
     for path in (shown.output, figure):
@@ -139,7 +139,7 @@ def _nominal(task: Task) -> Any:
 
 def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
     """Parse the axes of a sweep from the command line."""
-    from pretouch.sweep.axes import inputs_of, read_axis  # noqa: PLC0415
+    from pretouch.sweeps.axes import inputs_of, read_axis  # noqa: PLC0415
 
     contacts = task.gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)
     units = inputs_of(task.replace(objective=None) if contacts else task)
@@ -147,7 +147,10 @@ def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
     for text in texts:
         name, values = read_axis(text, units)
         if name in axes:
-            raise InvalidInputError(f"--axis: found {name} twice, expected each input only once")
+            raise InvalidInputError(
+                f"--axis: the input {name} is given twice, but each input can have only one axis; remove one --axis "
+                "option"
+            )
         axes[name] = values
     return axes
 
@@ -155,10 +158,14 @@ def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
 def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
     """Raise an error, before anything is computed, if a figure cannot be drawn or written."""
     if path.suffix.lower() not in _FIGURES:
-        raise InvalidInputError(f"--figure: found {str(path)!r}, expected a name that ends in {', '.join(_FIGURES)}")
+        raise InvalidInputError(
+            f"--figure: found {str(path)!r}, expected a file name that ends in {', '.join(_FIGURES)}"
+        )
     long = [name for name, values in axes.items() if len(values) > 1]
     if len(long) not in {1, 2}:
-        raise InvalidInputError(f"--figure: found {len(long)} axes of more than one value, expected one or two")
+        raise InvalidInputError(
+            f"--figure: a figure needs one or two axes with more than one value, but this sweep has {len(long)}"
+        )
     if path.exists() and not force:
         raise OutputExistsError(f"{path}: this file exists and is not overwritten; replace it with --force")
 
@@ -183,7 +190,7 @@ def _progress_printer() -> Callable[[Progress], None]:
 
 def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Presentation, figure: Path | None) -> None:
     """Draw the figure of a sweep, print its results, and exit."""
-    from pretouch.sweep.results import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
+    from pretouch.sweeps.results import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
 
     if figure is not None:
         from pretouch._core.files import write_bytes  # noqa: PLC0415
@@ -202,8 +209,8 @@ def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Pres
         if shown.output is None:
             raise
         raise InvalidInputError(  # a large sweep is read here for the first time
-            f"{shown.output}: cannot be read ({' '.join(str(error).split())[:200]}); it may be damaged; choose another "
-            "name with --output, or remove it"
+            f"{shown.output}: the file cannot be read ({' '.join(str(error).split())[:200]}) and may be damaged; "
+            "choose another name with --output, or remove the file"
         ) from None
     print_text(text)
     for what, path in () if shown.json else (("Dataset", shown.output), ("Figure", figure)):

@@ -1,4 +1,4 @@
-"""Shared parts of the verbs: options, output on stdout and stderr, exit codes, and reports."""
+"""Provide options, terminal output, exit codes and report writing for all subcommands."""
 
 from __future__ import annotations
 

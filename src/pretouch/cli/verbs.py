@@ -1,4 +1,4 @@
-"""The commands `pretouch design`, `pareto`, `robust`, `simulate`, `verify` and `reproduce`."""
+"""Implement the commands `pretouch design`, `pareto`, `robust`, `simulate`, `verify` and `reproduce`."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def design(shown: Presentation, *, file: ScenarioFile) -> None:
     from pretouch.design import design_admittance, design_drag, design_gain  # noqa: PLC0415 - keeps `--help` quick
 
     task = _load(file, "searching gains")
-    if task.effect is not None:
+    if task.drag_effect is not None:
         drag = design_drag(task)
         shown.show(drag, f"{file.stem}-design.html", task, good=drag.holds)
         return
@@ -109,8 +109,10 @@ def robust(
     from pretouch.design.robust import design_robust_gain  # noqa: PLC0415
 
     task = _load(file, "sampling encounters")
-    options = {"samples": samples, "validation": samples, "seed": seed}
-    result = design_robust_gain(task.replace(**{name: value for name, value in options.items() if value is not None}))
+    options = task.robust if seed is None else replace(task.robust, seed=seed)
+    if samples is not None:
+        options = replace(options, samples=samples, validation=samples)
+    result = design_robust_gain(task.replace(robust=options))
     shown.show(result, f"{file.stem}-robust.html", task, good=result.status == "optimal")
 
 
@@ -122,13 +124,14 @@ def simulate(shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed
     contact with its force, and the status of the controller. Writes a report with the time series of the run,
     STEM-simulate.html in this folder.
 
-    Exit status: 0 the run ended in contact, 1 it did not, 2 a mistake in the request.
+    Exit status: 0 the run ended in contact, 1 it did not, or contact is harder than without mitigation, 2 a mistake in
+    the request.
     """
     from pretouch.verification import simulate_encounter  # noqa: PLC0415
 
     task = _load_loop(file, "simulating the loop", gain, seed)
     encounter = simulate_encounter(task)
-    shown.show(encounter, f"{file.stem}-simulate.html", task, good=bool(encounter.run.touched.all()))
+    shown.show(encounter, f"{file.stem}-simulate.html", task, good=encounter.is_mitigated)
 
 
 @verb
@@ -158,7 +161,9 @@ def verify(
     from pretouch.verification import verify_gain  # noqa: PLC0415
 
     task = _load_loop(file, "simulating encounters on the loop", gain, seed)
-    verdict = verify_gain(task if runs is None else task.replace(runs=runs), changes=changes)
+    if runs is not None:
+        task = task.replace(verify=replace(task.verify, runs=runs))
+    verdict = verify_gain(task, changes=changes)
     shown.show(verdict, f"{file.stem}-verify.html", task, good=verdict.status in {"holds", "holds-narrowly"}, lines=20)
 
 

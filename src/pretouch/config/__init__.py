@@ -15,18 +15,21 @@ from typing import TYPE_CHECKING, Any, Final
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError, PretouchError, ScenarioFileError
 from pretouch._core.units import format_quantity
-from pretouch.design.constraints import CONSTRAINT_NAMES, Constraint
+from pretouch._core.vocabulary import QUANTITIES
+from pretouch.design.constraints import Constraint
+from pretouch.design.custom_objectives import AnyObjective
 from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
+from pretouch.design.quantities import CONSTRAINT_NAMES
 from pretouch.design.task import Task
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import Recessed, SensorModel
-from pretouch.uncertainty.reservations import recess_in_words
+from pretouch.uncertainty.reservations import recess_advice
 
 from .document import read_document
 from .quantities import KeyPath
 from .reading import Reading, ScenarioSource, split_message
 from .robust import robust_fields
-from .schema import FREE, LOOP_SECTIONS
+from .schema import FREE, LOOP_SECTIONS, OBJECTIVE_VARIANTS, OPTIONS
 from .sensor import CALIBRATION, FROM_SURFACE, FitRequest, fit_sensor_of, read_no_object, read_output
 
 if TYPE_CHECKING:
@@ -43,7 +46,6 @@ _SHORT: Final[Mapping[str, str]] = {
 _FASTEST: Final = 10_000.0  # rad/s, largest natural frequency of an admittance
 _STEEPEST: Final = 1e-6  # m, smallest plausible distance over which the output falls by a factor of e
 _ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtracting the recess
-_PHYSICAL: Final = ("impact_force", "drive_force")
 
 
 @check_arguments
@@ -104,7 +106,9 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
 def _task(builder: _Builder) -> Task | None:
     """Build the task that a scenario file describes; None if the file has mistakes."""
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
-    options = {"impact": builder.make("impact"), **builder.pareto(), **builder.freedom(), **builder.settings("motion")}
+    options = {"impact": builder.make("impact"), **builder.freedom(), **builder.settings("motion")}
+    options |= {section: builder.options(section) for section in OPTIONS}
+    builder.needs_impact_of_quantities()
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
         return None  # with mistakes, a fit would be wasted time
     sensor, calibration = builder.sensor()
@@ -139,7 +143,7 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
     near, far = (format_quantity(max(d - recess, 0.0), "m") for d in (window.l_min, window.l_max))
     return (
-        f"the calibration supports the curve from {near} ({window.start_reason}) to {far} ({window.end_reason}): "
+        f"the calibration covers distances from {near} ({window.start_reason}) to {far} ({window.end_reason}); "
         "calibrate over more distances, or extend the curve with minimum_distance or maximum_distance"
     )
 
@@ -210,26 +214,21 @@ class _Builder(Reading):
         values = self.values("admittance") or {}
         return {key.removesuffix("_bounds"): (values[key][0], values[key][1]) for key in FREE if key in values}
 
-    def pareto(self) -> dict[str, Any]:
-        """Return the quantities of the Pareto front, and the gain that is marked in its plot."""
-        values = self.values("pareto") or {}
-        names = tuple(values.get("quantities", ("displacement", "relative_velocity")))  # as in the objective f_1, L(20)
-        for i, name in enumerate(names if "pareto" in self.sections else ()):
-            self._needs_impact(name, ("pareto", "quantities", i))
-        return {"quantities": names, "choice": values.get("choice")}
-
-    def objective(self) -> Objective | None:
+    def objective(self) -> AnyObjective | None:
         """Build the objective from the section [objective] of the scenario file."""
         values = self.values("objective")
         if values is None:
             return None
+        kind = self.data["objective"]["kind"]
+        if kind not in OBJECTIVE_VARIANTS:
+            extension: AnyObjective | None = self.make("objective")
+            return extension
         at_rest = (self.values("obstacle") or {}).get("velocity") == 0
         terms = list(_terms(values))
         for quantity_path, scale_path, term in terms:
             self._needs_impact(term["quantity"], quantity_path)
             if term["scale"] == OBSTACLE_SPEED and at_rest:
                 self.refuse(scale_path, 'found "obstacle speed" for an obstacle at rest, expected a quantity in m/s')
-        kind = self.data["objective"]["kind"]
         return self.attempt("objective", lambda: Objective(terms=tuple(Term(**t) for _, _, t in terms), name=kind))
 
     def constraints(self) -> tuple[Constraint, ...]:
@@ -238,6 +237,11 @@ class _Builder(Reading):
         for name in limits:
             self._needs_impact(CONSTRAINT_NAMES[name], ("constraints", name))
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
+
+    def needs_impact_of_quantities(self) -> None:
+        """Refuse forces as quantities of a Pareto front, if [impact] is missing."""
+        for i, name in enumerate((self.values("pareto") or {}).get("quantities", ())):
+            self._needs_impact(name, ("pareto", "quantities", i))
 
     def needs_impact_of_effect(self) -> None:
         """Report a mistake if a drag is chosen by its impact force but the section [impact] is missing."""
@@ -249,30 +253,29 @@ class _Builder(Reading):
         low, high = sensor.valid_range
         recess = getattr(sensor, "recess", 0.0)
         window = None if calibration is None else calibration.window
-        consequence = "every answer then begins with a warning that no data support it there"
+        consequence = "every result then begins with a warning that no data support it there"
         if low > 0:
-            cause, extending = "", 'extend the curve with minimum_distance = "0 mm" if the model allows it'
+            cause, other = "", 'extend the curve with minimum_distance = "0 mm" (not for a table)'
             if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
-                cause = f", at the start of the calibrated range ({window.start_reason})"
-                nearer = "calibrate again with a lower amplification, so that the output does not flatten or clip there"
-                extending = f"{nearer}, or {extending} (a table does not): {consequence}"
+                cause, other = f" ({window.start_reason.partition(' (')[0]})", "calibrate with lower amplification"
             self.refuse(
                 ("sensor",),
-                f"found a valid range that starts {1e3 * low:.4g} mm in front of the contact surface{cause}, expected "
-                f'a range that includes contact: set recess = "{recess_in_words(recess + low)}", or {extending}',
+                f"found a curve that starts {1e3 * low:.4g} mm from contact{cause}, expected one down to contact: "
+                f"{recess_advice(recess + low, recess)}, or {other}",
             )
         if scenario.distance > high:
             cause, extending = ", the end of the sensor's valid range", ""
             if window is not None and window.l_max <= (recess + high) * (1 + _ROUNDING):
                 cause = f", the end of the calibrated range ({window.end_reason})"
                 extending = (
-                    f", calibrate at larger distances, or extend the curve with maximum_distance = "
-                    f'"{1e3 * scenario.distance:.4g} mm" if the model allows it (a table does not): {consequence}'
+                    " To start there, calibrate at larger distances, or extend the curve with maximum_distance = "
+                    f'"{1e3 * scenario.distance:.4g} mm" if the model allows it (a table does not): '
+                    f"{consequence}."
                 )
             self.refuse(
                 ("obstacle", "position"),
-                f"found a distance of {1e3 * scenario.distance:.4g} mm at the start, expected at most "
-                f"{1e3 * high:.4g} mm{cause}: start the encounter where the object enters the range{extending}",
+                f"the encounter starts at a distance of {1e3 * scenario.distance:.4g} mm, but the sensor curve "
+                f"ends at {1e3 * high:.4g} mm{cause}; start the encounter at a smaller distance.{extending}",
             )
 
     def check_frequencies(self, scenario: Scenario | None) -> None:
@@ -286,8 +289,8 @@ class _Builder(Reading):
             if frequency > _FASTEST:
                 self.refuse(
                     ("admittance", key),
-                    f"found a natural frequency of {frequency:.4g} rad/s, expected at most {_FASTEST:,.0f} rad/s, "
-                    "because no control loop is faster; check mass and stiffness with their units",
+                    f"the natural frequency is {frequency:.4g} rad/s, but no control loop is faster than "
+                    f"{_FASTEST:,.0f} rad/s; check mass and stiffness with their units",
                 )
 
     def check_slope(self, sensor: SensorModel) -> None:
@@ -298,13 +301,17 @@ class _Builder(Reading):
         if slope > 1 / _STEEPEST:
             self.refuse(
                 ("sensor",),
-                f"found an output that falls by a factor of e within {1 / slope:.3g} m at {nearest:g} m, expected at "
-                f"least {_STEEPEST:g} m; check the parameters of the curve and their units",
+                f"at a distance of {nearest:g} m, the output falls by a factor of e within {1 / slope:.3g} m, "
+                f"expected at least {_STEEPEST:g} m; check the parameters of the curve and their units",
             )
 
     def _needs_impact(self, quantity: str, path: KeyPath) -> None:
-        if quantity in _PHYSICAL and "impact" not in self.data:
-            self.refuse(path, f'found {quantity} without [impact], expected [impact] with robot_mass = "4 kg"')
+        if QUANTITIES[quantity].needs_impact and "impact" not in self.data:
+            self.refuse(
+                path,
+                f'the quantity {quantity} needs the section [impact]; add this section with robot_mass = "4 kg", for '
+                "example",
+            )
 
 
 def _without_content(error: PretouchError, path: Path) -> str:

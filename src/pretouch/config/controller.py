@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper, VirtualDrag
-from pretouch.motion.laws import DRAG
+from pretouch.control import Conditioning, Controller, Law, Limits, VirtualAdmittance, VirtualDamper
+from pretouch.motion.laws import DAMPER, DRAG
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import SensorChain, SensorPart
 
-from .law import sampled_drag
+from .law import sampled_drag, sampled_law
 
 if TYPE_CHECKING:
     from .reading import Reading
@@ -57,10 +57,12 @@ def make_controller(
     return file.attempt("controller", make)
 
 
-def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> VirtualDamper | VirtualDrag | None:
+def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> Law | None:
     """Build the sampled control law, with gain 0 if the scenario file has no gain."""
-    if file.kind == DRAG.kind:
+    if file.law == DRAG:
         return sampled_drag(file, chain)
+    if file.law != DAMPER:
+        return sampled_law(file)
     options = {key: values[key] for key in _LAW}
     return file.attempt("controller", lambda: VirtualDamper(gain=values.get("gain", 0.0), **options))
 
@@ -69,16 +71,17 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
     if chain.period < period * (1 - _SAME):
         file.refuse(
             ("controller", "rate" if "rate" in values else "period"),
-            f"found {1 / period:g} Hz, expected at least the rate of the sensor, {chain.rate:g} Hz; or read the sensor "
-            f'at the rate of the loop: [chain] with rate = "{1 / period:g} Hz"',
+            f"found a controller rate of {1 / period:g} Hz, expected at least {chain.rate:g} Hz, the rate of the "
+            f'sensor; or read the sensor less often, by [chain] with rate = "{1 / period:g} Hz"',
         )
     slower = chain.period > period * (1 + _SAME)
     floor = values.get("floor", _FLOOR * chain.noise)
     if "floor" not in values and not floor > 0:
         file.refuse(
             ("controller", "floor"),
-            "missing, expected a sensor output above drift and background reflections. The default is "
-            f"{_FLOOR:g} standard deviations of the noise, but [chain] has no noise; add, for example: floor = 30.0",
+            "the floor is missing: it must be a sensor output above drift and background reflections. Its "
+            f"default is {_FLOOR:g} standard deviations of the noise, but [chain] has no noise; add, for "
+            "example: floor = 30.0",
         )
     if chain.period < period * (1 - _SAME) or not floor > 0:
         return None
@@ -88,8 +91,8 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
         if saturation <= offset + floor:
             file.refuse(
                 ("chain", "highest"),
-                f"found readings that saturate at {saturation:g}, expected more than the controller's offset plus "
-                f"floor, {offset + floor:g}",
+                f"found readings that saturate at {saturation:g}, expected more than {offset + floor:g}, the sum "
+                "of the controller's offset and floor",
             )
             return None
     return file.attempt(
@@ -118,6 +121,6 @@ def refuse_curve_below_floor(
     file.refuse(
         ("sensor", key),
         f"found an output of {math.exp(log_output):.4g} at contact, below the controller's floor of "
-        f"{conditioning.floor:.4g}, expected outputs{unit} well above it: in a loop the scale of the curve "
-        "matters, because noise and floor have its unit",
+        f"{conditioning.floor:.4g}; expected outputs{unit} well above the floor, in the same unit as noise and "
+        "floor",
     )

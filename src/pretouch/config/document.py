@@ -39,7 +39,7 @@ def _read(path: Path) -> bytes:
         hint = f"; did you mean {path.with_name(near[0])}?" if near else ""
         raise ScenarioFileError(f"{path}: there is no such file{hint}") from None
     except IsADirectoryError:
-        raise ScenarioFileError(f"{path}: found a folder, expected a scenario file (TOML)") from None
+        raise ScenarioFileError(f"{path}: this path is a folder, expected a scenario file (TOML)") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ScenarioFileError(f"{path}: cannot be read ({reason})") from None
@@ -55,14 +55,15 @@ def _scenarios_in_folder(path: Path) -> list[str]:
 def _decode(path: Path, content: bytes) -> str:
     """Decode a scenario file as UTF-8, with or without a byte order mark, and normalize line ends."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise ScenarioFileError(f"{path}, line 1: found text in UTF-16, expected UTF-8; save the file as UTF-8")
+        raise ScenarioFileError(f"{path}, line 1: found text in UTF-16, expected text in UTF-8; save the file as UTF-8")
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         byte = content[error.start : error.start + 1].hex()
         raise ScenarioFileError(
-            f"{path}, line {line}: found the byte 0x{byte}, expected text in UTF-8; save the file as UTF-8"
+            f"{path}, line {line}: found the byte 0x{byte}, which is not valid in UTF-8, the required encoding; "
+            "save the file as UTF-8"
         ) from None
 
 
@@ -72,12 +73,14 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
     if deep is not None:
         line = text.count("\n", 0, deep.start()) + 1
         raise ScenarioFileError(
-            f"{path}, line {line}: found a key with more than {_DEEPEST} parts, expected section.key"
+            f"{path}, line {line}: found a key with more than {_DEEPEST} parts, expected a key of the form section.key"
         )
     try:
         return tomllib.loads(text)
     except RecursionError:
-        raise ScenarioFileError(f"{path}, line 1: found lists nested too deeply, expected a scenario file") from None
+        raise ScenarioFileError(
+            f"{path}, line 1: found lists that are nested too deeply, expected a scenario file"
+        ) from None
     except ValueError as error:  # TOMLDecodeError, or an integer with thousands of digits
         lines = text.split("\n")
         message = str(error)
@@ -102,9 +105,9 @@ def _hint(path: Path, message: str, line: str) -> str:
     if _TWICE.search(message):
         return f"this {'section' if line.startswith('[') else 'key'} is given twice, expected once"
     if re.fullmatch(r"[-+]?\d+,\d+.*", value):
-        return f"expected a decimal point instead of the comma: {key} = {value.replace(',', '.', 1)}"
+        return f"write a decimal point instead of the comma: {key} = {value.replace(',', '.', 1)}"
     if re.fullmatch(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*[^\W\d].*", value) and '"' not in value:
-        return f'a quantity with a unit is text, expected {key} = "{value}"'
+        return f'a quantity with a unit needs quotation marks: {key} = "{value}"'
     if re.fullmatch(r"[^\W\d][^\"'\[\]{}=#]*", value):
         return f'text needs quotes, expected {key} = "{value}"'
     return f"{message[:1].lower()}{message[1:]}"

@@ -1,4 +1,4 @@
-"""Find the line of every key in a TOML text.
+"""Find the line number of every key in a TOML text.
 
 Neither tomllib nor tomlkit reports the lines of keys. The scan requires a text that `tomllib` has accepted. So it only
 finds keys and checks nothing.

@@ -1,13 +1,13 @@
-"""Build the law from the section [law] of a scenario file: its kind, how a drag is chosen, and its sampling."""
+"""Build the control law from the section [law] of a scenario file: kind, number and sampled form."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from pretouch.control import VirtualDrag
+from pretouch.control import Law, VirtualDrag
 from pretouch.design import DragEffect
-from pretouch.motion.laws import DRAG
+from pretouch.motion.laws import DAMPER, DRAG
 from pretouch.motion.scenario import Scenario
 
 from .loop_sections import AT_A_SPEED, FROM_CHAIN, SAMPLED_DRAG
@@ -22,10 +22,13 @@ if TYPE_CHECKING:
 def law_fields(
     file: Reading, scenario: Scenario | None, uncertain: Mapping[str, Any], has_loop: bool
 ) -> dict[str, Any]:
-    """Return the fields of a task that describe a drag; empty for a damper, or if there are mistakes."""
+    """Return the fields of a task that describe the law; no fields for a damper, or if there are mistakes."""
     values = file.values("law")
-    if file.kind != DRAG.kind or values is None:
+    if file.law is None or file.law == DAMPER or values is None:
         return {}
+    if file.law != DRAG:
+        law = file.make("law")
+        return {} if law is None else {"law": law, "gain": values.get(law.number.key)}
     if not has_loop:
         for name in SAMPLED_DRAG:
             if name in file.data["law"] and name != "drag":
@@ -39,11 +42,27 @@ def law_fields(
             why = "the obstacle does not approach" if certain else "the approach speed is uncertain"
             file.refuse(
                 ("law", "largest_speed"),
-                "missing, expected the largest approach speed for which the limit must hold, because "
-                f'{why}; add, for example: largest_speed = "0.5 m/s"',
+                f"the largest approach speed is missing, and cannot be derived from the scenario, because {why}; "
+                'add, for example: largest_speed = "0.5 m/s"',
             )
     speed = values.get("largest_speed")
-    return {"law": DRAG, "effect": file.attempt("law", lambda: DragEffect(**effects, largest_speed=speed))}
+    return {"law": DRAG, "drag_effect": file.attempt("law", lambda: DragEffect(**effects, largest_speed=speed))}
+
+
+def sampled_law(file: Reading) -> Law | None:
+    """Build the sampled form of a law that describes itself, with the number 0 if the file has none."""
+    values, law = file.values("law"), file.make("law")
+    if values is None or law is None:
+        return None
+    sampled = getattr(law, "sampled", None)
+    if not callable(sampled):
+        file.refuse(
+            ("law", "kind"),
+            f'found "{law.kind}", which cannot run on the loop of [controller], because it has no method "sampled"; '
+            "remove [chain] and [controller], or add the method to the law",
+        )
+        return None
+    return file.attempt("law", lambda: sampled(values.get(law.number.key, 0.0)))
 
 
 def sampled_drag(file: Reading, chain: SensorChain) -> VirtualDrag | None:

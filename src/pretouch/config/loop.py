@@ -1,4 +1,4 @@
-"""Build the sampled loop from the sections [chain], [controller], [robot], [contact] and [loop] of a scenario file."""
+"""Build the sampled control loop from a scenario file: sensor chain, controller, robot and contact."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def loop_fields(
         refuse_curve_below_floor(file, sensor, controller.conditioning, part)
     options = {name: settings.pop(name) for name in ("seed", "horizon", "follow_time")}
     loop = ClosedLoop(law=controller, chain=chain, plant=plant, contact=contact, **options)
-    return {"loop": loop, "gain": values.get("gain"), "part": part, **settings}
+    return {"loop": loop, "gain": values.get("gain"), "sensor_part": part, **settings}
 
 
 def _refuse_missing_sections(file: Reading) -> None:
@@ -76,7 +76,9 @@ def _refuse_missing_sections(file: Reading) -> None:
     first = next(name for name in LOOP_SECTIONS if name in data)
     for name, keys in _NEEDED.items():
         if name not in data and name not in file.meant:
-            file.refuse((first,), f"found this section without [{name}], expected [{name}] with {keys}")
+            file.refuse(
+                (first,), f"this section also needs the section [{name}]; add [{name}] with {keys}, for example"
+            )
 
 
 def _plant(file: Reading) -> PlantModel | None:

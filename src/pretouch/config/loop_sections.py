@@ -1,4 +1,4 @@
-"""Keys of the scenario file's sections [chain], [controller], [law], [robot], [contact] and [loop]."""
+"""Define the keys of a scenario file that describe sensor chain, controller, robot and contact."""
 
 from __future__ import annotations
 
@@ -9,12 +9,24 @@ from typing import Any, Final
 from pretouch._core.errors import UnitError
 from pretouch._core.units import has_workable_magnitude, parse_unit
 from pretouch.control import Conditioning, Limits, VirtualDamper, VirtualDrag
-from pretouch.motion.laws import DAMPER, DRAG, ContinuousLaw
+from pretouch.motion.laws import DAMPER, DRAG, LAWS, ContinuousLaw
 from pretouch.simulation.chain import SensorChain
-from pretouch.simulation.robot import HuntCrossley, IdealPlant, ImpedancePlant, PositionPlant, SpringDamper
+from pretouch.simulation.robot import PLANT_KINDS, HuntCrossley, SpringDamper
 
 from .quantities import Quantity, UnfitValueError
-from .section import EFFECTS, REQUIRED, TAG, Key, Section, by_law, declared_keys, gain_of, text, whole
+from .section import (
+    EFFECTS,
+    REQUIRED,
+    TAG,
+    ByLaw,
+    Key,
+    Section,
+    declared_keys,
+    described_section,
+    gain_of,
+    text,
+    whole,
+)
 
 _POWER_LAW: Final = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\w*N)/(\w*m)(?:\^(\d+\.?\d*))?\s*", re.I
@@ -39,8 +51,8 @@ def _check_margin(values: Mapping[str, Any]) -> None:
     margin = values.get("stability_margin", 2.0)
     if not margin > 1:
         raise UnfitValueError(
-            f"found {margin:g}, expected a gain margin above 1, such as 2: the factor by which the gain could "
-            "grow until the loop is unstable",
+            f"found a gain margin of {margin:g}, expected a number above 1, such as 2. If the gain grows by this "
+            "factor, the loop becomes unstable",
             "stability_margin",
         )
 
@@ -94,7 +106,7 @@ def _controller(law: ContinuousLaw) -> Section:
         **declared_keys(Conditioning, without=("floor", "offset", "sensor_period")),
         **_limits(),
     }
-    if law == DAMPER:  # the keys of the sampled drag are in [law]
+    if law == DAMPER:  # the keys of other sampled laws are in [law]
         keys |= {"gain": Key(gain_of(law)), **declared_keys(VirtualDamper, without=("gain",))}
     return Section(keys, _check_period)
 
@@ -104,7 +116,8 @@ def _check_drag(values: Mapping[str, Any]) -> None:
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
-            f"found both {ways[0]} and {ways[1]}, expected one of {', '.join(EFFECTS)}, drag", ways[1]
+            f"found both {ways[0]} and {ways[1]}, but only one of these keys is allowed: {', '.join(EFFECTS)}, drag",
+            ways[1],
         )
     if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:
         context = f"together with {ways[0]}" if ways else "alone"
@@ -121,7 +134,13 @@ FROM_CHAIN: Final = ("noise", "relative_noise", "resolution")
 AT_A_SPEED: Final = ("acceleration", "contact_speed", "impact_force")
 """The effects that hold up to a largest approach speed."""
 
-_LAW: Final[Mapping[str, Section]] = {
+
+def law_section(law: Any) -> Section:
+    """Return [law] of a law that describes itself: its number, and the declared fields of its class."""
+    return described_section(law, {law.number.key: Key(gain_of(law))})
+
+
+_LAW: Final[Mapping[str, Section]] = {kind: law_section(law) for kind, law in LAWS.items()} | {
     DAMPER.kind: Section({"kind": TAG}),
     DRAG.kind: Section(
         {
@@ -145,12 +164,9 @@ _STIFFNESS: Final = declared_keys(HuntCrossley)["stiffness"].read
 
 LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
     "chain": {"": _CHAIN},
-    "controller": by_law(_controller),
+    "controller": ByLaw(_controller),
     "law": _LAW,
-    "robot": {
-        plant.kind: Section({"kind": TAG, **declared_keys(plant)}, make=plant)
-        for plant in (IdealPlant, ImpedancePlant, PositionPlant)
-    },
+    "robot": {kind: described_section(plant) for kind, plant in PLANT_KINDS.built_in().items()},
     "contact": {
         HuntCrossley.kind: Section(
             {
@@ -166,12 +182,10 @@ LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
     "loop": {
         "": Section(
             {
-                "runs": Key(whole(1, "1000"), 1000),
                 "seed": Key(whole(0, "0"), 0),
                 "horizon": Key(_SPAN, 10.0),
                 "follow_time": Key(Quantity("s", '"1 ms"', "nonnegative"), 0.2),
                 "stability_margin": Key(Quantity("", "2.0", "positive")),
-                "speed_tolerance": Key(Quantity("", "0.1", "nonnegative"), 0.1),
             },
             _check_margin,
         )

@@ -1,4 +1,4 @@
-"""Read quantities with units from a scenario file, and describe values that are wrong."""
+"""Read quantities with units from a scenario file, and explain wrong values."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, Final, TypeAlias
 
 from pretouch._core.errors import UnitError
 from pretouch._core.fields import Sign
-from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit, to_si, written_unit
+from pretouch._core.units import WORKABLE, has_workable_magnitude, missing_unit, parse_unit, to_si, written_unit
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 """The path of a value in a file: keys as text, list elements as index."""
@@ -139,8 +139,8 @@ class Quantity:
         number = self._number(value)
         if not isinstance(value, str) and abs(number) > self.largest_bare:
             raise UnfitValueError(
-                f"expected a quantity with its unit, because a bare number is in {self.unit}: did you mean "
-                f'"{value:g} m{self.unit}"? Otherwise write "{value:g} {self.unit}"'
+                f"expected a quantity with its unit, because a number without a unit is read in {self.unit}; did "
+                f'you mean "{value:g} m{self.unit}"? Otherwise write "{value:g} {self.unit}"'
             )
         if self.sign != "any" and not _HOLDS[self.sign](number, 0.0):
             raise UnfitValueError(f"expected {self._described(f'{self.sign} ')}")
@@ -155,11 +155,27 @@ class Quantity:
             raise UnfitValueError(f"expected {self.expected}")
         if isinstance(value, str):
             value = re.sub(rf"^\s*({_NUMBER})\s*/", r"\1 1/", value)  # "-61 /m" means "-61 1/m"
+            if instead := self._with_unit(value):
+                raise UnfitValueError(f"expected {instead}")
         for unit in _OUTPUT_UNITS.get(self.unit, (self.unit,)):
             number = _in_unit(value, unit)
             if number is not None:
                 return number
         raise UnfitValueError(f"expected {self.expected}{_reason(value)}")
+
+    def _with_unit(self, text: str) -> str:
+        """Return what to write instead of a number without its unit; empty if no unit is missing."""
+        volts, counts, _ = _OUTPUT_UNITS.get(self.unit, (self.unit, "", ""))
+        instead = missing_unit(text, volts)
+        if counts and instead:
+            number = text.strip()
+            return (
+                f'a number with its unit, such as "{number} {volts}" or "{number} {counts}", or {float(number):.15g} '
+                "without quotes, which is in the unit of the readings"
+            )
+        if instead and abs(float(text)) > self.largest_bare:
+            return f'{instead.partition(", or ")[0]} or "{text.strip()} {self.unit}"'
+        return instead
 
 
 def _in_unit(value: float | str, unit: str) -> float | None:

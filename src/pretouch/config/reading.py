@@ -1,4 +1,4 @@
-"""Read the sections of a scenario file; collect all mistakes, each with its key, line and a sentence."""
+"""Read the sections of a scenario file, and report all mistakes together, each with its key and line."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias, TypeVar
 
 from pretouch._core.errors import InvalidInputError, OutOfRangeError, ScenarioFileError
-from pretouch.motion.laws import DAMPER, LAWS
+from pretouch.motion.laws import DAMPER, LAW_KINDS
 
 from .key_lines import key_lines
 from .quantities import KeyPath, UnfitValueError, shown
-from .schema import OF_A_LAW, SECTIONS, keys_of, needed, variants
+from .schema import OF_A_LAW, SECTIONS, extensions_of, keys_of, needed, variants
 from .section import Section, nearest, one_of
 from .sensor import CALIBRATION, sensor_variants
 
@@ -33,16 +33,15 @@ _KEY_OF_NAME: Final[dict[str, KeyPath]] = {
     "sensor": ("sensor",),
     "natural_frequency": ("admittance", "natural_frequency_bounds"),
     "damping_ratio": ("admittance", "damping_ratio_bounds"),
-    "quantities": ("pareto", "quantities"),
     "choice": ("pareto", "choice"),
     "impact_force": ("impact",),
     "drive_force": ("impact",),
     "uncertainty": ("uncertainty",),
     "samples": ("robust", "samples"),
     "seed": ("robust", "seed"),
-    "confidence": ("robust", "confidence"),
+    "runs": ("verify", "runs"),
     "stability_margin": ("loop", "stability_margin"),
-    "effect": ("law",),
+    "drag_effect": ("law",),
     **{name: ("law", name) for name in ("ratio", "excursion", "acceleration", "contact_speed", "largest_speed")},
 }
 
@@ -114,10 +113,10 @@ def _dotted(path: KeyPath) -> str:
     return text
 
 
-def split_message(message: str, section: str) -> Mistake:
+def split_message(message: str, section: str, keys: Iterable[str] = ()) -> Mistake:
     """Split an error message into the wrong key of the scenario file and the sentence about this key.
 
-    The name is a key of `section`, or consists of the words for a section and a key.
+    The name is a key of `section`, also one of `keys`, or consists of the words for a section and a key.
 
     Returns:
         The known part of the key's path, and the sentence.
@@ -132,7 +131,7 @@ def split_message(message: str, section: str) -> Mistake:
     if not colon:
         return ((section,) if section else ()), message
     words, key = name.split(" ", 1), name.replace(" ", "_")
-    if section and key in keys_of(section):
+    if section and (key in keys_of(section) or key in keys):
         return (section, key), sentence
     if len(words) == 2 and words[0] in SECTIONS and words[1].replace(" ", "_") in keys_of(words[0]):
         return (words[0], words[1].replace(" ", "_")), sentence
@@ -161,7 +160,8 @@ class Reading:
         data: its content, parsed by `tomllib`.
 
     Attributes:
-        kind: kind of the law; None if [law] has a mistake. Sections that depend on the law are then not read.
+        law: the law, or the class that [law] has the keys of; None if [law] has a mistake. Sections that depend on the
+            law are then not read.
     """
 
     def __init__(self, source: ScenarioSource, data: Mapping[str, Any]) -> None:
@@ -173,9 +173,8 @@ class Reading:
             nearest(name, SECTIONS) for name in data if name not in SECTIONS
         }  # sections whose names are probably misspelled
         law = data.get("law", {} if "law" in self.meant else {"kind": DAMPER.kind})
-        kind = law.get("kind") if isinstance(law, dict) else None
-        self.kind = kind if isinstance(kind, str) and kind in LAWS else None
-        examples = needed(self.kind or DAMPER.kind, law if isinstance(law, dict) else ())
+        self.law: Any = _law(law.get("kind") if isinstance(law, dict) else None)
+        examples = needed(self.law or DAMPER, law if isinstance(law, dict) else ())
         for name in SECTIONS:
             if name in data:
                 self._read(name, data[name])
@@ -188,9 +187,9 @@ class Reading:
             what = f"[[{name}]]" if isinstance(content, list) else shown(content)
             self.unread.append(((name,), f"found {what}, expected a section [{name}] with keys"))
             return
-        if name in OF_A_LAW and self.kind is None:
+        if name in OF_A_LAW and self.law is None:
             return
-        variant = _variant(name, content, self.kind or "")
+        variant = _variant(name, content, "" if self.law is None else self.law.kind)
         if not isinstance(variant, Section):
             self.unread.append(variant)
             return
@@ -209,7 +208,8 @@ class Reading:
         try:
             return make()
         except InvalidInputError as error:
-            self.refuse(*((path, str(error)) if path else split_message(str(error), section)))
+            keys = self.sections[section][0].keys if section in self.sections else ()
+            self.refuse(*((path, str(error)) if path else split_message(str(error), section, keys)))
             return None
 
     def values(self, section: str) -> dict[str, Any] | None:
@@ -220,6 +220,13 @@ class Reading:
         """Return the values of an optional section of the scenario file, or its default values."""
         return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
 
+    def options(self, section: str) -> Any:
+        """Make the options that a section describes; if it is missing, with its default values."""
+        if section in self.data:
+            return self.make(section)
+        variant: Any = _variant(section, {}, (self.law or DAMPER).kind)
+        return variant.make(**variant({}))
+
     def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
         """Make the object that a section of the scenario file describes, without using some of its keys."""
         if section not in self.sections:
@@ -227,6 +234,14 @@ class Reading:
         variant, values = self.sections[section]
         make: Any = variant.make
         return self.attempt(section, lambda: make(**{k: v for k, v in values.items() if k not in without}))
+
+
+def _law(kind: Any) -> Any:
+    """Return the law of a kind, or its class; None if there is none, or if it cannot be imported."""
+    try:
+        return LAW_KINDS.find(kind) if isinstance(kind, str) else None
+    except InvalidInputError:  # reported when [law] is read
+        return None
 
 
 def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
@@ -237,7 +252,7 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
         homes = [f"[{section}]" for section in SECTIONS if name in keys_of(section)]
         near = nearest(name, SECTIONS)
         if not isinstance(data[name], (dict, list)) and homes:
-            yield (name,), f"found a key outside of a section, expected it in {' or '.join(homes)}"
+            yield (name,), f"found a key outside of a section, expected the key in {' or '.join(homes)}"
         else:
             expected = f"[{near}]" if near else f"one of {', '.join(f'[{s}]' for s in SECTIONS)}"
             yield (name,), f"found an unknown section, expected {expected}"
@@ -266,6 +281,16 @@ def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[st
         value = content[key]
         if isinstance(value, str) and value in choices:
             return choices[value]
+        extensions = extensions_of(section)
+        if extensions is not None:
+            kinds, make = extensions
+            try:
+                extension = kinds.find(value) if isinstance(value, str) else None
+            except InvalidInputError as error:
+                return (section, key), f"found {shown(value)}, but {error}"
+            if extension is not None:
+                return make(extension)
+            names = kinds.names()
         return (section, key), f"found {shown(value)}, {one_of(value, names)}"
     keys, alternative = ((key, CALIBRATION), ', or calibration = "sensor.csv"') if section == "sensor" else ((key,), "")
     for unknown in content:
@@ -277,10 +302,10 @@ def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[st
 
 def _unknown_key(source: ScenarioSource, name: str, variant: Section, content: Mapping[str, Any], key: str) -> str:
     """Return a message about an unknown key of the scenario file that suggests the right key or section."""
-    takes = ", ".join(variant.keys)
+    takes = ", ".join(variant.names)
     if key in keys_of(name):
         return _key_of_another_variant(source, name, takes, content, key)
-    near = nearest(key, tuple(variant.keys)) or nearest(key, keys_of(name))
+    near = nearest(key, variant.names) or nearest(key, keys_of(name))
     if near:
         return f'found an unknown key, expected "{near}"'
     homes = [f"[{section}]" for section in SECTIONS if key in keys_of(section)]
@@ -307,8 +332,11 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
         return "found a key that belongs to a calibration, expected it only together with calibration = ..."
     if name in OF_A_LAW:
         instead = _INSTEAD.get((name, key), f"only {takes}")
-        return f'found a key of law kind "{owners[0]}", which the law of this file does not have; expected {instead}'
+        return (
+            f'found a key that belongs to the law kind "{owners[0]}", but this file uses another law; expected '
+            f"{instead}"
+        )
     if name in _TAGS:
         quoted = " and ".join(f'"{owner}"' for owner in owners)
-        return f'found a key of {quoted}, which "{content[_TAGS[name]]}" does not have; expected only {takes}'
+        return f'found a key that belongs to {quoted}, but not to "{content[_TAGS[name]]}"; expected only {takes}'
     return f"found together with {', '.join(k for k in content if k != key)}, expected only {takes}"

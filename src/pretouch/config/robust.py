@@ -1,4 +1,4 @@
-"""Build distributions, measure and probabilities for `design_robust_gain` from [uncertainty] and [robust]."""
+"""Build distributions and required probabilities for `design_robust_gain` from [uncertainty] and [robust]."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from pretouch._core.errors import InvalidInputError
 from pretouch.design.constraints import Constraint
-from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
 from pretouch.design.robust.required import Required
 from pretouch.motion.scenario import Scenario, sensor_inputs
 from pretouch.sensors import SensorModel
@@ -41,7 +40,7 @@ def robust_fields(
     calibration: CalibrationReport | None,
     constraints: tuple[Constraint, ...],
 ) -> dict[str, Any]:
-    """Return the fields of a task for a robust gain, and the constraints with their probabilities.
+    """Return the uncertain inputs of a task, and its constraints with their probabilities.
 
     Contradictions are noted as mistakes of the file. Arguments that could not be built are None.
     """
@@ -55,17 +54,8 @@ def robust_fields(
     uncertainty = _uncertainty(file, settings["measure"], sensor, calibration)
     if scenario is not None and sensor is not None and uncertainty and not file.mistakes:
         _check_means(file, scenario, sensor, uncertainty)
-    measure = _measure(settings.pop("measure"), settings.pop("probability", 0.0))
-    limits = tuple(_required(file, settings.pop("required", {}), constraints))
-    return {"uncertainty": uncertainty, "measure": measure, "constraints": limits, **settings}
-
-
-def _measure(name: str, probability: float) -> Measure:
-    if name == "quantile":
-        return Quantile(probability=probability)
-    if name == "tail-mean":
-        return ConditionalValueAtRisk(probability=probability)
-    return WorstCase() if name == "worst-case" else Expected()
+    limits = tuple(_required(file, settings.get("required", {}), constraints))
+    return {"uncertainty": uncertainty, "constraints": limits}
 
 
 def _required(
@@ -77,7 +67,8 @@ def _required(
         if name not in limited:
             file.refuse(
                 ("robust", "required", name),
-                f"found a probability for a missing constraint, expected {name} in [constraints]",
+                f"found a probability for a constraint that does not exist, expected the constraint {name} in "
+                "[constraints]",
             )
     for constraint in constraints:
         probability = probabilities.get(constraint.name)
@@ -110,7 +101,7 @@ def _uncertainty(
         if "interval" in values and measure != "worst-case":
             file.refuse(
                 (*path, "interval"),
-                f'found an interval, which has no probabilities, together with measure = "{measure}"; '
+                f'found an interval, which has no probabilities, but measure = "{measure}" needs probabilities; '
                 'expected uniform if all values are equally likely, or measure = "worst-case"',
             )
         distribution = file.attempt("", partial(_distribution, values), path)
@@ -145,6 +136,9 @@ def _distribution(values: Mapping[str, Any]) -> Distribution:
         return Normal(mean=mean, deviation=deviation)
     if "samples" in values:
         return Empirical(samples=tuple(values["samples"]))
+    (chosen,) = values.values()
+    if isinstance(chosen, Distribution):  # of an installed package
+        return chosen
     kind = Uniform if "uniform" in values else Interval
     low, high = values["uniform" if "uniform" in values else "interval"]
     return kind(low=low, high=high)
@@ -157,7 +151,8 @@ def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncerta
         if name in means:
             file.refuse(
                 ("uncertainty", *name.split(".")),
-                f"found {name} together with sensor.{FROM_CALIBRATION}, expected one of them",
+                f"found the input {name} twice, alone and in sensor.{FROM_CALIBRATION}; expected only one of "
+                "these keys",
             )
         means |= {member: [mean] for member, mean in zip(value.inputs(name), value.means(), strict=True)}
     try:

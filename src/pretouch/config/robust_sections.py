@@ -1,4 +1,4 @@
-"""Keys of the scenario file's sections [uncertainty] and [robust]: distributions of inputs, and robust requirements.
+"""Define the keys of the sections [uncertainty] and [robust] of a scenario file.
 
 The keys of [uncertainty] are the inputs of `pretouch.motion.scenario`, each with its unit.
 """
@@ -6,22 +6,27 @@ The keys of [uncertainty] are the inputs of `pretouch.motion.scenario`, each wit
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
+from functools import partial
 from typing import Any, Final
 
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import INPUT
 from pretouch._core.units import written_unit
-from pretouch.design.constraints import CONSTRAINT_NAMES
+from pretouch.design.options import RobustOptions
+from pretouch.design.quantities import CONSTRAINT_NAMES
+from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
 from pretouch.motion.scenario import SCENARIO_INPUTS
 from pretouch.sensors import sensor_curves
+from pretouch.uncertainty.correlated import DISTRIBUTION_KINDS
 from pretouch.uncertainty.ensemble import SAMPLINGS
 
 from .quantities import Quantity, UnfitValueError, shown
-from .section import Key, Section, list_of, name_of, whole
+from .section import Key, Section, declared_keys, list_of, name_of, whole
 
 FROM_CALIBRATION: Final = "parameters"
 """The key of [uncertainty] `sensor` that selects the covariance of the calibration."""
 
-_KINDS: Final = ("normal", "uniform", "interval", "samples")
 _EXAMPLES: Final[Mapping[str, str]] = {
     "kg": '"1 kg", "0.1 kg"',
     "N*s/m": '"10 N*s/m", "1 N*s/m"',
@@ -46,22 +51,25 @@ _FIRST: Final = {
 
 def _check_distribution(values: Mapping[str, Any]) -> None:
     """Check that the distribution of an input has exactly one kind, with valid numbers."""
-    kinds = [kind for kind in _KINDS if kind in values]
+    kinds = [kind for kind in values if kind != "between"]
     if len(kinds) != 1:
         what = " and ".join(kinds) or ("between alone" if "between" in values else "nothing")
-        raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(_KINDS)}")
+        raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(DISTRIBUTION_KINDS.names())}")
     if "between" in values and "normal" not in values:
         raise UnfitValueError(
-            f"found between together with {kinds[0]}, expected it only with normal, which it truncates", "between"
+            f"found between together with {kinds[0]}, expected between only with normal, whose distribution it "
+            "truncates",
+            "between",
         )
     for key in ("uniform", "interval", "between"):
         pair = values.get(key)
         if pair is not None and not pair[0] < pair[1]:
-            raise UnfitValueError(f"found {pair[0]:g} before {pair[1]:g}, expected the smaller one first", key)
+            raise UnfitValueError(f"found {pair[0]:g} followed by {pair[1]:g}, expected the smaller one first", key)
     if "normal" in values and not values["normal"][1] > 0:
         deviation = values["normal"][1]
         raise UnfitValueError(
-            f"found a standard deviation of {deviation:g}, expected [mean, deviation] with a positive deviation",
+            f"found a standard deviation of {deviation:g}, expected a list of mean and standard deviation, with "
+            "a positive deviation",
             "normal",
         )
 
@@ -75,7 +83,7 @@ def _distribution_section(unit: str) -> Section:
     return Section(
         {
             "normal": Key(
-                list_of(number, 2, 2, f"a list of two {what}, mean and standard deviation, such as {example}")
+                list_of(number, 2, 2, f"a list of two {what}: the mean and the standard deviation, such as {example}")
             ),
             "uniform": Key(list_of(number, 2, 2, pair)),
             "interval": Key(list_of(number, 2, 2, pair)),
@@ -84,7 +92,29 @@ def _distribution_section(unit: str) -> Section:
         },
         _check_distribution,
         example="{ uniform = [smallest, largest] } or { normal = [mean, standard deviation] }",
+        more=(DISTRIBUTION_KINDS, partial(_described_distribution, unit)),
     )
+
+
+def _described_distribution(unit: str, name: str) -> Key | None:
+    """Return the key of a distribution of an installed package: a table with the declared fields of its class."""
+    described = None if name in DISTRIBUTION_KINDS.built_in() else DISTRIBUTION_KINDS.find(name)
+    if described is None:
+        return None
+    keys = declared_keys(described)
+    for name_of_field, key in keys.items():
+        if isinstance(key.read, Quantity) and key.read.unit == INPUT:
+            keys[name_of_field] = replace(key, read=replace(key.read, unit=unit))
+    section = Section(keys, example="{ " + ", ".join(f"{name_of_field} = ..." for name_of_field in keys) + " }")
+
+    def read(table: Any) -> Any:
+        values = section(table)
+        try:
+            return described(**values)
+        except InvalidInputError as error:
+            raise UnfitValueError(str(error)) from None
+
+    return Key(read)
 
 
 def _from_calibration(value: Any) -> Any:
@@ -123,7 +153,7 @@ def uncertainty_section() -> Section:
     return Section({part: Key(_part(part)) for part in _FIRST})
 
 
-def _probability(value: Any) -> float:
+def read_probability(value: Any) -> float:
     """Read a probability between 0 and 1, excluding both."""
     number = Quantity("")(value)
     if not (isinstance(number, float) and 0 < number < 1):
@@ -141,7 +171,7 @@ def _required(value: Any) -> dict[str, float]:
             raise UnfitValueError(f"found a constraint {shown(name)}, expected one of {names}", name)
         if type(number) not in {int, float} or not 0 < number <= 1:
             raise UnfitValueError(
-                f"found {shown(number)}, expected a probability above 0 and at most 1, such as 0.99", name
+                f"found {shown(number)}, expected a probability greater than 0 and at most 1, such as 0.99", name
             )
     return {name: float(number) for name, number in value.items()}
 
@@ -150,24 +180,46 @@ def _check_measure(values: Mapping[str, Any]) -> None:
     measure = values.get("measure", "expected")
     needs_probability = measure in {"quantile", "tail-mean"}
     if needs_probability and "probability" not in values:
-        raise UnfitValueError(f"missing probability, which {measure} needs; add, for example: probability = 0.9")
+        raise UnfitValueError(
+            f"the probability is missing, which the measure {measure} needs; add, for example: probability = 0.9"
+        )
     if not needs_probability and "probability" in values:
         raise UnfitValueError(
-            f"found a probability together with {measure}, expected it only with quantile or tail-mean", "probability"
+            f"found a probability, which the measure {measure} does not use; expected a probability only with "
+            "quantile or tail-mean",
+            "probability",
         )
+
+
+def _robust_options(
+    measure: str,
+    probability: float = 0.0,
+    required: Any = None,  # noqa: ARG001 - belongs to the constraints
+    **others: Any,
+) -> RobustOptions:
+    return RobustOptions(measure=_measure(measure, probability), **others)
+
+
+def _measure(name: str, probability: float) -> Measure:
+    if name == "quantile":
+        return Quantile(probability=probability)
+    if name == "tail-mean":
+        return ConditionalValueAtRisk(probability=probability)
+    return WorstCase() if name == "worst-case" else Expected()
 
 
 ROBUST: Final = Section(
     {
         "measure": Key(name_of("expected", "quantile", "tail-mean", "worst-case"), "expected"),
-        "probability": Key(_probability),
+        "probability": Key(read_probability),
         "samples": Key(whole(2, "4096"), 4096),
         "validation": Key(whole(2, "4096"), 4096),
         "seed": Key(whole(0, "0"), 0),
         "sampling": Key(name_of(*SAMPLINGS), "sobol"),
-        "confidence": Key(_probability, 0.95),
+        "confidence": Key(read_probability, 0.95),
         "required": Key(_required),
     },
     _check_measure,
+    _robust_options,
 )
 """The measure of an objective over uncertain encounters, and the sampling of these encounters."""

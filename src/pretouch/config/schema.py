@@ -1,4 +1,4 @@
-"""Schema of a scenario file: its sections, their keys, and the unit of each key.
+"""Define the schema of a scenario file: its sections, their keys, and the unit of each key.
 
 Messages and the test of docs/scenario-file.md use this schema.
 """
@@ -10,18 +10,37 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions
 from pretouch._core.units import written_unit
-from pretouch.design.constraints import CONSTRAINT_NAMES
+from pretouch.design.custom_objectives import OBJECTIVE_KINDS
 from pretouch.design.impact import HertzImpact, SpringImpact
-from pretouch.design.quantities import QUANTITY_UNITS
+from pretouch.design.options import ParetoOptions, VerifyOptions
+from pretouch.design.quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, find_quantity
 from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
-from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
+from pretouch.motion.laws import DAMPER, LAW_KINDS, ContinuousLaw
 from pretouch.motion.scenario import Admittance
+from pretouch.sensors.registry import CURVE_KINDS
 
-from .quantities import Quantity, UnfitValueError
-from .robust_sections import ROBUST, uncertainty_section
-from .section import EFFECTS, REQUIRED, TAG, WEIGHT, Key, Section, by_law, declared_keys, gain_of, list_of, name_of
-from .sensor import sensor_variants
+from .quantities import Quantity, UnfitValueError, shown
+from .robust_sections import ROBUST, read_probability, uncertainty_section
+from .section import (
+    EFFECTS,
+    REQUIRED,
+    TAG,
+    WEIGHT,
+    ByLaw,
+    Key,
+    Section,
+    declared_keys,
+    described_section,
+    example_bounds,
+    gain_of,
+    list_of,
+    name_of,
+    one_of,
+)
+from .sensor import section_of_curve, sensor_variants
 
 _OBSTACLE: Final = ("obstacle speed",)
 
@@ -35,7 +54,9 @@ def _check_second_term(values: Mapping[str, Any]) -> None:
         raise UnfitValueError(f"missing velocity_scale, {expected}")
     for kind in ("velocity", "force"):
         if f"{kind}_weight" in values and f"{kind}_scale" not in values:
-            raise UnfitValueError(f"found {kind}_weight without {kind}_scale, expected both or none", f"{kind}_weight")
+            raise UnfitValueError(
+                f"found {kind}_weight without {kind}_scale, expected both keys or neither", f"{kind}_weight"
+            )
 
 
 def _two_term_objective(first: str, unit: str, example: str) -> Section:
@@ -63,9 +84,20 @@ def _scale(quantity: str | None) -> Any:
     return Quantity(QUANTITY_UNITS[quantity], "", "nonzero", words=words)
 
 
+def _quantity_name(value: Any) -> str:
+    """Read the name of a quantity: a built-in one, or one of an installed package."""
+    try:
+        found = None if not isinstance(value, str) else find_quantity(value)
+    except InvalidInputError as error:
+        raise UnfitValueError(f"found {shown(value)}, but {error}") from None
+    if found is None:
+        raise UnfitValueError(one_of(value, tuple(dict.fromkeys((*QUANTITY_UNITS, *QUANTITY_KINDS.names())))))
+    return str(value)
+
+
 _TERM: Final = Section(
     {
-        "quantity": Key(name_of(*QUANTITY_UNITS), REQUIRED, '"time"'),
+        "quantity": Key(_quantity_name, REQUIRED, '"time"'),
         "scale": Key(_scale(None), REQUIRED, '"1 s"', after=("quantity", _scale)),
         "weight": WEIGHT,
     },
@@ -108,12 +140,6 @@ def _check_order(*keys: str, unit: str = "", what: str = "the lower first") -> C
     return check
 
 
-def _check_unique(values: Mapping[str, Any]) -> None:
-    names = values.get("quantities", ())
-    if len(set(names)) < len(names):
-        raise UnfitValueError("found a quantity twice, expected each only once", "quantities")
-
-
 _MASSES: Final = {
     "robot_mass": Key(Quantity("kg", '"4 kg"', "positive"), REQUIRED),
     "obstacle_mass": Key(Quantity("kg", '"inf"', "positive", infinite=True), math.inf),
@@ -134,27 +160,44 @@ _BY_FREQUENCY: Final = {
 }
 
 
-def _example_bounds(law: ContinuousLaw) -> str:
-    unit = written_unit(law.number.unit)
-    return '["-10 N*s", "-0.01 N*s"]' if law == DAMPER else f'["0.0001 {unit}", "1 {unit}"]'
-
-
 def _gain(law: ContinuousLaw) -> Section:
     unit = law.number.unit
     bounds = list_of(gain_of(law), 2, 2, _PAIR.format(f"quantities in {written_unit(unit)}"))
     return Section(
-        {"bounds": Key(bounds, REQUIRED, _example_bounds(law))},
+        {"bounds": Key(bounds, REQUIRED, example_bounds(law))},
         _check_order("bounds", unit=f" {written_unit(unit)}", what="the lower bound first"),
     )
 
 
-_LIMITS: Final = {name: Key(Quantity(QUANTITY_UNITS[q], sign="positive")) for name, q in CONSTRAINT_NAMES.items()}
+def _limit(unit: str) -> Key:
+    return Key(Quantity(unit, sign="positive"))
+
+
+def _added_limit(name: str) -> Key | None:
+    """Return the key of a constraint on a user-defined quantity; None if there is none of this name."""
+    if name in QUANTITY_KINDS.built_in() or find_quantity(name) is None:
+        return None
+    return _limit(QUANTITY_UNITS[name])
+
+
+def _limits(law: ContinuousLaw) -> Section:
+    keys = {name: _limit(QUANTITY_UNITS[quantity]) for name, quantity in CONSTRAINT_NAMES.items()}
+    if law != DAMPER:
+        del keys["gain"]
+    return Section(keys, more=(QUANTITY_KINDS, _added_limit))
+
+
 _MOTION: Final = {
     "method": Key(name_of("auto", "closed-form", "integration", "uniform-motion"), "auto"),
     "horizon": Key(Quantity("s", '"1 h"', "positive"), 600.0),
 }
 _TRADED: Final = 'a list of two or three quantities such as "displacement", "relative_velocity"'
-_QUANTITIES: Final = Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED))
+_QUANTITIES: Final = Key(list_of(_quantity_name, 2, 3, _TRADED))
+
+
+def _pareto(law: ContinuousLaw) -> Section:
+    return Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, make=ParetoOptions)
+
 
 _BARE: Final = 5.0  # m, more than the range of proximity sensors: a larger bare number is probably in mm
 _STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s²"'
@@ -169,7 +212,10 @@ def _check_course(values: Mapping[str, Any]) -> None:
     ends = [stretch["until"] for stretch in values.get("course", ())]
     for i, (before, after) in enumerate(pairwise(ends), 1):
         if not after > before:
-            sentence = f"found {after:g} s after a stretch until {before:g} s, expected a later time"
+            sentence = (
+                f"found a stretch that ends at {after:g} s, expected a time after {before:g} s, the end of the "
+                "stretch before"
+            )
             raise UnfitValueError(sentence, "course", i, "until")
 
 
@@ -186,16 +232,20 @@ _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     "plant": {"": Section(declared_keys(Plant), make=Plant)},
     "reference": {"": Section(declared_keys(Reference), make=Reference)},
     "objective": OBJECTIVE_VARIANTS,
-    "gain": by_law(_gain),
-    "constraints": by_law(
-        lambda law: Section({name: key for name, key in _LIMITS.items() if law == DAMPER or name != "gain"})
-    ),
+    "gain": ByLaw(_gain),
+    "constraints": ByLaw(_limits),
     "impact": {"stiffness": Section(_SPRING, make=SpringImpact), "radius": Section(_HERTZ, make=HertzImpact)},
     "motion": {"": Section(_MOTION)},
-    "pareto": by_law(lambda law: Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, _check_unique)),
+    "pareto": ByLaw(_pareto),
     "robust": {"": ROBUST},
+    "verify": {
+        "": Section({**declared_keys(VerifyOptions), "confidence": Key(read_probability, 0.95)}, make=VerifyOptions)
+    },
 }
-LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop")
+OPTIONS: Final = ("pareto", "robust", "verify")
+"""The sections that are options of one verb; each is the field of the task with the same name."""
+
+LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop", "verify")
 """The sections of a sampled loop; a file with any of them needs the first two."""
 
 OF_A_LAW: Final = ("gain", "constraints", "pareto", "controller")
@@ -215,16 +265,16 @@ _NEEDED: Final[Mapping[str, str]] = {
 }
 
 
-def needed(kind: str, chosen: Iterable[str]) -> dict[str, str]:
+def needed(law: ContinuousLaw, chosen: Iterable[str]) -> dict[str, str]:
     """Return the required sections of a scenario file, each with an example of its keys.
 
     Args:
-        kind: kind of the law.
+        law: the law, or its class.
         chosen: the keys of [law] in the file.
     """
     if set(EFFECTS) & set(chosen):
         return {name: text for name, text in _NEEDED.items() if name != "objective"}
-    return {**_NEEDED, "gain": f"bounds = {_example_bounds(LAWS[kind])}"}
+    return {**_NEEDED, "gain": f"bounds = {example_bounds(law)}"}
 
 
 def variants(section: str) -> Mapping[str, Section]:
@@ -233,11 +283,28 @@ def variants(section: str) -> Mapping[str, Section]:
         return sensor_variants()
     if section == "uncertainty":
         return {"": uncertainty_section()}
-    if section in {*LOOP_SECTIONS, "law"}:
-        from .loop_sections import LOOP_VARIANTS  # noqa: PLC0415 - the simulation, only for a file with a loop or law
+    if section in _ALWAYS:
+        return _ALWAYS[section]
+    from .loop_sections import LOOP_VARIANTS  # noqa: PLC0415 - the simulation, only for a file with a loop or law
 
-        return LOOP_VARIANTS[section]
-    return _ALWAYS[section]
+    return LOOP_VARIANTS[section]
+
+
+def extensions_of(section: str) -> tuple[Extensions, Callable[[Any], Section]] | None:
+    """Return the kinds that installed packages may add to a section, and the function that makes their section."""
+    if section == "sensor":
+        return CURVE_KINDS, section_of_curve
+    if section == "objective":
+        return OBJECTIVE_KINDS, described_section
+    if section == "law":
+        from .loop_sections import law_section  # noqa: PLC0415 - the simulation, only for a file with a loop or law
+
+        return LAW_KINDS, law_section
+    if section == "robot":
+        from pretouch.simulation.robot import PLANT_KINDS  # noqa: PLC0415 - the same
+
+        return PLANT_KINDS, described_section
+    return None
 
 
 def keys_of(section: str) -> tuple[str, ...]:

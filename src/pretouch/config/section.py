@@ -1,13 +1,15 @@
-"""Describe a section of a scenario file: its keys, their readers, and checks of the whole section."""
+"""Describe which keys a section of a scenario file can have, and check the section as a whole."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from typing import Any, Final, TypeAlias
 
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions
 from pretouch._core.units import written_unit
-from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
+from pretouch.motion.laws import DAMPER, LAW_KINDS, LAWS, ContinuousLaw
 
 from .quantities import KeyPath, Quantity, UnfitValueError, shown
 
@@ -38,7 +40,7 @@ class Key:
         """Return a message about a missing key, with what is expected and an example."""
         if isinstance(self.read, Quantity):
             example = written_unit(self.read.example)
-            return f"missing, expected {self.read.expected}; add, for example: {name} = {example}"
+            return f"this key is missing, expected {self.read.expected}; add, for example: {name} = {example}"
         return f"missing; add, for example: {name} = {self.example}"
 
 
@@ -51,6 +53,8 @@ class Section:
         check: raises UnfitValueError if the values do not fit together.
         make: makes the object that the section describes, from its values by name.
         example: an example of such a table, for messages.
+        more: kinds that installed packages may add as further keys, and the function that returns the key of a name, or
+            None if there is no such kind.
 
     Calling a section reads a table. The optional argument `unknown` makes the messages for unknown keys. A missing key
     is not reported if an unknown key is probably its misspelling.
@@ -60,17 +64,22 @@ class Section:
     check: Callable[[Mapping[str, Any]], None] | None = None
     make: Callable[..., Any] | None = None
     example: str = "{ ... }"
+    more: tuple[Extensions, Callable[[str], Key | None]] | None = None
 
     def __call__(self, table: Any, unknown: Callable[[str], str] | None = None) -> dict[str, Any]:
         """Return the values of a TOML table by key; raise an error that lists all mistakes in the table."""
         if not isinstance(table, Mapping):
             raise UnfitValueError(f"expected a table such as {self.example}")
-        unknown_keys = [name for name in table if name not in self.keys]
-        missing = tuple(name for name in self.keys if name not in table)
+        keys = dict(self.keys)
+        if self.more is not None:
+            others = {name: _found(self.more[1], name) for name in table if name not in keys}
+            keys |= {name: key for name, key in others.items() if key is not None}
+        unknown_keys = [name for name in table if name not in keys]
+        missing = tuple(name for name in keys if name not in table)
         meant = {nearest(name, missing) for name in unknown_keys} if unknown else set()
         mistakes: list[tuple[KeyPath, str]] = []
         values: dict[str, Any] = {}
-        for name, key in self.keys.items():
+        for name, key in keys.items():
             if name in table:
                 read = key.read if key.after is None else key.after[1](values.get(key.after[0]))
                 values[name] = _attempt(read, table[name], name, mistakes)
@@ -81,13 +90,18 @@ class Section:
             raise UnfitValueError.of(mistakes)
         if self.check is not None:
             self.check(values)
-        filled = {name: values.get(name, key.default) for name, key in self.keys.items()}
+        filled = {name: values.get(name, key.default) for name, key in keys.items()}
         return {name: value for name, value in filled.items() if value is not None}
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all keys, including those that installed packages add."""
+        return (*self.keys, *(() if self.more is None else self.more[0].installed()))
+
     def _unknown(self, name: str) -> str:
-        near = nearest(name, tuple(self.keys))
+        near = nearest(name, self.names)
         hint = f'; did you mean "{near}"?' if near else ""
-        return f"found an unknown key, expected one of {', '.join(self.keys)}{hint}"
+        return f"found an unknown key, expected one of {', '.join(self.names)}{hint}"
 
 
 def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPath, str]]) -> Any:
@@ -106,6 +120,14 @@ EFFECTS: Final = ("ratio", "excursion", "acceleration", "contact_speed", "impact
 WEIGHT: Final = Key(Quantity("", "1.0", "nonnegative"), 1.0)
 TAG: Final = Key(lambda _: None, REQUIRED)
 """The key that selects the variant of its section; it has no further value."""
+
+
+def _found(find: Callable[[str], Key | None], name: str) -> Key | None:
+    """Return the key of an extension, or None; a broken extension is a mistake at its name."""
+    try:
+        return find(name)
+    except InvalidInputError as error:
+        raise UnfitValueError(f"found {shown(name)}, but {error}", name) from None
 
 
 def checked(holds: Callable[[Any], bool], what: str) -> Reader:
@@ -189,34 +211,77 @@ def nearest(name: str, valid: tuple[str, ...]) -> str | None:
     return plain[match[0]] if match else None
 
 
-def by_law(make: Callable[[ContinuousLaw], Section]) -> dict[str, Section]:
-    """Make the variants of a scenario-file section that depends on the control law, one for each law."""
-    return {kind: make(law) for kind, law in LAWS.items()}
+class ByLaw(dict[str, Section]):
+    """The variants of a section that depends on the law, by the kind of the law.
+
+    Iteration gives the variants of the built-in laws; that of an installed law is made when it is read.
+
+    Args:
+        make: makes the section for a law, which is a value or a class.
+    """
+
+    def __init__(self, make: Callable[[ContinuousLaw], Section]) -> None:
+        super().__init__({kind: make(law) for kind, law in LAWS.items()})
+        self._make = make
+
+    def __missing__(self, kind: str) -> Section:
+        return self._make(LAW_KINDS.find(kind))
 
 
 def gain_of(law: ContinuousLaw) -> Quantity:
-    """Return a parser for the gain of a control law, in the unit of the gain."""
-    unit = law.number.unit
-    return Quantity(unit, '"-0.7 N*s"' if law == DAMPER else f'"0.0144 {unit}"', of=law.kind)
+    """Return the reader of the gain of a law."""
+    n = law.number
+    return Quantity(n.unit, '"-0.7 N*s"' if law == DAMPER else f'"{n.sign * 0.0144} {n.unit}"', of=law.kind)
+
+
+def example_bounds(law: ContinuousLaw) -> str:
+    """Return an example of the bounds of a law's number, as TOML."""
+    if law == DAMPER:
+        return '["-10 N*s", "-0.01 N*s"]'
+    unit = written_unit(law.number.unit)
+    return f'["0.0001 {unit}", "1 {unit}"]' if law.number.sign > 0 else f'["-1 {unit}", "-0.0001 {unit}"]'
 
 
 def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] = ()) -> dict[str, Key]:
     """Make the keys of a scenario-file section from the fields of dataclasses.
 
     Args:
-        classes: the classes; only fields that are quantities, flags or counts become keys.
+        classes: the classes; only fields of dataclasses that are quantities, flags or counts become keys.
         optional: whether all keys are optional, because the defaults are determined elsewhere.
         without: names of fields that do not become keys.
 
     Returns:
         The keys by the names of their fields.
     """
-    readers = {f.name: (f, _reader_of(f.metadata)) for cls in classes for f in fields(cls) if f.name not in without}
+    dataclasses = [cls for cls in classes if is_dataclass(cls)]
+    readers = {f.name: (f, _reader_of(f.metadata)) for cls in dataclasses for f in fields(cls) if f.name not in without}
     return {
         name: Key(read, None if optional else REQUIRED if f.default is MISSING else f.default)
         for name, (f, read) in readers.items()
         if read is not None
     }
+
+
+def described_section(described: Any, keys: Mapping[str, Key] | None = None) -> Section:
+    """Make the section of a class or value that describes itself.
+
+    Args:
+        described: a class whose declared fields are keys, or a value; the fields of a value have default values.
+        keys: further keys, which are not passed to the class.
+
+    Returns:
+        The section; its `make` returns an instance of the class, or the value with other values of its fields.
+    """
+    others = keys or {}
+
+    def make(**values: Any) -> Any:
+        own = {name: value for name, value in values.items() if name not in others}
+        if isinstance(described, type):
+            return described(**own)
+        return replace(described, **own) if own else described
+
+    own_keys = declared_keys(described, optional=not isinstance(described, type))
+    return Section({"kind": TAG, **others, **own_keys}, make=make)
 
 
 def _reader_of(metadata: Mapping[str, Any]) -> Reader | None:

@@ -1,4 +1,4 @@
-"""The section [sensor] of a scenario file, and the fit of a calibration file."""
+"""Build the sensor curve from the section [sensor] of a scenario file, or fit it to a calibration file."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 from pretouch._core.errors import CalibrationDataError, InvalidInputError, PretouchError, UnitError
 from pretouch._core.units import read_quantity
 from pretouch.sensors import SensorModel, sensor_curves
+from pretouch.sensors.registry import CURVE_KINDS, find_curve
 
-from .quantities import Quantity, UnfitValueError, output_unit
+from .quantities import Quantity, UnfitValueError, output_unit, shown
 from .section import LENGTH, REQUIRED, TAG, Key, Section, checked, declared_keys, list_of, one_of, text
 
 if TYPE_CHECKING:
@@ -66,9 +67,13 @@ def _all_of_type(values: Iterable[Any], *types: type) -> bool:
 
 
 def _model(value: Any) -> str:
-    if not isinstance(value, str) or value not in sensor_curves(foreign=True):
-        raise UnfitValueError(one_of(value, tuple(sensor_curves())))
-    return value
+    try:
+        curve = find_curve(value) if isinstance(value, str) else None
+    except InvalidInputError as error:
+        raise UnfitValueError(f"found {shown(value)}, but {error}") from None
+    if curve is None:
+        raise UnfitValueError(one_of(value, CURVE_KINDS.names()))
+    return str(value)
 
 
 def _level_or_file(value: Any) -> float | str:
@@ -77,8 +82,8 @@ def _level_or_file(value: Any) -> float | str:
         return value
     try:
         return _OUTPUT(value)
-    except UnfitValueError:
-        raise UnfitValueError(f'expected {_OUTPUT.expected}, or a file such as "dark.csv"') from None
+    except UnfitValueError as error:
+        raise UnfitValueError(f'{error}, or a file such as "dark.csv"') from None
 
 
 _SELECT: Final = checked(
@@ -133,7 +138,7 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
             return read_quantity(value, unit, name=name), unit
         except (UnitError, ArithmeticError):
             continue
-    raise UnitError(f"{name}: found {value!r}, expected a number or text in V or counts")
+    raise UnitError(f"{name}: found {value!r}, expected a number, or a text with a number in V or counts")
 
 
 def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
@@ -197,8 +202,8 @@ class FitRequest:
             labels = "; ".join(curve.label for curve in curves[:8] if curve.label) or "none: the file holds one curve"
             more = f" and {len(curves) - 8} more" if len(curves) > 8 else ""
             message = (
-                f"select: found {', '.join(sorted(selected))}, expected labels of a curve in {self.path.name} "
-                f"({labels}{more})"
+                f"select: found {', '.join(sorted(selected))}, expected the labels of a curve in "
+                f"{self.path.name} ({labels}{more})"
             )
             raise CalibrationDataError.without_content(message)  # labels of a valid calibration may be quoted
         if isinstance(self.no_object, tuple):
@@ -250,7 +255,7 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
     number, unit = value
     if unit and unit != calibration.unit:
         raise UnitError(
-            f"{name}: found {number:g} {unit}, expected the unit of the calibration, "
+            f"{name}: found {number:g} {unit}, expected a value in the unit of the calibration, "
             f"{calibration.unit or 'which has none'}"
         )
     return number
@@ -262,8 +267,8 @@ def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(
-            f"select: found {len(curves)} curves in {request.path.name}, expected one; choose one by its labels, "
-            f"for example {_as_toml(curves[0].label)}"
+            f"select: {request.path.name} contains {len(curves)} curves, expected one; choose a curve by its "
+            f"labels, for example {_as_toml(curves[0].label)}"
         )
     report = request.rank(curves[0])
     if report.best is None:

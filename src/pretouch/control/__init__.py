@@ -1,4 +1,4 @@
-"""The sampled controller of the letter's Fig. 1: sensor readings in, reference of the robot's own controller out.
+"""Implement the sampled controller, which turns sensor readings into a reference for the robot's controller.
 
 This package contains everything that the robot runs. It uses no sensor model and no motion model, and imports only
 `_core`. A `Law` turns changes of the reading into a force. A custom law is built from `observe`, `push_by_drag` and

@@ -1,4 +1,4 @@
-"""Parts of a controller other than its law: conditioning of readings, virtual admittance, limits of the motion."""
+"""Define components of a controller: conditioning of readings, virtual admittance and limits of the motion."""
 
 from __future__ import annotations
 
@@ -71,16 +71,17 @@ class Conditioning:
         check_declared(self, instead=ONE_ROBOT)
         if self.saturation is not None and not self.offset + self.floor < self.saturation <= _ANY_READING:
             raise InvalidInputError(
-                f"saturation: found {self.saturation:g}, which must exceed the sum of offset and floor, "
-                f"{self.offset + self.floor:g}, up to {_ANY_READING:g}"
+                f"saturation: found {self.saturation:g}, expected more than {self.offset + self.floor:g}, the "
+                f"sum of offset and floor, and at most {_ANY_READING:g}"
             )
         if not abs(self.offset) + self.floor < _ANY_READING:
             raise InvalidInputError(
-                f"offset, floor: found {self.offset:g}, {self.floor:g}, expected |offset| + floor below 1e12"
+                f"offset, floor: found {self.offset:g} and {self.floor:g}, expected a sum of |offset| and floor "
+                "below 1e12"
             )
         if not self.floor >= _ANY_FLOOR:
             raise InvalidInputError(
-                f"floor: found {self.floor:g}, expected at least {_ANY_FLOOR:g}; give xi in a smaller unit"
+                f"floor: found {self.floor:g}, expected at least {_ANY_FLOOR:g}; give the readings in a smaller unit"
             )
         length: object = self.median_window
         if not isinstance(length, int) or isinstance(length, bool) or not 1 <= length <= LONGEST_WINDOW:
@@ -94,14 +95,13 @@ class Conditioning:
         sensor_period = period if self.sensor_period is None else self.sensor_period
         if sensor_period < period * (1 - 1e-9):
             raise InvalidInputError(
-                f"sensor_period: found {sensor_period:g} s, shorter than the loop's period of {period:g} s; "
-                "run the loop at the sensor's rate, or use every n-th reading only"
+                f"sensor_period: found {sensor_period:g} s, expected at least the loop's period of {period:g} s; "
+                "run the loop at the sensor's rate, or use only every second or third reading"
             )
         timeout = _TIMEOUT_PERIODS * sensor_period if self.timeout is None else self.timeout
         if timeout < sensor_period:
             raise InvalidInputError(
-                f"timeout: found {timeout:g} s, shorter than the time between two readings, {sensor_period:g} s; "
-                "give a longer timeout"
+                f"timeout: found {timeout:g} s, expected at least the time between two readings, {sensor_period:g} s"
             )
         low_pass = design_low_pass(self.low_pass_order, self.cutoff, 1 / sensor_period)
         return SensingNumbers(
@@ -135,11 +135,14 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[F
     if order == 0:
         return ()
     if cutoff is None:
-        raise InvalidInputError(f"cutoff: missing; a low-pass of order {order} needs a cutoff frequency in Hz")
+        raise InvalidInputError(
+            f"cutoff: the cutoff frequency is missing; a low-pass filter of order {order} needs one in Hz"
+        )
     frequency = positive(cutoff, "cutoff", "Hz")
     if not frequency < rate / 2:
         raise InvalidInputError(
-            f"cutoff: found {frequency:g} Hz, which must be below {rate / 2:g} Hz, half of the sensor's sampling rate"
+            f"cutoff: found {frequency:g} Hz, expected less than {rate / 2:g} Hz, which is half of the sensor's "
+            "sampling rate"
         )
     warped = math.tan(math.pi * frequency / rate)
     sections = [] if order % 2 == 0 else [_first_order(warped)]
@@ -265,8 +268,8 @@ class Limits:
             value = getattr(self, name)
             if value is not None and value > NO_LIMIT:
                 raise InvalidInputError(
-                    f"largest {name}: found {value!r}, expected one number up to {NO_LIMIT:g} {unit}; "
-                    "leave it out for no limit"
+                    f"largest {name}: found {value!r}, expected a number up to {NO_LIMIT:g} {unit}; omit this "
+                    "argument if there is no limit"
                 )
 
 
@@ -285,5 +288,5 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
 
 
 def format_output(value: float) -> str:
-    """Format a sensor output as text with "unit of \u03be" as its unit."""
-    return f"{value:.6g} [unit of \u03be]"
+    """Format a sensor output as text; a controller does not know the unit of its readings."""
+    return f"{value:.6g} (unit of the readings)"

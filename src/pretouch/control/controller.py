@@ -1,4 +1,4 @@
-"""The controller of the letter's Fig. 1: its configuration, the parameters and state of its step, and its runs."""
+"""Define the sampled controller: its settings, and the parameters and state of its compiled step."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Controller:
     def __post_init__(self) -> None:
         check_declared(self, instead=ONE_ROBOT)
         if self.contact_gain > 1:
-            raise InvalidInputError(f"contact_gain: found {self.contact_gain:g}, expected a share from 0 to 1")
+            raise InvalidInputError(f"contact_gain: found {self.contact_gain:g}, expected a fraction between 0 and 1")
         self.conditioning.numbers(self.period)  # checks the conditioning against the period
 
     @property
@@ -134,8 +134,8 @@ class Controller:
         farthest = max(abs(x), ahead + stopping_distance(limits, abs(v)))
         if abs(v) > limits.speed or farthest > limits.excursion:
             raise InvalidInputError(
-                f"start: found {x:g} m and {v:g} m/s relative to the reference, from which the limits "
-                f"({self.limits}) cannot be kept; start nearer to the reference or slower, or widen the limits"
+                f"start: found {x:g} m and {v:g} m/s relative to the reference, from which the robot cannot stay "
+                f"within the limits ({self.limits}); start nearer to the reference or slower, or widen the limits"
             )
         sensing = start_sensing(self.conditioning.numbers(self.period))
         return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())
@@ -144,7 +144,9 @@ class Controller:
         """Return a copy of the controller with another gain D_p [N s]; its law must be a damper."""
         law: Any = self.law
         if not hasattr(law, "with_gain"):
-            raise InvalidInputError(f"gain: found the law {type(law).__name__}, which has no gain; use with_value")
+            raise InvalidInputError(
+                f"gain: the law {type(law).__name__} has no gain; use the method with_value instead"
+            )
         return replace(self, law=law.with_gain(gain))
 
     def with_value(self, value: float) -> Controller:
@@ -153,7 +155,8 @@ class Controller:
 
     def rows(self) -> Iterator[Row]:
         """Yield table rows with the parameters of the controller and its law, for a report."""
-        yield "law", type(self.law).__name__
+        name = getattr(self.law, "continuous", None)  # a user-defined law is shown by its own name
+        yield "law", name.replace("-", " ") if isinstance(name, str) else type(self.law).__name__
         yield "period", Measured(self.period, "s")
         law_rows = getattr(self.law, "rows", None)
         yield from law_rows() if law_rows is not None else ()

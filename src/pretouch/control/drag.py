@@ -1,4 +1,4 @@
-"""The virtual drag, a sampled law: the contact speed is the same fraction of every approach speed."""
+"""Define the sampled virtual drag, which reduces every approach speed by the same factor before contact."""
 
 from __future__ import annotations
 
@@ -87,12 +87,13 @@ class VirtualDrag:
         check_declared(self, instead=ONE_ROBOT)
         if self.own_advance > 0:
             raise InvalidInputError(
-                f"own_advance: found {self.own_advance:g} N*s, expected 0 or less, so that it brakes"
+                f"own_advance: found {self.own_advance:g} N*s, expected 0 or a negative number, so that the "
+                "force brakes the robot"
             )
         if self.known_acceleration > 0:
             raise InvalidInputError(
-                f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or less; with a positive "
-                "value the robot would follow an object that slows down"
+                f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or a negative number; "
+                "with a positive number the robot would follow an object that slows down"
             )
         largest = dict.fromkeys(("drag", "dead_zone", "still_rate", "own_advance", "known_acceleration"), _LARGEST)
         largest |= dict.fromkeys(("noise", "relative_noise", "resolution"), _LARGEST_NOISE)

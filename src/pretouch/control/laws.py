@@ -1,4 +1,4 @@
-"""Sampled laws: their interface, the letter's virtual damper, and the compiled blocks of custom laws."""
+"""Define the interface of sampled control laws, the virtual damper, and functions to build custom laws."""
 
 from __future__ import annotations
 
@@ -291,7 +291,7 @@ class VirtualDamper:
     def __post_init__(self) -> None:
         check_declared(self, instead=ONE_ROBOT)
         if not abs(self.gain) <= 1e6:
-            raise InvalidInputError(f"gain: found {self.gain:g} N*s, which must be within 1e6 N*s")
+            raise InvalidInputError(f"gain: found {self.gain:g} N*s, expected a gain between -1e6 and 1e6 N*s")
 
     @property
     def continuous(self) -> str:
@@ -316,7 +316,10 @@ class VirtualDamper:
     def rows(self) -> Iterator[tuple[str, Cell]]:
         """Yield table rows with the parameters of the virtual damper other than its gain, for a report."""
         if self.approach_only:
-            yield "acts", f"during approaches only, with a release of {self.release:.4g} in ln \u03be"
+            yield (
+                "acts",
+                f"only during approaches; a new approach begins after ln \u03be has fallen by {self.release:.4g}",
+            )
         if self.ramp_time:
             yield "ramp of the gain", Measured(self.ramp_time, "s")
 

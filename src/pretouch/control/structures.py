@@ -1,4 +1,4 @@
-"""Sample, output and status of a controller step, and the C structures of its parameters and state.
+"""Define the C structures of a controller step: its sample, output, status, parameters and state.
 
 native/law/pretouch_law.h explains the fields of the structures.
 """

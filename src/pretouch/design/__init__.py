@@ -1,11 +1,11 @@
-"""Gain design: tasks, objectives, constraints, optimal gains and the evidence for them."""
+"""Design gains: define tasks, objectives and constraints, and find the optimal gain with evidence for it."""
 
 from pretouch.motion.evaluator import Evaluator
 
 from .admittance import design_admittance
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
-from .constraints import CONSTRAINT_NAMES, Constraint
+from .constraints import Constraint
 from .drag import DragDesign, DragEffect, design_drag
 from .front.bound_comparison import BoundComparison
 from .front.pareto import pareto_front
@@ -14,7 +14,8 @@ from .front.result import FrontPoint, FrontStatus, ParetoFront
 from .gain import GainDesign, design_gain
 from .impact import ElasticImpact, HertzImpact, ImpactModel, SpringImpact
 from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, time_objective
-from .quantities import QUANTITY_UNITS, quantity_of
+from .options import ParetoOptions
+from .quantities import CONSTRAINT_NAMES, QUANTITY_UNITS, ContactQuantity, quantity_of
 from .task import Task
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "Certificate",
     "Constraint",
     "ConstraintOutcome",
+    "ContactQuantity",
     "DesignStatus",
     "DragDesign",
     "DragEffect",
@@ -42,6 +44,7 @@ __all__ = [
     "ImpactModel",
     "Objective",
     "ParetoFront",
+    "ParetoOptions",
     "PhysicalBound",
     "Sensitivity",
     "SpringImpact",

@@ -1,4 +1,4 @@
-"""Joint design of gain and admittance: natural frequency and damping ratio may be free, the mass is fixed."""
+"""Optimize the gain together with the natural frequency and damping ratio of the admittance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Report page of a design of gain and admittance."""
+"""Build the report of a joint design of gain and admittance."""
 
 from __future__ import annotations
 
@@ -57,6 +57,9 @@ def _evidence(design: AdmittanceDesign) -> Iterator[Row]:
     if c is None:
         return
     active = ", ".join(f"{name.replace('_', ' ')} (multiplier {value:.3g})" for name, value in c.active)
-    yield "searched", f"{c.grid} encounters on a grid; none of {c.tests} other encounters is better than the optimum"
+    yield (
+        "searched",
+        f"{c.grid} encounters on a grid were solved; none of {c.tests} further encounters is better than the optimum",
+    )
     yield "active limits and bounds", active or "none: the optimum lies inside"
     yield "first-order residual, relative to the objective", f"{c.residual:.1e}"

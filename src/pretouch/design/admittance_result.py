@@ -1,4 +1,4 @@
-"""Result of a design of gain and admittance, with its certificate."""
+"""Define the result of a joint design of gain and admittance, with the evidence that it is optimal."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class AdmittanceDesign(Answer):
         """
         if self.gain_design is None:
             raise ResultUnavailableError(
-                f"admittance: found a design with the status {self.status.value}, which has no optimal admittance"
+                f"admittance: there is no optimal admittance, because the design has the status {self.status.value}"
             )
         return self.gain_design.scenario.admittance
 
@@ -171,13 +171,17 @@ class AdmittanceDesign(Answer):
             excess = (
                 "" if self.best_ratio is None else f"; the best exceeds a limit by {100 * (self.best_ratio - 1):.3g} %"
             )
-            return f"Infeasible: no gain and admittance within the bounds meet every constraint{excess}."
+            return f"Infeasible: within the bounds, no gain and admittance meet every constraint{excess}."
         text = (
-            f"Optimal admittance: natural frequency {format_quantity(self.natural_frequency or 0.0, 'rad/s')}, damping "
-            f"ratio {self.damping_ratio:.4g}, with {self.number.equals(self.gain or 0.0)}."
+            "The optimal admittance has a natural frequency of "
+            f"{format_quantity(self.natural_frequency or 0.0, 'rad/s')} and a damping ratio of "
+            f"{self.damping_ratio:.4g}, with {self.number.equals(self.gain or 0.0)}."
         )
         if self.unchanged.objective is not None:
             change = 100 * (self.objective / self.unchanged.objective - 1)
             than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
-            return f"{text} The objective {self.objective:.4g} is {than} with the unchanged admittance."
-        return f"{text} The objective is {self.objective:.4g}; with the unchanged admittance no gain is feasible."
+            return f"{text} The objective is {self.objective:.4g}, {than} with the unchanged admittance."
+        return (
+            f"{text} The objective is {self.objective:.4g}. With the unchanged admittance, no gain meets every "
+            "constraint."
+        )

@@ -1,4 +1,4 @@
-"""Parts of a gain design: status, constraint outcomes, trade-off, certificate, sensitivities and ideal design."""
+"""Define the parts of a design result: status, constraints, trade-off, evidence of optimality and sensitivities."""
 
 from __future__ import annotations
 

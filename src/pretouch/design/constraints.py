@@ -1,12 +1,10 @@
-"""Constraints: limits of the quantities of a contact."""
+"""Define constraints, which limit quantities such as the excursion or the contact speed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
-
-import numpy as np
+from typing import Any
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
@@ -14,21 +12,7 @@ from pretouch._core.numbers import finite
 from pretouch.motion.contact import ContactState
 
 from .impact import ImpactModel
-from .quantities import QUANTITY_UNITS, quantity_of
-
-CONSTRAINT_NAMES: Final[dict[str, str]] = {
-    "excursion": "largest_excursion",
-    "travel": "largest_travel",
-    "relative_velocity": "relative_velocity",
-    "time": "time",
-    "speed": "largest_speed",
-    "acceleration": "largest_acceleration",
-    "virtual_force": "largest_virtual_force",
-    "drive_force": "drive_force",
-    "impact_force": "impact_force",
-    "gain": "gain",
-}
-"""The quantity that each constraint limits, by the constraint's short name in a scenario file."""
+from .quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, quantity_of, size_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +24,7 @@ class Constraint:
             whole motion), `relative_velocity` (at contact), `time` (of contact), `speed`, `acceleration`,
             `virtual_force` (of the plant, over the whole motion), `drive_force` (physical mass times largest
             acceleration), `impact_force` (peak force of the impact), `gain` (magnitude of the law's number, such as
-            |D_p|, as `GainLimit.allowed`).
+            |D_p|, as `GainLimit.allowed`). Or a `ContactQuantity`.
         limit: the largest allowed magnitude > 0, in SI.
 
     Examples:
@@ -53,10 +37,13 @@ class Constraint:
 
     def __post_init__(self) -> None:
         check_types(self)
-        if self.name not in CONSTRAINT_NAMES:
-            raise InvalidInputError(f"constraint: found {self.name!r}, expected one of {', '.join(CONSTRAINT_NAMES)}")
+        if self.name not in CONSTRAINT_NAMES and QUANTITY_KINDS.find(self.name) is None:
+            names = dict.fromkeys((*CONSTRAINT_NAMES, *QUANTITY_KINDS.installed()))
+            raise InvalidInputError(f"constraint: found {self.name!r}, expected one of {', '.join(names)}")
         if not finite(self.limit, f"constraint {self.name}", self.unit) > 0:
-            raise InvalidInputError(f"constraint {self.name}: found {self.limit:g} {self.unit}, which must be positive")
+            raise InvalidInputError(
+                f"constraint {self.name}: found a limit of {self.limit:g} {self.unit}, expected a positive limit"
+            )
 
     @property
     def quantity(self) -> str:
@@ -70,7 +57,7 @@ class Constraint:
 
     def magnitude(self, state: ContactState, impact: ImpactModel | None = None) -> Any:
         """Return the magnitude of the limited quantity at contact, in SI units."""
-        return np.abs(quantity_of(self.quantity, state, impact))
+        return size_of(self.quantity, quantity_of(self.quantity, state, impact))
 
 
 def each_once(constraints: Iterable[Constraint]) -> None:
@@ -78,4 +65,4 @@ def each_once(constraints: Iterable[Constraint]) -> None:
     names = [constraint.name for constraint in constraints]
     for name in names:
         if names.count(name) > 1:
-            raise InvalidInputError(f"constraint {name}: found twice, expected once; remove one of the two")
+            raise InvalidInputError(f"constraint {name}: this constraint is given twice; remove one of the two")

@@ -1,4 +1,4 @@
-"""User-defined objectives: objects with a method `value`, and functions of the state at contact."""
+"""Accept user-defined objectives: objects with a method `value`, or functions of the state at contact."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from typing import Any, Final, Protocol, TypeAlias
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions
+from pretouch._core.messages import short_repr
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion.contact import ContactState
 
 from .impact import ImpactModel
-from .objectives import Objective, Term
+from .objectives import Objective, Term, excursion_objective, time_objective
 
 _SUM: Final = 1e-9  # largest relative error of the sum of the parts: far above rounding, invisible in reports
 
@@ -58,13 +60,14 @@ class CustomObjective(Objective):
             numbers = np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
-                f"objective: {self.name} failed on contacts of the shape {np.shape(state.time)} ({error}); it is "
-                "called with many contacts at once, so use functions that accept arrays, such as those of NumPy"
+                f"objective: {self.name} failed for an array of contacts of shape {np.shape(state.time)} "
+                f"({error}). The objective is called with many contacts at once: use functions that accept "
+                "arrays, such as those of NumPy"
             ) from error
         if numbers.ndim and numbers.shape != np.shape(state.time):
             raise InvalidInputError(
-                f"objective: {self.name} gave the shape {numbers.shape} for contacts of the shape "
-                f"{np.shape(state.time)}, expected the same"
+                f"objective: {self.name} returned an array of shape {numbers.shape} for contacts of shape "
+                f"{np.shape(state.time)}, expected the same shape"
             )
         return np.broadcast_to(numbers, np.shape(state.time))
 
@@ -78,6 +81,24 @@ class CustomObjective(Objective):
             error = np.abs(np.asarray(sum(parts.values()), dtype=np.float64) - whole)
         finite = np.isfinite(whole)
         return parts if parts and np.all(error[finite] <= _SUM * np.abs(whole[finite])) else {}
+
+
+def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an objective has no kind of its own
+    """Return what is wrong with the objective of an entry point; empty if nothing."""
+    if callable(getattr(objective, "value", None)) or (callable(objective) and not isinstance(objective, type)):
+        return ""
+    return (
+        f"is {short_repr(objective)}, expected a function of the state at contact, or a class or object with "
+        "value(state, obstacle_speed, impact)"
+    )
+
+
+OBJECTIVE_KINDS: Final = Extensions(
+    group="pretouch.objectives",
+    built_in=lambda: {"excursion": excursion_objective, "time": time_objective, "custom": Objective},
+    problem=_objective_problem,
+)
+"""The objectives that files may name: those of pretouch, and those of installed packages."""
 
 
 def as_objective(given: AnyObjective) -> Objective:
@@ -103,8 +124,8 @@ def as_objective(given: AnyObjective) -> Objective:
         return given
     if isinstance(given, type) or not (callable(getattr(given, "value", None)) or callable(given)):
         raise InvalidInputError(
-            f"objective: found {given!r}, expected an Objective, an object with value(state, obstacle_speed, impact), "
-            "or a function of the state at contact"
+            f"objective: found {given!r}, expected an Objective, an object with a method value(state, "
+            "obstacle_speed, impact), or a function of the state at contact"
         )
     return CustomObjective(name=_name_of(given), given=given)
 
@@ -123,9 +144,8 @@ def appraise(
         if wrong.any():
             time = np.broadcast_to(np.asarray(state.time), wrong.shape)[wrong]
             raise InvalidInputError(
-                f"objective: {objective.name} gave {float(value[wrong][0]):g} for a contact after "
-                f"{float(time[0]):g} s, expected a number that is not negative, because losses are reported relative "
-                "to it; add a constant"
+                f"objective: {objective.name} returned {float(value[wrong][0]):g} for a contact after "
+                f"{float(time[0]):g} s, expected 0 or a positive number; add a constant to the objective"
             )
     return np.where(reached, value, np.inf)
 

@@ -1,4 +1,4 @@
-"""Evidence of a gain design, computed lazily: scan, minima, constraints, certificate, sensitivities."""
+"""Compute the evidence of a gain design when it is read: scanned gains, minima, constraints, sensitivities."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ def _part(make: Callable[[Any], R]) -> cached_property[R]:
     def part(evidence: GainEvidence) -> R:
         if evidence.scenario.shape:
             raise ResultUnavailableError(
-                f"{make.__name__}: found an array of designs, expected one; select it with .at(index)"
+                f"{make.__name__}: this result is an array of designs, expected a single design; select one with "
+                ".at(index)"
             )
         return make(evidence)
 
@@ -172,7 +173,7 @@ class GainEvidence(Answer):
         return ConstraintOutcome(
             name=constraint.name,
             quantity=constraint.quantity,
-            unit=constraint.unit,
+            unit=problem.task.law.number.entry(constraint.quantity).unit,
             limit=constraint.limit,
             value=value,
             margin=None if value is None else constraint.limit - value,

@@ -1,4 +1,4 @@
-"""Report sections with the evidence of a gain design and its sensitivities."""
+"""Build the report sections on the evidence of a gain design and on its sensitivities."""
 
 from __future__ import annotations
 
@@ -52,7 +52,10 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
     if c is None:
         yield "scan", f"{len(design.trade_off.gain)} gains"
     else:
-        text = f"{c.scanned} gains; largest relative error of interpolation between them {c.resolution:.1e}"
+        text = (
+            f"{c.scanned} gains were evaluated; the largest relative error of interpolation between gains is "
+            f"{c.resolution:.1e}"
+        )
         yield "scan", text
         yield "local minima found and refined", str(len(c.local_minima))
         yield "the optimum lies", _PLACES.get(c.at, f"on the limit of the constraint {c.at.replace('_', ' ')}")
@@ -98,8 +101,11 @@ def sensitivity_section(design: GainDesign) -> PageSection:
     if not rows:
         return PageSection(title=_SENSITIVITY, titled=True, blocks=(Paragraph(text=_INSENSITIVE, brief=True),))
     note = "Inputs without influence are omitted. One is the scale of the sensor, which cancels in \u03be\u2032/\u03be."
-    caption = f"Change of the optimal {n.name} if the magnitude of an input grows by 1 %; striped: "
-    caption += "less negative." if n.sign < 0 else "more positive."
+    striped = "less negative" if n.sign < 0 else "more positive"
+    caption = (
+        f"Each bar shows the change of the optimal {n.name} if the magnitude of an input grows by 1 %. Striped bars "
+        f"mean that the {n.name} becomes {striped}."
+    )
     picture = Picture(figure="sensitivity", of=design, name=f"Sensitivity of the optimal {n.name}", caption=caption)
     head = ("input", "value", f"{n.name} change per +1 %", f"d{n.symbol} / d input")
     table = PageTable(head=head, rows=tuple(rows), note=note, brief=True)

@@ -1,4 +1,4 @@
-"""Design of the optimal gain within bounds and constraints."""
+"""Find the optimal gain within its bounds and constraints."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.files import plain
 from pretouch._core.numbers import float_or_array
 from pretouch._core.units import format_quantity
-from pretouch.motion import ContactResult, ContactStatus
+from pretouch.motion import DAMPER, ContactResult, ContactStatus
 from pretouch.motion.evaluator import NoisyEvaluator
 
 from .certificate import DesignStatus
@@ -35,10 +35,10 @@ def designed_number(task: Task) -> float | None:
     Returns:
         The number, such as D_p [N s] or phi [N s^2]; None if no gain meets the constraints or ends in contact.
     """
-    if task.effect is None:
+    if task.drag_effect is None:
         gain: float | None = design_gain(task.replace(evaluate=None)).gain
         return gain
-    return chosen_drag(task, task.effect)[0]
+    return chosen_drag(task, task.drag_effect)[0]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -88,7 +88,7 @@ class GainDesign(GainEvidence):
         if self.gain is None:
             return None
         law, slope = self.problem.task.law, self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0))
-        if law.degree == 1:
+        if law == DAMPER:
             return self.gain * slope
         return float_or_array(law.damping(self.gain, slope, self.problem.run(self.gain).end.relative_velocity))
 
@@ -116,6 +116,15 @@ class GainDesign(GainEvidence):
         """Warnings to read before relying on the gain, most important first."""
         return tuple(_warnings(self, self.scan_result))
 
+    @cached_property
+    def without_margin(self) -> GainDesign | None:
+        """The optimal design without the required gain margin if that margin alone makes this one infeasible."""
+        task = self.problem.task
+        if self.scenario.shape or self.status is not DesignStatus.INFEASIBLE or task.stability_margin is None:
+            return None
+        free = design_gain(task.replace(stability_margin=None))
+        return None if free.gain is None else free
+
     @property
     def headline(self) -> str:
         """The result of the design in one or two sentences."""
@@ -130,7 +139,11 @@ class GainDesign(GainEvidence):
                 text += f"{than} {format_quantity(free, 'm/s')} without mitigation"
             return f"{text}."
         if self.nearest is not None:
-            return "Infeasible: " + _conflict(self)
+            task, cause = self.problem.task, ""
+            if self.without_margin is not None:
+                rate = format_quantity(task.loop.chain.rate, "Hz")
+                cause = f" with the required gain margin of {task.stability_margin:g} at this sensor rate ({rate})"
+            return f"Infeasible{cause}: {_conflict(self)}."
         return "No gain within the bounds ends in contact."
 
     def to_dict(self) -> dict[str, Any]:
@@ -157,21 +170,23 @@ class GainDesign(GainEvidence):
 
 
 def _conflict(design: GainDesign) -> str:
-    """Describe which constraints no gain meets, or which constraints conflict with each other."""
-    impossible = [o for o in design.constraints if not o.achievable]
-    if impossible:
-        return "; ".join(
-            f"{o.name} cannot be limited to {format_quantity(o.limit, o.unit)}: the nearest achievable value is "
-            f"{format_quantity(o.best_value or 0.0, o.unit)}, at {design.number.equals(o.best_gain or 0.0)}"
-            for o in impossible
-        )
-    names = " and ".join(o.name for o in design.constraints)
-    nearest = ", ".join(
-        f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
-        for o in design.constraints
-    )
+    """Describe which constraints the nearest gain exceeds, and which of them no gain meets."""
+    exceeded = [o for o in design.constraints if o.margin is None or o.margin < 0]
     gain = design.number.equals(float(design.nearest.gain) if design.nearest else 0.0)
-    return f"{names} cannot be met together; nearest, at {gain}: {nearest}"
+    if len(exceeded) == 1:
+        one = exceeded[0]
+        value, limit = (format_quantity(x or 0.0, one.unit) for x in (one.value, one.limit))
+        return f"{one.name} cannot be limited to {limit}: the nearest achievable value is {value}, at {gain}"
+    nearest = " and ".join(
+        f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
+        for o in exceeded
+    )
+    alone = "".join(
+        f"; within the bounds, {o.name} alone is at least {format_quantity(o.best_value or 0.0, o.unit)}"
+        for o in exceeded
+        if not o.achievable
+    )
+    return f"{' and '.join(o.name for o in exceeded)} cannot be met together; nearest, at {gain}: {nearest}{alone}"
 
 
 def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
@@ -179,8 +194,8 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     yield from _about_contact(design, scanned)
     if design.certificate is not None and design.certificate.at == "bound":
         yield (
-            f"the optimum lies on the bound {design.number.text(design.gain or 0.0)}: a wider range of gains may "
-            "contain a better one"
+            f"the optimum lies on the bound {design.number.text(design.gain or 0.0)}; a wider range may contain "
+            f"a better {design.number.name}"
         )
     if design.certificate is not None and design.certificate.at == "edge of contact":
         yield "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed"
@@ -197,13 +212,13 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     n = design.number
     if design.gain is not None and n.sign * design.gain < 0:
         sign = "positive" if design.gain > 0 else "negative"
-        yield f"the optimal {n.name} is {sign}: it drives the plant toward the object"
+        yield f"the optimal {n.name} is {sign}, so it drives the robot toward the object"
     if design.result is not None:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:
             yield (
-                f"the impulse balance of the motion has a residual of {residual:.0e}, expected at most "
-                f"{_RESIDUAL:.0e}: the numbers of the motion are less certain"
+                f"the computed motion violates its impulse balance by {residual:.0e} (usual: at most "
+                f"{_RESIDUAL:.0e}), so its numbers are less certain"
             )
 
 
@@ -224,19 +239,19 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
         if kind is ContactStatus.CONTACT or not count:
             continue
         share = "every gain" if count == status.size else f"{count} of {status.size} scanned gains"
-        text = f"{share} ended without contact ({kind.label}): {kind.meaning[0].lower()}{kind.meaning[1:]}"
-        distances = np.asarray(scanned.closest_distance)[status == kind]
-        text += f" Nearest approach {format_quantity(float(distances.min()), 'm')}."
-        low = design.sensor.valid_range[0]
-        recedes = np.all(np.asarray(design.scenario.relative_velocity) > 0)
-        if recedes:
-            text += " The object recedes: an approach has a negative velocity."
-        if kind is ContactStatus.LEFT_RANGE and low > 0 and not recedes:
-            text += (
-                f" The curve starts at {format_quantity(low, 'm')}: mount the sensor that far behind the contact "
-                "surface and set this distance as its recess."
+        low, cause = design.sensor.valid_range[0], ""
+        if np.all(np.asarray(design.scenario.relative_velocity) > 0):
+            cause = ", because the object recedes: an approach has a negative velocity"
+        elif kind is ContactStatus.LEFT_RANGE and low > 0:
+            cause = (
+                f", because the sensor curve starts at {format_quantity(low, 'm')}: mount the sensor that far behind "
+                "the contact surface and set this distance as its recess"
             )
-        yield text
+        nearest = float(np.asarray(scanned.closest_distance)[status == kind].min())
+        yield (
+            f"{share} ended without contact{cause}. {kind.meaning} The nearest approach is "
+            f"{format_quantity(nearest, 'm')}."
+        )
     if design.gain is not None and not design.no_mitigation.reached.all():
         yield "without mitigation the encounter does not end in contact"
 

@@ -1,4 +1,4 @@
-"""Models of the impact of robot and obstacle: peak force from the relative velocity."""
+"""Model the impact of robot and obstacle: compute the peak force from the relative velocity."""
 
 from __future__ import annotations
 

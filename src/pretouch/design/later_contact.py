@@ -1,4 +1,4 @@
-"""Conditions under which a stronger gain makes contact later, and a lower bound of its objective."""
+"""Test whether a stronger gain provably delays contact, and bound the objective of all stronger gains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Objectives: weighted sums of squared contact quantities, such as the letter's L(20) and L(22)."""
+"""Define objectives: weighted sums of squared contact quantities, such as excursion and contact speed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pretouch._core.numbers import FloatArray, finite, nonnegative
 from pretouch.motion.contact import ContactState
 
 from .impact import ImpactModel
-from .quantities import QUANTITY_UNITS, quantity_of
+from .quantities import check_quantity, quantity_of
 
 OBSTACLE_SPEED = "obstacle speed"
 Scale: TypeAlias = float | Literal["obstacle speed"]
@@ -26,7 +26,8 @@ class Term:
     """One term of an objective: weight * (quantity / scale)^2.
 
     Args:
-        quantity: a key of QUANTITY_UNITS, such as `displacement`, `relative_velocity`, `time`, `impact_force`.
+        quantity: a key of QUANTITY_UNITS, such as `displacement`, `relative_velocity`, `time`, `impact_force`, or a
+            `ContactQuantity`.
         scale: the typical value, in SI, not 0; its sign has no effect. Or `"obstacle speed"`: the speed of the
             obstacle in each scenario, for velocities only.
         weight: w >= 0.
@@ -38,8 +39,7 @@ class Term:
 
     def __post_init__(self) -> None:
         check_types(self)
-        if self.quantity not in QUANTITY_UNITS:
-            raise InvalidInputError(f"quantity: found {self.quantity!r}, expected one of {', '.join(QUANTITY_UNITS)}")
+        check_quantity(self.quantity, "quantity")
         nonnegative(self.weight, "weight")
         if isinstance(self.scale, str):
             if self.scale != OBSTACLE_SPEED:
@@ -55,7 +55,8 @@ class Term:
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
             raise InvalidInputError(
-                f"scale: {OBSTACLE_SPEED!r} cannot scale the {self.quantity} of an obstacle at rest; use a number [m/s]"
+                f"scale: found {OBSTACLE_SPEED!r}, which cannot scale the {self.quantity} of an obstacle at "
+                "rest, because its speed is 0; use a number in m/s"
             )
         return np.abs(obstacle_speed)
 

@@ -1,4 +1,4 @@
-"""Report page of a gain design: the gain, the resulting contact, and the evidence."""
+"""Build the report of a gain design: the gain, the resulting contact, and the evidence of optimality."""
 
 from __future__ import annotations
 
@@ -11,9 +11,16 @@ from pretouch._core.blocks import Cell, Measured, Named, Page, PageSection, Page
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import QUANTITIES, words_for
-from pretouch.motion import ContactResult, ContactStatus, LawNumber
+from pretouch.motion import DAMPER, DRAG, ContactResult, ContactStatus, LawNumber
 from pretouch.motion.contact import ContactState
-from pretouch.motion.page_sections import inputs_section, method_section, scenario_rows, sensor_rows, solved_on
+from pretouch.motion.page_sections import (
+    RECEDING,
+    inputs_section,
+    method_section,
+    scenario_rows,
+    sensor_rows,
+    solved_on,
+)
 
 from .certificate import ACTIVE, ConstraintOutcome, DesignStatus
 from .custom_objectives import CustomObjective
@@ -22,6 +29,7 @@ from .evidence_page import evidence_section, sensitivity_section
 from .gain import GainDesign
 from .impact import ImpactModel, impact_rows
 from .objectives import Objective
+from .page_sentences import limit_in_words, verify_step
 from .quantities import quantity_of
 from .task import Task
 
@@ -61,7 +69,8 @@ def task_page(task: Task) -> Page:
         rows.append(("objective", task.goal.name))
     if task.bounds is not None:
         rows.append((f"bounds of {number.label}", format_range(task.bounds, number.unit)))
-    rows += [(f"limit: {words_for(c.quantity)}", Measured(c.limit, c.unit)) for c in task.limits]
+    limits = ((c.limit, number.entry(c.quantity)) for c in task.limits)
+    rows += [(f"limit: {limited.words}", Measured(limit, limited.unit)) for limit, limited in limits]
     table = PageTable(rows=(*rows, *scenario_rows(task.scenario), *sensor_rows(task.sensor)), brief=True)
     loop = "" if task.loop is None else ", on a sampled loop"
     return Page(kind="Task", headline=f"Task for one encounter{loop}", blocks=(table,))
@@ -93,7 +102,7 @@ def gain_page(design: GainDesign) -> Page:
             evidence_section(design),
             sensitivity_section(design) if design.sensitivities else None,
             inputs_section(design.scenario, design.sensor, *_searched(design)),
-            method_section(design.method, solved_on=solved_on(design)),
+            method_section(design.method, design.sensor, solved_on=solved_on(design)),
         ),
     )
 
@@ -121,20 +130,24 @@ def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
 def _findings(design: GainDesign) -> Iterator[str]:
     """Yield a sentence about each constraint, with its value and its limit."""
     for c in design.constraints:
-        value, limit = ("none" if x is None else format_quantity(x, c.unit, 3) for x in (c.value, c.limit))
-        state = "met" if c.margin is not None and c.margin >= -ACTIVE * c.limit else "exceeded"
-        yield f"{words_for(c.quantity)} {value}, limit {limit}: {state}"
+        met = c.margin is not None and c.margin >= -ACTIVE * c.limit
+        yield limit_in_words(design.number.entry(c.quantity).words, c.value, c.limit, c.unit, met=met)
 
 
 def _next_step(design: GainDesign) -> str:
-    if design.scenario.relative_velocity > 0:
-        return "give the obstacle a negative velocity: this object moves away"
+    if design.scenario.relative_velocity > 0 and design.result is None:
+        return RECEDING
+    if design.without_margin is not None:
+        gain = design.without_margin.gain
+        return (
+            f"read the sensor faster: `pretouch verify` names the rate for {design.number.equals(gain)}, the optimum "
+            "without the margin"
+        )
     if design.result is None:
         return (
             "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
         )
-    describe = "" if design.problem.task.loop is not None else "describe sensor chain and controller, then "
-    return f"{describe}run `pretouch verify` to check the gain on the sampled loop"
+    return verify_step(design.problem.task)
 
 
 def _contact(design: GainDesign) -> PageSection:
@@ -149,18 +162,20 @@ def _contact(design: GainDesign) -> PageSection:
         'l\u2032, and mitigation moves the plant toward negative x. "Largest" means over the whole motion until '
         "contact. Changes compare magnitudes."
     )
-    table = PageTable(head=head, rows=tuple(_contact_rows(runs, design.impact)), note=note, brief=True)
+    names = [*ContactState.names(), *(("drive_force", "impact_force") if design.impact is not None else ())]
+    names += [term.quantity for term in design.definition.terms] + [c.quantity for c in design.constraints]
+    table = PageTable(head=head, rows=tuple(_contact_rows(runs, names, design.impact)), note=note, brief=True)
     return PageSection(title="The contact", blocks=(table,))
 
 
-def _contact_rows(runs: list[ContactResult], impact: ImpactModel | None) -> Iterator[Row]:
+def _contact_rows(runs: list[ContactResult], names: list[str], impact: ImpactModel | None) -> Iterator[Row]:
     blank = ("",) * (len(runs) - 1)
     ended = all(run.reached.all() for run in runs)
     if not ended:
-        yield ("ends with", *(words_for(ContactStatus(int(run.status)).label) for run in runs), *blank)
+        yield ("ends with", *(ContactStatus(int(run.status)).words for run in runs), *blank)
         nearest = (Measured(float(run.closest_distance), "m") for run in runs)
         yield (words_for("closest_distance"), *nearest, *blank)
-    for name in (*ContactState.names(), *(("drive_force", "impact_force") if impact is not None else ())):
+    for name in dict.fromkeys(names):
         if name in _NOT_AT_CONTACT:
             continue
         values = [float(quantity_of(name, run.end, impact)) for run in runs]
@@ -200,8 +215,9 @@ def _constraint_row(o: ConstraintOutcome, number: LawNumber) -> Row:
 def _trade_off(design: GainDesign) -> PageSection:
     itemized = bool(design.objective_parts or not isinstance(design.definition, CustomObjective))
     caption = (
-        f"Left: {'the objective and its terms' if itemized else 'the objective'} over the searched range of gains; "
-        "hatched gains exceed the named limit or end without contact. Right: the resulting contact of each gain."
+        f"The left plot shows {'the objective and its terms' if itemized else 'the objective'} over the searched "
+        "range of gains; hatched gains exceed the named limit or end without contact. The right plot shows the "
+        "contact that results from each gain."
     )
     if shows_equals(design):
         caption += (
@@ -236,19 +252,19 @@ def _valued_terms(design: GainDesign) -> Iterator[Row]:
             yield words_for(name), "", "", Measured(part)
         return
     speed = abs(design.scenario.obstacle.velocity)
-    for term, row in zip(definition.terms, objective_rows(definition), strict=True):
+    for term, row in zip(definition.terms, objective_rows(definition, design.number), strict=True):
         yield *row, Measured(None if result is None else float(term.value(result.end, speed, design.impact)))
 
 
-def objective_rows(objective: Objective) -> Iterator[Row]:
+def objective_rows(objective: Objective, number: LawNumber) -> Iterator[Row]:
     """Yield a table row with quantity, typical value and weight for each term of an objective."""
     if isinstance(objective, CustomObjective):
         yield f"{objective.name}: a user-defined objective", "", ""
         return
     for term in objective.terms:
-        label = words_for(term.scale) if isinstance(term.scale, str) else None
-        scale = label or Measured(abs(float(term.scale)), QUANTITIES[term.quantity].unit)
-        yield words_for(term.quantity), scale, Measured(term.weight)
+        label, quantity = words_for(term.scale) if isinstance(term.scale, str) else None, number.entry(term.quantity)
+        scale = label or Measured(abs(float(term.scale)), quantity.unit)
+        yield quantity.words, scale, Measured(term.weight)
 
 
 def traded_quantity(design: GainDesign) -> str:
@@ -273,27 +289,33 @@ def _motion(design: GainDesign) -> PageSection:
 
 
 _FORCE_LAWS: Final = {
-    1: (
+    DAMPER.kind: (
         "The virtual force is F_p = D_p g(l) l\u2032: a damper between plant and obstacle whose coefficient is D_p g.",
         "damping D_p g",
         "twice",
     ),
-    2: (
+    DRAG.kind: (
         "The virtual force is F_p = \u2212\u03c6 (g(l) l\u2032)\u00b2 while the object approaches: a drag between "
         "plant and obstacle whose coefficient is \u03c6 g\u00b2.",
         "coefficient \u03c6 g\u00b2",
         "four times",
     ),
 }
-"""By the law's power of s' = g l': the force law, the name of its coefficient, the factor on the gain at half slope."""
+"""By the kind of the law: the force law, the name of its coefficient, the factor on the gain at half slope."""
 
 
 def _gain_and_sensor(design: GainDesign) -> PageSection | None:
     """Return the report section with the coefficient of the force law, computed from gain and sensor slope."""
-    run, n, power = _displayed_result(design), design.number, design.problem.task.law.degree
-    if run is None or power not in _FORCE_LAWS:
+    run, n, law = _displayed_result(design), design.number, design.law
+    if run is None or law.degree is None:
         return None
-    (force, coefficient, times), unit = _FORCE_LAWS[power], f"{n.unit}/m" if power == 1 else f"{n.unit}/m^{power}"
+    power, exponent = law.degree, "" if law.degree == 1 else f"^{law.degree}"
+    general = (
+        f"The virtual force is proportional to {n.symbol} (g(l) l\u2032){exponent}.",
+        f"product {n.symbol} g{exponent}",
+        f"{2**power} times",
+    )
+    (force, coefficient, times), unit = _FORCE_LAWS.get(law.kind, general), f"{n.unit}/m{exponent}"
     gain, (low, high) = float(run.gain), design.sensor.valid_range
     rows = []
     for name, distance in (("at contact", 0.0), ("at the start", float(design.scenario.distance))):
@@ -302,9 +324,9 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
             place = f"{name}, l = {format_quantity(distance, 'm')}"
             rows.append((place, Measured(gain, n.unit), Measured(slope, "1/m"), Measured(gain * slope**power, unit)))
     note = (
-        f"{force} Only this product acts on the motion, so a {n.name} cannot be compared between sensors: on a sensor "
-        f"with half the slope, the same motion needs about {times} the {n.name}. A no-object offset that remains in "
-        "the output lowers g and weakens the force."
+        f"{force} Only this product affects the motion, so a {n.name} cannot be compared between different "
+        f"sensors. A sensor with half the slope needs about {times} the {n.name} for the same motion. An offset "
+        "that remains in the readings lowers g and weakens the force."
     )
     head = ("distance", n.label, "sensor slope g", coefficient)
     table = PageTable(head=head, rows=tuple(rows), note=note, brief=True)

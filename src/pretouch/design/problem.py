@@ -1,4 +1,4 @@
-"""Gain problem: a task with the search coordinate and the criteria of its gain; also the base class of results."""
+"""Define the search problem of a gain design: the task, the search coordinate, and criteria that judge a gain."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .constraints import Constraint
 from .custom_objectives import appraise
 from .impact import ImpactModel
 from .objectives import OBSTACLE_SPEED, Objective
-from .quantities import quantity_of
+from .quantities import quantity_of, size_of
 from .search import HELD, GainAxis, Landscape
 from .task import Task
 
@@ -82,7 +82,7 @@ def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> C
         return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)) / unit, state, impact)]
 
     return Criterion(
-        value=lambda result: np.abs(quantity_of(quantity, result.end, impact)) / unit,
+        value=lambda result: size_of(quantity, quantity_of(quantity, result.end, impact)) / unit,
         rates=rates,
         has_gradients=quantity in _WITH_GRADIENTS,
     )

@@ -1,24 +1,119 @@
-"""Quantities of a contact that objectives and constraints use, with their units."""
+"""Define the contact quantities that objectives, constraints, Pareto fronts and sweeps can use."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.vocabulary import unit_of
+from pretouch._core.extensions import Extensions
+from pretouch._core.messages import short_repr
+from pretouch._core.units import parse_unit
+from pretouch._core.vocabulary import QUANTITIES, Entry
 from pretouch.motion.contact import ContactState
 
 from .impact import ImpactModel
 
-_STATE_FIELDS: Final = tuple(name for name in ContactState.names() if name != "distance")  # the distance is always 0
+_BUILT_IN: Final = {name: entry for name, entry in QUANTITIES.items() if entry.value is not None}
 
-QUANTITY_UNITS: Final[dict[str, str]] = {
-    name: unit_of(name) for name in (*_STATE_FIELDS, "drive_force", "impact_force", "gain")
-}
-"""SI unit of every quantity: the fields of ContactState, two that need the robot's physical mass, and the gain."""
+QUANTITY_UNITS: Final[dict[str, str]] = {name: entry.unit for name, entry in _BUILT_IN.items()}
+"""SI unit of every quantity: fields of ContactState, two that need the robot's physical mass, the gain, added ones."""
+
+CONSTRAINT_NAMES: Final[dict[str, str]] = {entry.limit: name for name, entry in _BUILT_IN.items() if entry.limit}
+"""The quantity that each constraint limits, by the constraint's short name in a scenario file."""
+
+
+class ContactQuantity(str):
+    """A user-defined quantity of a contact, for objectives, constraints, Pareto fronts, sweeps, verdicts and reports.
+
+    It is the name of the quantity, with all that describes it. Its `name` is also that of its constraint. If two
+    have the same name, the later one replaces the earlier one.
+
+    Args:
+        name: its name in code, files and JSON documents.
+        value: function of the state at contact, or of many states at once, and of the impact model, which returns it.
+        unit: its SI unit.
+        words: its name in words; by default, its name.
+        symbol: its symbol.
+        needs_impact: whether the function needs the impact model.
+        is_magnitude: whether limits and Pareto fronts use its magnitude, not its signed value.
+
+    Examples:
+        >>> from pretouch.design import Constraint
+        >>> def energy(state, impact):
+        ...     return 0.5 * impact.robot_mass * state.relative_velocity**2
+        >>> ENERGY = ContactQuantity("energy", energy, unit="J", symbol="E", needs_impact=True)
+        >>> Constraint(name=ENERGY, limit=0.1).unit
+        'J'
+    """
+
+    __slots__ = ("_make",)
+    _make: Callable[[], ContactQuantity]
+
+    def __new__(  # noqa: D102 - the class describes it
+        cls,
+        name: str,
+        value: Callable[[ContactState, Any], Any],
+        *,
+        unit: str = "",
+        words: str = "",
+        symbol: str = "",
+        needs_impact: bool = False,
+        is_magnitude: bool = True,
+    ) -> ContactQuantity:
+        if name in _BUILT_IN or not name.isidentifier():
+            raise InvalidInputError(
+                f"name: found {name!r}, expected letters, digits and underscores, and no built-in quantity "
+                f"({', '.join(_BUILT_IN)})"
+            )
+        parse_unit(unit)
+        entry = Entry(
+            words or name.replace("_", " "),
+            symbol,
+            unit,
+            whole=True,  # it may read any quantity of the state
+            value=value,
+            limit=name,
+            needs_impact=needs_impact,
+            is_magnitude=is_magnitude,
+        )
+        QUANTITIES[name], QUANTITY_UNITS[name], CONSTRAINT_NAMES[name] = entry, unit, name
+        quantity = super().__new__(cls, name)
+        options: dict[str, Any] = {"unit": unit, "words": words, "symbol": symbol, "needs_impact": needs_impact}
+        quantity._make = partial(ContactQuantity, name, value, **options, is_magnitude=is_magnitude)
+        return quantity
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._make, ()  # so that another process knows it, too
+
+
+def _quantity_problem(name: str, quantity: Any) -> str:
+    """Return what is wrong with the quantity of an entry point; empty if nothing."""
+    if not isinstance(quantity, ContactQuantity):
+        return f"is {short_repr(quantity)}, expected a pretouch.design.ContactQuantity"
+    return "" if quantity == name else f'is the quantity "{quantity}"; both names must be equal'
+
+
+QUANTITY_KINDS: Final = Extensions(group="pretouch.terms", built_in=lambda: _BUILT_IN, problem=_quantity_problem)
+"""The quantities that files may name: those of pretouch, and those of installed packages."""
+
+
+def find_quantity(name: str) -> Entry | None:
+    """Return a quantity: built in, user-defined or of an installed package; None if there is none."""
+    if name not in QUANTITY_UNITS and QUANTITY_KINDS.find(name) is None:
+        return None
+    return QUANTITIES[name]
+
+
+def check_quantity(name: str, argument: str) -> None:
+    """Refuse the name of an unknown quantity; `argument` is used in the message."""
+    if find_quantity(name) is None:
+        names = dict.fromkeys((*QUANTITY_UNITS, *QUANTITY_KINDS.names()))
+        raise InvalidInputError(f"{argument}: found {name!r}, expected one of {', '.join(names)}")
 
 
 @check_arguments
@@ -38,17 +133,16 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
     Raises:
         InvalidInputError: the quantity is unknown, or it needs physical properties and there is no impact model.
     """
-    if name not in QUANTITY_UNITS:
-        raise InvalidInputError(f"quantity: found {name!r}, expected one of {', '.join(QUANTITY_UNITS)}")
-    if name in _STATE_FIELDS:
-        return getattr(state, name)
-    if name == "gain":
-        return state.columns.column("gain")
-    if impact is None:
+    check_quantity(name, "quantity")
+    entry = QUANTITIES[name]
+    if entry.needs_impact and impact is None:
         raise InvalidInputError(
-            f"{name}: needs the physical properties of robot and obstacle; pass an impact model with the robot's "
-            "reflected mass, which is not the virtual mass of the admittance"
+            f"{name}: this quantity depends on the physical masses of robot and obstacle; pass an impact model "
+            "with the robot's reflected mass, which is not the virtual mass of the admittance"
         )
-    if name == "drive_force":
-        return impact.robot_mass * np.asarray(state.largest_acceleration)
-    return impact.peak_force(state.relative_velocity)
+    return entry.value(state, impact) if entry.value is not None else None
+
+
+def size_of(name: str, value: Any) -> Any:
+    """Return what limits and Pareto fronts use of a quantity: its magnitude, or its signed value."""
+    return np.abs(value) if QUANTITIES[name].is_magnitude else np.asarray(value)

@@ -1,4 +1,4 @@
-"""Optimal schedule phi(s) of the virtual drag over the reading s, for a sensor of uncertain output scale.
+"""Optimize the virtual drag as a function of the reading, for a sensor of uncertain output scale.
 
 If the reflectance of the object is uncertain, so is the output scale. Let the output scale be theta times that of the
 calibration. Then the loop reads s = ln xi(l) + ln theta. If phi has the constant value p_j on each step j of s, then
@@ -24,6 +24,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import plain
 from pretouch._core.numbers import FloatArray, IntArray, finite, float_or_array, positive
 from pretouch._core.values import Value
+from pretouch.control import Output, Parts, Sample, VirtualDrag, drive, observe, push_by_drag
 from pretouch.motion.drag_path import NODES, WEIGHTS, so_far
 from pretouch.sensors import SensorModel
 
@@ -88,14 +89,15 @@ class DragSchedule(Value):
         whole = self.constant.excursion
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
             return (
-                f"a constant drag is optimal, with an excursion of {1e3 * whole:.2f} mm: no "
-                f"{'rising ' * self.monotone}schedule of these steps reaches less than {1e3 * self.lower_bound:.2f} mm"
+                f"a constant drag with an excursion of {1e3 * whole:.2f} mm is optimal: no "
+                f"{'rising ' * self.monotone}schedule with these steps has an excursion below "
+                f"{1e3 * self.lower_bound:.2f} mm"
             )
         saved = 1 - self.largest_excursion / whole
         return (
             f"{'worthwhile' if saved >= _WORTH else 'not worthwhile'}: {100 * saved:.0f} % less excursion "
-            f"({1e3 * self.largest_excursion:.1f} mm instead of {1e3 * whole:.1f} mm) "
-            f"at {self.peak.max() / self.constant.peak:.1f} times the peak acceleration"
+            f"({1e3 * self.largest_excursion:.1f} mm instead of {1e3 * whole:.1f} mm), but "
+            f"{self.peak.max() / self.constant.peak:.1f} times the peak acceleration"
         )
 
     def drag_at(self, log_output: ArrayLike) -> Any:
@@ -103,10 +105,47 @@ class DragSchedule(Value):
         step = np.searchsorted(self.log_output[1:-1], finite(log_output, "log_output"), side="right")
         return float_or_array(self.drag[step])
 
+    def sampled(self, drag: VirtualDrag) -> ScheduledDrag:
+        """Return the sampled law of the schedule; noise, dead zone and smoothing are those of a drag."""
+        return ScheduledDrag(schedule=self, drag=drag)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the schedule as one JSON object, in SI units."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return dict(plain({**values, "gap": self.gap, "verdict": self.verdict}))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScheduledDrag(Value):
+    """Sampled law of a schedule: the virtual drag, with phi taken from the schedule at each reading.
+
+    `DragSchedule.sampled` makes it. It runs in Python, so it is simulated like a custom law. As the period
+    tends to 0, its motion tends to the one that the schedule predicts, with an error of first order.
+
+    Args:
+        schedule: phi over ln xi.
+        drag: noise, dead zone and smoothing of the drag; its phi is not used.
+    """
+
+    schedule: DragSchedule
+    drag: VirtualDrag
+
+    def numbers(self, controller: Any) -> Any:
+        """Return the parameters of the drag for phi = 1 N s^2; the impulse is proportional to phi."""
+        return self.drag.with_value(1.0).numbers(controller)
+
+    def start(self) -> Any:
+        """Return the state before the first reading."""
+        return self.drag.start()
+
+    def step(self, parameters: Parts, state: Parts, sample: Sample) -> tuple[Parts, Output]:
+        """Run one period of a controller with this law: see `pretouch.control.Law`."""
+        sensing, seen = observe(parameters.sensing, state.sensing, sample)
+        law, push = push_by_drag(parameters.law, state.law, seen, state.drive)
+        if seen.usable:
+            push.impulse *= self.schedule.drag_at(math.log(seen.level))
+        driven, output = drive(parameters.drive, state.drive, seen, push, sample)
+        return Parts(sensing, driven, law), output
 
 
 def schedule_drag(
@@ -147,11 +186,11 @@ def schedule_drag(
         >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
         >>> schedule = schedule_drag(sensor, 0.0422, 1.0, ratio=0.26, reflectance=(0.9, 1.1), steps=24)
         >>> print(schedule.verdict)
-        worthwhile: 28 % less excursion (24.7 mm instead of 34.2 mm) at 2.0 times the peak acceleration
+        worthwhile: 28 % less excursion (24.7 mm instead of 34.2 mm), but 2.0 times the peak acceleration
     """
     low, high = np.log(_pair(reflectance, "reflectance"))
     if np.ndim(ratio) or not positive(ratio, "ratio") < 1:
-        raise InvalidInputError(f"ratio: found {ratio}, expected one number below 1; at 1 the drag is 0")
+        raise InvalidInputError(f"ratio: found {ratio}, expected a single number below 1; a ratio of 1 means no drag")
     if type(steps) is not int or steps < 1:
         raise InvalidInputError(f"steps: found {steps!r}, expected a whole number of at least 1")
     constant = drag_by(sensor, distance, mass, ratio=ratio)
@@ -180,7 +219,9 @@ def schedule_drag(
 def _pair(value: tuple[float, float], name: str) -> FloatArray:
     pair = np.asarray(positive(value, name))
     if pair.shape != (2,) or pair[0] > pair[1]:
-        raise InvalidInputError(f"{name}: found {value}, expected the smallest and the largest factor")
+        raise InvalidInputError(
+            f"{name}: found {value}, expected two positive factors, the smallest and the largest one"
+        )
     return pair
 
 
@@ -197,8 +238,8 @@ def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> Dra
         )
     if not rails.weak.drag <= constant.drag <= rails.strong.drag:
         raise InvalidInputError(
-            f"rails: found constant drags of the ratios {rails.weak.ratio:g} and {rails.strong.ratio:g}, expected one "
-            f"on each side of the required ratio {constant.ratio:g}"
+            f"rails: the weak and the strong drag have the ratios {rails.weak.ratio:g} and "
+            f"{rails.strong.ratio:g}, but the required ratio {constant.ratio:g} must lie between them"
         )
     return rails
 

@@ -1,4 +1,4 @@
-"""Sensitivities of optimal gains to inputs, by the implicit function theorem, exactly or by differences."""
+"""Compute how optimal gains change with each input, by the implicit function theorem."""
 
 from __future__ import annotations
 

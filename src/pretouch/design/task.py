@@ -1,15 +1,16 @@
-"""Task: the problem that every design, simulation or verification solves: encounter, sensor and all options."""
+"""Define the Task: encounter, sensor, objective, constraints and options of one design problem."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import wraps
-from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Final, ParamSpec, Protocol, TypeVar, cast
 
-from pretouch._core.arguments import Rule, rules_of_fields
 from pretouch._core.blocks import InNotebooks
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_types
 from pretouch._core.values import Value
 from pretouch.motion import DAMPER, ContinuousLaw, Scenario
 from pretouch.motion.evaluator import Evaluator
@@ -21,30 +22,18 @@ from .constraints import Constraint, each_once
 from .custom_objectives import AnyObjective, as_objective
 from .impact import ImpactModel
 from .objectives import Objective
+from .options import ExplainsNames, ParetoOptions, RobustOptions, VerifyOptions
 from .search.gain_axis import GainAxis
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
     from .drag.limits import DragEffect
-    from .robust.measures import Measure
     from .robust.required import Required
 
 
 P = ParamSpec("P")
 R = TypeVar("R")
-
-
-class Choice(Protocol):
-    """A design that can be marked as the user's choice on a Pareto front."""
-
-    @property
-    def gain(self) -> Any:
-        """The gain of the design, such as D_p [N s]."""
-
-    @property
-    def scenario(self) -> Scenario:
-        """The encounter with its admittance."""
 
 
 class Source(Protocol):
@@ -57,48 +46,17 @@ class Source(Protocol):
         """Return the message of an error together with its cause in the file."""
 
 
-def _with_fast_init(cls: type[R]) -> type[R]:
-    """Replace `__init__` of a class by a faster version that stores only the passed fields."""
-    complete: Any = cls.__init__
-    names = {name for name in cls.__annotations__ if name != "_"}
-    rules: dict[str, Rule] = {}
-
-    @wraps(complete)
-    def __init__(self: Any, scenario: Any, sensor: Any, objective: Any = None, **options: Any) -> None:  # noqa: N807
-        if not names >= options.keys():
-            complete(self, scenario, sensor, objective, **options)  # raises for the unknown name
-        values = self.__dict__
-        if not rules:
-            rules.update(rules_of_fields(cls))
-        if type(scenario) not in rules["scenario"].quick:
-            rules["scenario"].check(scenario)
-        if type(sensor) not in rules["sensor"].quick:
-            rules["sensor"].check(sensor)
-        values["scenario"], values["sensor"], values["uncertainty"] = scenario, sensor, {}
-        for name, value in options.items():
-            rule = rules.get(name)
-            values[name] = value if rule is None or type(value) in rule.quick else rule.check(value)
-        if "law" in options:
-            values["law"] = continuous_law(options["law"])
-        elif (law_of_loop := getattr(options.get("loop"), "continuous", None)) is not None:
-            values["law"] = law_of_loop
-        if objective is not None:
-            values["objective"] = as_objective(objective)
-        if "constraints" in options:
-            values["constraints"] = tuple(options["constraints"])
-            each_once(self.limits)
-
-    cls.__init__ = __init__  # type: ignore[assignment,method-assign]
-    return cls
+_OF_LOOP: Final[Any] = None
+"""The default law: that of the controller of the loop, or else the virtual damper."""
 
 
-@_with_fast_init
 @dataclass(frozen=True)
-class Task(InNotebooks, Value):
+class Task(ExplainsNames, InNotebooks, Value):
     """The problem that functions such as `design_gain` solve: an encounter, a sensor and all options.
 
-    Each verb uses the fields that it needs and raises an error if one is missing. `load_scenario` returns a Task from
-    a scenario file. Numbers without a stated unit are SI.
+    Each verb uses the fields that it needs and raises an error if one is missing. Options that only one verb reads are
+    one value: `pareto`, `robust` and `verify`. `load_scenario` returns a Task from a scenario file, whose sections
+    have the same names. Numbers without a stated unit are SI.
 
     Args:
         scenario: the encounter; for `design_gain` also an array of encounters, each of which gets its own gain. The
@@ -117,35 +75,24 @@ class Task(InNotebooks, Value):
         law: the law whose number is chosen: a law in continuous time or its name, "virtual-damper" (the letter's
             force law L(2), the default) or "virtual-drag"; with a loop, by default the law of its controller. A gain
             always means the number of this law in its unit, such as D_p [N s] or phi [N s^2].
-        effect: the effect by which `design_drag` chooses a drag, such as `DragEffect(ratio=0.15)`.
+        drag_effect: the effect by which `design_drag` chooses a drag, such as `DragEffect(ratio=0.15)`.
         evaluate: a function of scenario, sensor and an array of gains that solves encounters instead of
             `find_contact`, or a `ClosedLoop`, for the gain that is optimal on the sampled loop.
         natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] if it is free; None keeps that of the scenario.
         damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)) if it is free; None keeps that of the scenario.
-        quantities: the quantities of a Pareto front: two or three names of QUANTITY_UNITS; magnitudes are minimized.
-        choice: the user's choice, which is marked on a Pareto front: a gain with the admittance of the scenario, or a
-            design.
         gain: the law's number, such as D_p [N s], that is verified, simulated or swept; None for the designed one.
         uncertainty: distributions of uncertain inputs by name, such as
             `{"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}`.
-        measure: the measure that a robust gain minimizes, of the objective over all encounters: Quantile,
-            ConditionalValueAtRisk, WorstCase or Expected() (the default, None).
-        samples: number of encounters of the measure; None for 4096, or 256 with `evaluate`.
-        validation: number of fresh encounters on which a robust gain is validated; None for 4096, or four times the
-            samples with `evaluate`.
-        seed: seed of all samples of a robust gain; runs on a loop have the seed of the loop.
-        sampling: sampling method, as in `sample_inputs`.
-        confidence: confidence level of intervals and of lower bounds of probabilities.
         loop: the `ClosedLoop` on which the gain runs: sensor chain, controller, robot and contact.
-        runs: number of simulated runs of a verdict.
         stability_margin: smallest gain margin of a designed gain on the loop, a factor; the bounds then exclude gains
             with a smaller margin. None: no margin is required.
-        speed_tolerance: a verdict reports contact that is faster than predicted, or than with an infinitely fast
-            sensor, by more than this share.
         calibration: the report of the fit of the sensor curve; a verdict then also tests the gain on other sensor
             curves that agree with the readings.
         source: the file that the task was read from; errors then name its line.
-        part: the sensor part, named in a file, that gives the default sensor chain of the loop.
+        sensor_part: the sensor part, named in a file, that gives the default sensor chain of the loop.
+        pareto: the options of `pareto_front`.
+        robust: the options of `design_robust_gain`.
+        verify: the options of `verify_gain`.
 
     Examples:
         >>> from pretouch.design import design_gain, excursion_objective
@@ -176,30 +123,31 @@ class Task(InNotebooks, Value):
     impact: ImpactModel | None = None
     method: str = "auto"
     horizon: float = 600.0
-    law: ContinuousLaw = field(default=DAMPER, metadata={"checked": False})
-    effect: DragEffect | None = None
+    law: ContinuousLaw = field(default=_OF_LOOP, metadata={"checked": False})
+    drag_effect: DragEffect | None = None
     evaluate: Evaluator | None = None
     natural_frequency: tuple[float, float] | None = None
     damping_ratio: tuple[float, float] | None = None
-    quantities: Sequence[str] = ("displacement", "relative_velocity")
-    choice: float | Choice | None = None
     gain: float | None = None
     uncertainty: Uncertainty = field(default_factory=dict)
-    measure: Measure | None = None
-    samples: int | None = None
-    validation: int | None = None
-    seed: int | None = None
-    sampling: str = "sobol"
-    confidence: float = 0.95
     loop: Any = field(default=None, metadata={"takes": "ClosedLoop | None"})
-    runs: int = 1000
     stability_margin: float | None = None
-    speed_tolerance: float = 0.1
     calibration: CalibrationReport | None = None
     source: Source | None = field(default=None, compare=False)
-    part: Any = None
+    sensor_part: Any = None
+    pareto: ParetoOptions = field(default=ParetoOptions())
+    robust: RobustOptions = field(default=RobustOptions())
+    verify: VerifyOptions = field(default=VerifyOptions())
 
     page: ClassVar[str] = "pretouch.design.page:task_page"
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        objective = None if self.objective is None else as_objective(self.objective)
+        law = continuous_law(_law_of(self.loop) if self.law is _OF_LOOP else self.law)
+        for name, value in (("objective", objective), ("law", law), ("constraints", tuple(self.constraints))):
+            object.__setattr__(self, name, value)
+        each_once(self.limits)
 
     @property
     def goal(self) -> Objective:
@@ -208,10 +156,9 @@ class Task(InNotebooks, Value):
         Raises:
             InvalidInputError: the task has no objective.
         """
-        objective: Objective | None = self.__dict__.get("objective")  # `__init__` has converted it
-        if objective is None:
+        if self.objective is None:
             raise InvalidInputError("objective: found None, expected an Objective, such as excursion_objective(...)")
-        return objective
+        return cast("Objective", self.objective)  # converted by `__post_init__`
 
     @property
     def limits(self) -> tuple[Constraint, ...]:
@@ -246,9 +193,25 @@ class Task(InNotebooks, Value):
         return stable
 
     def replace(self, **changes: Any) -> Task:
-        """Return a copy of the task with other values of some fields; a new loop also brings its own law."""
-        fields = {name: value for name, value in self.__dict__.items() if name != "law" or "loop" not in changes}
-        return Task(**{**fields, **changes})
+        """Return a copy of the task with other values of some fields; a new loop also brings its own law.
+
+        Options are replaced as a whole: `task.replace(robust=dataclasses.replace(task.robust, samples=512))`.
+        """
+        law_of_loop = {"law": _OF_LOOP} if changes.get("loop") is not None else {}
+        return dataclasses.replace(self, **{**law_of_loop, **changes})
+
+
+def _law_of(loop: Any) -> ContinuousLaw:
+    """Return the law in continuous time of a loop; the virtual damper if there is no loop."""
+    if loop is None:
+        return DAMPER
+    if loop.continuous is None:
+        raise InvalidInputError(
+            f"loop: found a law ({type(getattr(loop.law, 'law', loop.law)).__name__}) without a law in continuous time "
+            'for the prediction; set its `continuous`, such as "virtual-damper" or a CustomLaw, or set the law of the '
+            "task"
+        )
+    return cast("ContinuousLaw", loop.continuous)
 
 
 def with_file_location(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:

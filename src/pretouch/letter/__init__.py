@@ -1,4 +1,4 @@
-"""Reproduction of the letter: compare its tables and figures with computed ones, and list the errors in its text.
+"""Reproduce the letter: compare its tables and figures with computed values, and list the errors in its text.
 
 `reproduce` computes a `LetterReport`; `pretouch.report.write_report` writes its page.
 """

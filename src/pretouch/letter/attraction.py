@@ -1,4 +1,4 @@
-"""Section VI-A: proof that motions L(14) near the uniform motion L(16)-(18) converge toward it."""
+"""Check Section VI-A of the published letter: motions near the uniform motion converge toward the uniform motion."""
 
 from __future__ import annotations
 
@@ -82,10 +82,9 @@ def _attraction_finding(ran: Ran, apart: FloatArray, left: FloatArray) -> Findin
         9,
         "Motions converge toward the uniform motion, but contact comes first",
         "Section VI-A",
-        "The energy of the deviation falls along every motion, so the letter's statement is right. Convergence is "
-        f"slow: {100 * left.min():.0f} to {100 * left.max():.0f} % of a deviation in distance remain at contact. For "
-        "strong gains, this share tends to g(l)/g(0), the ratio of the sensor's slopes, at every gain and speed. "
-        "Therefore the optimum by L(19) differs from the integrated optimum by 10 %.",
+        "The letter's statement is right, because the energy of the deviation falls along every motion. But the "
+        f"convergence is slow: {100 * left.min():.0f} to {100 * left.max():.0f} % of a deviation in distance "
+        "remain at contact. Therefore the optimum by L(19) differs from the integrated optimum by 10 %.",
         ("the energy falls along every motion, from each of 80 samples to the next", falls),
         ("smallest share of the deviation at contact", left.min()),
         ("largest share of the deviation at contact", left.max()),

@@ -1,4 +1,4 @@
-"""Section VI-B: range of motion and relative velocity as inequality constraints of the letter's objective, L(20)."""
+"""Reproduce Section VI-B of the published letter: limit the range of motion and the relative velocity in a design."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reproductions of the letter's tables, figures and sections: programs, findings and the report."""
+"""Define the results of a reproduction: the compared numbers, the errors found in the letter, and the report."""
 
 from __future__ import annotations
 
@@ -219,7 +219,9 @@ def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None
     if unknown:
         near = difflib.get_close_matches(unknown[0].lower().replace("_", "-"), IDS, n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
-        raise InvalidInputError(f"reproduce: found {unknown[0]!r}, expected one or more of {', '.join(IDS)}{hint}")
+        raise InvalidInputError(
+            f"reproduce: found {unknown[0]!r}, but the available parts of the letter are {', '.join(IDS)}{hint}"
+        )
     reproductions = []
     for name in IDS:
         if not ids or name in ids:

@@ -1,4 +1,4 @@
-"""Figure 4: plant position until contact by integration, closed form L(10) and uniform motion L(19)."""
+"""Reproduce Figure 4 of the published letter: plant position until contact, integrated and in closed form."""
 
 from __future__ import annotations
 
@@ -36,9 +36,10 @@ motions = {
 PROGRAM: Final = Program(
     "Figure 4: the plant's position until contact, D_p = -1 N s, by three ways to solve the motion.",
     INPUTS,
-    f"""{MOTIONS}\
+    MOTIONS
+    + """\
 curves = [pt.report.Curve(x=m.time, y=1e3 * m.position, label=name, end="contact") for name, m in motions.items()]
-labels = {{"x_label": "time t [s]", "y_label": "plant position x [mm]", "curves": curves}}
+labels = {"x_label": "time t [s]", "y_label": "plant position x [mm]", "curves": curves}
 figure = pt.report.panel_figure(
     pt.report.Panel(title="From detection on", **labels),
     pt.report.Panel(title="Around contact", x_limits=(0.5, 0.62), y_limits=(-145.0, -105.0), **labels),
@@ -102,9 +103,10 @@ def _second_order(ours: float, low: float, high: float) -> Finding:
         4,
         "The second-order position at contact is -0.1378 m, not -0.136 m",
         "Section IV-D",
-        f"The uniform motion L(19) at l = 0 with the parameters of Table I gives {ours:.4f} m. No parameters that "
-        "round to the printed ones give -0.136 m. The general motion L(14), integrated from the letter's start, "
-        "deviates even more, in the other direction. The first-order value on the same page, -0.135 m, is right.",
+        f"With the parameters of Table I, the uniform motion L(19) gives {ours:.4f} m at contact. No parameters "
+        "that round to the printed parameters give the printed -0.136 m. The general motion L(14), integrated "
+        "from the letter's start, deviates even more, in the other direction. The first-order value on the same "
+        "page, -0.135 m, is right.",
         ("L(19) at l = 0", ours, "m"),
         ("smallest over the rounding of b_2 and c_2", low, "m"),
         ("largest over the rounding of b_2 and c_2", high, "m"),

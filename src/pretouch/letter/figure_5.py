@@ -1,4 +1,4 @@
-"""Figure 5: relative velocity until contact by integration, closed form L(10) and uniform motion L(16)."""
+"""Reproduce Figure 5 of the published letter: relative velocity until contact, integrated and in closed form."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from .program import Program
 PROGRAM: Final = Program(
     "Figure 5: the relative velocity until contact, D_p = -1 N s, by three ways to solve the motion.",
     INPUTS,
-    f"""{MOTIONS}\
-reduction = {{name: 1 - m.relative_velocity[-1] / scenario.obstacle.velocity for name, m in motions.items()}}
+    MOTIONS
+    + """\
+reduction = {name: 1 - m.relative_velocity[-1] / scenario.obstacle.velocity for name, m in motions.items()}
 curves = [pt.report.Curve(x=m.time, y=m.relative_velocity, label=name, end="contact") for name, m in motions.items()]
-labels = {{"x_label": "time t [s]", "y_label": "relative velocity l′ [m/s]"}}
-figure = pt.report.panel_figure(pt.report.Panel(curves=curves, levels={{"without mitigation": -0.3}}, **labels))
+labels = {"x_label": "time t [s]", "y_label": "relative velocity l′ [m/s]"}
+figure = pt.report.panel_figure(pt.report.Panel(curves=curves, levels={"without mitigation": -0.3}, **labels))
 """,
 )
 PLACE: Final = "Section IV-D, Fig. 5"
@@ -76,7 +77,7 @@ def _reductions(taken: dict[str, float]) -> Finding:
     for name in MODELS:
         error = 100 * ((100 - printed[name]) / (100 - printed["inverse-power"]) - 1)
         less, true = PRINTED[name], PRINTED["inverse-power"]
-        steps.append((f"error of the remaining speed, for reductions of {less} % and {true} %", error, "%"))
+        steps.append((f"error of the remaining speed for speed reductions of {less} % and {true} %", error, "%"))
     near = all(abs(part - printed[name]) < 1.0 < abs(100 - part - printed[name]) for name, part in taken.items())
     remain, less = (
         ", ".join(f"{v:.1f}" for v in values) for values in ([100 - t for t in taken.values()], taken.values())
@@ -85,10 +86,10 @@ def _reductions(taken: dict[str, float]) -> Finding:
         3,
         "The ratio l'/v_o of Section IV-D is the reduction 1 - l'/v_o",
         "Section IV-D",
-        f"The section prints {', '.join(PRINTED.values())} % as l'/v_o. In the models, {remain} % of the obstacle's "
-        f"speed remain, and the reductions are {less} %. So the printed numbers are reductions. The printed relative "
-        "errors, 9.74 and 4.62 %, are errors of these reductions. The remaining speeds, which determine the impact, "
-        "have errors of 35 and 16 %.",
+        f"The section prints {', '.join(PRINTED.values())} % as the remaining share l'/v_o of the obstacle's "
+        f"speed. In the models, {remain} % remain, and the speed is reduced by {less} %. So the printed numbers "
+        "are reductions, and the printed errors of 9.74 and 4.62 % are errors of these reductions. The remaining "
+        "speeds, which determine the impact, have errors of 35 and 16 %.",
         *steps,
         ("the printed numbers are within 1 % of the reductions, and of no ratio", near),
     )

@@ -1,4 +1,4 @@
-"""Section VI-B: peak force of the impact in the letter's objective, L(20), and as a limit."""
+"""Reproduce Section VI-B of the published letter: use the peak impact force in the objective or as a limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inputs of the letter's experiments as printed, with units and places, and the objects made from them."""
+"""List the inputs of the published letter's experiments with their units, exactly as printed."""
 
 from __future__ import annotations
 

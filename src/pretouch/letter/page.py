@@ -1,4 +1,4 @@
-"""Report page of the letter's reproduction: agreement, findings and all compared numbers."""
+"""Build the report on the published letter's reproduction: all compared numbers and the errors found."""
 
 from __future__ import annotations
 

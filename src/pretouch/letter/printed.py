@@ -1,4 +1,4 @@
-"""Comparison of a printed number with a computed one, including rounding."""
+"""Compare a printed number with a computed number, allowing for rounding in print."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Programs: complete scripts that make the figures of the reproduction."""
+"""Provide complete scripts that draw the published letter's figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Table II: contact and objective for several gains, with its two misprints."""
+"""Reproduce Table II of the published letter, with two misprints: contact and objective for several gains."""
 
 from __future__ import annotations
 
@@ -121,8 +121,9 @@ def _repetition_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         1,
         "Table II prints l' instead of x at D_p = -0.7",
         "Table II, column -0.7",
-        f"x is printed as {x} m, the same number as l' below it. The equations give {values[0]:.4f} m, and only such a "
-        f"value is consistent with f₁ = {f} in the same column.",
+        f"The plant position x is printed as {x} m, the same number as the relative velocity l' below it. The "
+        f"equations give {values[0]:.4f} m. Only such a value is consistent with the objective f₁ = {f} in the "
+        "same column.",
         ("x by L(4)", values[0], "m"),
         ("printed x is the printed l'", x == v),
         ("no sensor that rounds to the printed one gives the printed x", not reached),
@@ -146,8 +147,9 @@ def _column_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         2,
         "The last column of Table II belongs to D_p = -10, not -1.0",
         "Table II, column -1.0",
-        "Only the gain -10 N s reaches x = -0.611 m, and the other two values of the column are also those of -10 N s. "
-        f"Table III ends with -10, too. At -1.0 N s the equations give {at[0]:.4f} m, {at[1]:.4f} m/s and {at[2]:.4f}.",
+        "Only the gain -10 N s reaches the printed x = -0.611 m, and the other two values of the column also "
+        f"belong to -10 N s. Table III ends with -10 N s as well. At -1.0 N s the equations give {at[0]:.4f} m, "
+        f"{at[1]:.4f} m/s and {at[2]:.4f}.",
         ("gain at which x rounds to -0.611 m, from", low, "N s"),
         ("to", high, "N s"),
         ("-10 N s is one of them", low <= -10.0 <= high),

@@ -1,4 +1,4 @@
-"""Table III: measurements on hardware compared with the model in closed form L(10)."""
+"""Compare Table III of the published letter, measured on hardware, with the motion in closed form."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def reproduce(ran: Ran) -> Reproduction:
 
 def _measured(time: FloatArray, speed: FloatArray, slope: float) -> list[Printed]:
     late = "friction, servo lag and the threshold of the force sensor delay the measured contact"
-    fitted = f"computed: {slope:.1f} N s/m, which is fitted to these forces, times the model's speed"
+    fitted = f"computed as the model's contact speed times {slope:.1f} N s/m, which is fitted to these forces"
     numbers = []
     for (gain, (printed, force)), t, v in zip(PRINTED.items(), time.tolist(), speed.tolist(), strict=True):
         numbers.append(Printed(f"t_c at D_p = {gain} N s", printed, t, "s", "Table III", late, hardware=True))
@@ -108,7 +108,7 @@ def _steps() -> list[Printed]:
     numbers = []
     for a, b, less, later, factor in STEPS:
         (force, time), step, place = _changes(a, b), f"from {a} to {b} N s", "Section V-C"
-        why = f"the letter divides the rounded percentages {less} % and {later} % (finding 8)"
+        why = f"the letter divides the rounded percentages {less} % and {later} % (see finding 8)"
         numbers.append(Printed(f"force reduction {step}", less, 100 * force, "%", place))
         numbers.append(Printed(f"time increase {step}", later, 100 * time, "%", place))
         numbers.append(Printed(f"trade-off factor {step}", factor, force / time, "", place, why))
@@ -121,7 +121,7 @@ def _trade_off() -> Finding:
         force, time = _changes(a, b)
         rounded, exact = float(less) / float(later), force / time
         only = abs(rounded - float(printed)) < 0.005 < abs(exact - float(printed))
-        steps.append((f"{a} to {b} N s, from the printed times and forces", exact))
+        steps.append((f"gains from {a} to {b} N s, computed from the printed times and forces", exact))
         steps.append((f"from {less} % and {later} %; printed {printed}", rounded))
         steps.append(("only the second rounds to the printed factor", only))
     return finding(
@@ -146,9 +146,9 @@ def _hardware(time: FloatArray, speed: FloatArray, printed: FloatArray, ran: Ran
         "In Table III, contact is later than in the model, gains rank equally, and force is proportional to speed",
         "Table III",
         f"Table III was measured, so it need not agree with the model. Contact is detected {late.min():.0f} to "
-        f"{late.max():.0f} % later than in the model, with the same ranking of gains. The measured force is "
-        f"proportional to the model's speed at contact: {slope:.1f} N s/m through the origin over five points. The "
-        "confidence interval is wide, because there are only four degrees of freedom.",
+        f"{late.max():.0f} % later than in the model, and both rank the gains in the same order. The measured "
+        f"force is proportional to the model's contact speed, with a factor of {slope:.1f} N s/m. Its confidence "
+        "interval is wide, because five points leave only four degrees of freedom.",
         ("smallest delay relative to the model", late.min(), "%"),
         ("largest delay", late.max(), "%"),
         ("contact is never earlier", bool(late.min() > 0)),

@@ -1,4 +1,4 @@
-"""The bodies of an encounter and their motion without interaction: obstacle, robot, and the task's reference."""
+"""Describe obstacle, robot and task reference, and how each of them moves without interaction."""
 
 from __future__ import annotations
 
@@ -72,7 +72,9 @@ class Obstacle(_Body):
         _Body.__post_init__(self)
         stretches: Any = self.course
         if not isinstance(stretches, (tuple, list)) or not all(isinstance(s, Stretch) for s in stretches):
-            raise InvalidInputError(f"obstacle course: found {stretches!r}, expected a sequence of Stretch")
+            raise InvalidInputError(
+                f"obstacle course: found {stretches!r}, expected a list or tuple of Stretch objects"
+            )
         object.__setattr__(self, "course", tuple(stretches))
         for before, after in pairwise(self.course):
             try:
@@ -81,8 +83,8 @@ class Obstacle(_Body):
                 return  # the shapes do not broadcast; the scenario reports this
             if not later.all():
                 raise InvalidInputError(
-                    f"obstacle course: found the end time {_first(after.until, ~later):g} s after the end time "
-                    f"{_first(before.until, ~later):g} s, expected increasing end times"
+                    f"obstacle course: the end times must increase, but {_first(before.until, ~later):g} s is "
+                    f"followed by {_first(after.until, ~later):g} s"
                 )
 
     def velocity_at(self, time: Any) -> Any:
@@ -103,8 +105,8 @@ class Obstacle(_Body):
         if self.course:
             words = "stretch" if len(self.course) == 1 else "stretches"
             raise InvalidInputError(
-                f"obstacle course: found {len(self.course)} {words}, expected none, since the motion of L(9) has a "
-                "uniform acceleration; run the course on the sampled loop, by simulate or ClosedLoop.run"
+                f"obstacle course: found {len(self.course)} {words}, but this solver needs an obstacle with "
+                "uniform acceleration, L(9); run the course on the sampled loop, by simulate or ClosedLoop.run"
             )
         return self.acceleration
 

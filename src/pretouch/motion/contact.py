@@ -1,4 +1,4 @@
-"""Results of solved encounters: the contact or other end of a run, and its sampled motion."""
+"""Define the results of solved encounters: the state at contact, or at another end, and the sampled motion."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pretouch._core.blocks import InNotebooks
 from pretouch._core.errors import ResultUnavailableError
@@ -44,6 +45,22 @@ class KnownColumns(Value):
         """Return a quantity such as the contact time for all encounters; a single encounter gives a float."""
         values = self.columns[name]
         return values if values.ndim else values.item()
+
+
+@dataclass(frozen=True, slots=True)
+class _OtherGain(Value):
+    """Quantities of encounters that a law solved for another law, whose number is `gain`."""
+
+    columns: Columns
+    gain: FloatArray
+
+    def column(self, name: str) -> Any:
+        """Return a quantity of every run; a float for a single run."""
+        values = self.columns.column(name)
+        if name != "gain":
+            return values
+        gain = np.broadcast_to(self.gain, np.shape(values))
+        return gain if gain.ndim else gain.item()
 
 
 class _Quantity:
@@ -186,9 +203,9 @@ class ContactResult(InNotebooks, Value):
             count = int((~self.reached).sum())
             which = "the run" if self.reached.size == 1 else f"{count} of {self.reached.size} runs"
             raise ResultUnavailableError(
-                f"contact: {which} did not end in contact ({status.label}: {status.meaning} "
-                f"Nearest distance {float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m); "
-                "read .end for the state in which it ended"
+                f"contact: {which} did not end in contact. The status is {status.label}: {status.meaning} The "
+                f"nearest distance was {float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. "
+                "Read .end for the final state"
             )
         return self.end
 
@@ -202,10 +219,14 @@ class ContactResult(InNotebooks, Value):
         gradients: ContactGradients | None = gradients_of(self.columns)
         if gradients is None:
             raise ResultUnavailableError(
-                f"gradients: not available for a result of the method {self.method}; solve the encounter by "
+                f"gradients: the method {self.method} does not compute gradients; solve the encounter by "
                 "find_contact with another method or law"
             )
         return gradients
+
+    def with_gain(self, gain: ArrayLike) -> ContactResult:
+        """Return the result with another number, for a law that lets another law solve its encounters."""
+        return ContactResult(_OtherGain(self.columns, np.asarray(gain, dtype=np.float64)), self.method)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result of an encounter as a dictionary for JSON."""

@@ -1,12 +1,13 @@
-"""Piecewise polynomial approximations of sensor curves for the compiled kernels.
+"""Approximate sensor curves by piecewise polynomials, which the compiled solvers use.
 
-The fast path uses windows: polynomials of ln xi on overlapping intervals. In an approach the distance decreases, and a
-step that starts in a window should have most of that window below it. Each window therefore overlaps the next nearer
-one, and a motion switches to the nearer window as soon as it is inside. Windows end at the corners of a curve, such as
-the points of a table. If 1 / g is linear in l, as for the inverse power L(3), one window without a polynomial suffices:
-the kernel then uses g l' = n q with q (l + l_0) = l'.
+The fast vectorized solver uses windows: polynomials of ln xi on overlapping intervals. In an approach the distance
+decreases, and a step that starts in a window should have most of that window below it. Each window therefore overlaps
+the next nearer window, and a motion switches to the nearer window as soon as it is inside. Windows end at the corners
+of a curve, such as the points of a table. If 1 / g is linear in l, as for the inverse power L(3), one window without a
+polynomial suffices: the kernel then uses g l' = n q with q (l + l_0) = l'.
 
-The guaranteed path uses pieces: polynomials of g on adjacent intervals, for motions in both directions.
+The solver for single encounters (`guaranteed`) uses pieces instead: polynomials of g on adjacent intervals, for motions
+in both directions.
 """
 
 from __future__ import annotations
@@ -269,9 +270,9 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
         pending = np.concatenate([lower, upper], axis=1)
         if pending.shape[1] + sum(map(len, done)) > _MAX_PIECES:
             raise CurveError(
-                f"sensor: the slope of the {sensor.name} curve needs more than {_MAX_PIECES} polynomials between "
-                f"{low:g} m and {high:g} m; smooth it, declare its corners, or end it by maximum_distance before it "
-                "becomes rough"
+                f"sensor: the {sensor.name} curve is too rough: between {low:g} m and {high:g} m its slope needs "
+                f"more than {_MAX_PIECES} polynomials. Smooth the curve, declare its corners, or end it earlier "
+                "by maximum_distance"
             )
     pieces = np.concatenate(done)
     pieces = pieces[np.argsort(pieces[:, 0])]

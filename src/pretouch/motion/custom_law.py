@@ -1,4 +1,4 @@
-"""Custom laws in continuous time: any force that depends on ln xi and its rate, integrated numerically."""
+"""Define custom laws in continuous time: any force that depends on ln xi (log output) and its rate."""
 
 from __future__ import annotations
 
@@ -60,6 +60,8 @@ class CustomLaw(Value):
         suspends_admittance: whether the admittance's pull toward the object is switched off while the object
             approaches, as for a virtual drag (docs/drag.md). Then M x~'' = F - max(K x~ + D x~', 0) for l' < 0. If the
             pull would cause a new approach as soon as it acts again, the plant keeps the distance, l' = 0.
+        sampled: function of a value that returns the sampled law, a `pretouch.control.Law`, or None. A scenario file
+            that names the law runs it on the loop.
 
     Valid for:
         A plant that follows the virtual object exactly and a sensor without delay. If an integration step needs the
@@ -88,6 +90,7 @@ class CustomLaw(Value):
     force: Callable[[float, float, float], float]
     damping: Any = field(default=None, metadata={"takes": "Callable | None"})
     suspends_admittance: bool = False
+    sampled: Any = field(default=None, metadata={"takes": "Callable | None"})
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -130,7 +133,7 @@ class CustomLaw(Value):
     ) -> Request:
         if method not in {"auto", "integration"}:
             raise InvalidInputError(
-                f"method: found {method!r}, expected 'auto' or 'integration' for the law {self.kind}"
+                f"method: found {method!r}, but the law {self.kind} supports only 'auto' and 'integration'"
             )
         checked = finite(value, self.number.name, self.number.unit)
         return make_request(scenario, sensor, checked, "integration", horizon)

@@ -1,4 +1,4 @@
-"""Integrate one encounter under a custom law, piece by piece.
+"""Integrate the motion of one encounter under a custom law, piece by piece.
 
 On a piece l' has one sign and there is no knot of the curve. If the admittance's pull is switched off in approaches,
 l'' jumps between an approach and a recession. If l'' points toward l' = 0 from both sides, the plant moves along
@@ -134,8 +134,8 @@ class CustomLawRun:
         array = np.asarray(force)
         if array.shape != () or array.dtype.kind not in "iuf" or not np.isfinite(array):
             raise InvalidInputError(
-                f"force: the law {self.kind} returned {force!r} at a distance of {distance:g} m and a rate of {rate:g} "
-                "1/s, expected one finite number [N]"
+                f"force: the law {self.kind} returned {force!r} at a distance of {distance:g} m and a rate of "
+                f"{rate:g} 1/s, expected a single finite number in N"
             )
         return float(array)
 

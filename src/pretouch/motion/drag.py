@@ -1,4 +1,4 @@
-"""Motion and contact under the virtual drag, F = -phi s'^2 while s = ln xi grows."""
+"""Solve motion and contact under the virtual drag, a force that acts only while the sensor output rises."""
 
 from __future__ import annotations
 

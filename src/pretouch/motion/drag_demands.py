@@ -1,4 +1,4 @@
-"""Demands of an approach under the virtual drag on the robot, and the exact derivatives of its contact.
+"""Compute peak force, acceleration, speed and excursion under the virtual drag, and derivatives at contact.
 
 The square w of l' obeys dw/dl = 2 (a_o + k g^2 w). Its derivative u by an input therefore obeys du/dl = 2 (k g^2 u +
 h), where h is the derivative of a_o + k g^2 w at fixed w. Hence u e^q = u_0 - 2 int_l^{l_0} e^q h dl. The time changes
@@ -205,8 +205,8 @@ class DragGradients(Value):
         """
         if quantity not in _QUANTITIES or by not in _INPUTS:
             raise InvalidInputError(
-                f"gradients: found {quantity!r} by {by!r}, expected one of {', '.join(_QUANTITIES)} by one of "
-                f"{', '.join(_INPUTS)}"
+                f"gradients: found the derivative of {quantity!r} with respect to {by!r}; available are "
+                f"derivatives of {', '.join(_QUANTITIES)} with respect to {', '.join(_INPUTS)}"
             )
         shape = self.columns.request.shape
         derivative = _derivative(self.columns, quantity, by)

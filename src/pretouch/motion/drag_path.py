@@ -1,4 +1,4 @@
-"""Solve approaches under the virtual drag by quadrature over cells of the distance, for many encounters at once.
+"""Solve many approaches under the virtual drag by numerical integration over the distance.
 
 With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is linear in w,
 

@@ -1,4 +1,4 @@
-"""Check the arguments of a call for the virtual drag, including the assumptions of its solution."""
+"""Check the inputs of a solution with the virtual drag, including the assumptions of this solution."""
 
 from __future__ import annotations
 
@@ -95,7 +95,9 @@ def _flush_underflow(values: FloatArray) -> FloatArray:
     return np.where(np.abs(values) < _LEAST, 0.0, values)
 
 
-_BEYOND: Final = f"expected a magnitude of at most {MAGNITUDES[1]:g} in SI, so that its square does not overflow"
+_BEYOND: Final = (
+    f"expected a magnitude of at most {MAGNITUDES[1]:g} in SI units, because the square of a larger number overflows"
+)
 
 
 def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float) -> DragRequest:
@@ -119,7 +121,7 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
         shape = np.broadcast_shapes(scenario.shape, np.shape(phi))
     except ValueError:
         raise InvalidInputError(
-            f"drag: found the shape {np.shape(phi)}, which does not broadcast with the scenario's {scenario.shape}"
+            f"drag: the shape {np.shape(phi)} does not broadcast with the shape of the scenario, {scenario.shape}"
         ) from None
     request = DragRequest(
         scenario=scenario, sensor=sensor, drag=phi, horizon=positive(horizon, "horizon", "s"), shape=shape
@@ -131,9 +133,9 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
     outside = (start < low) | (start > high)
     if outside.any():
         raise OutOfRangeError(
-            f"obstacle position: found a distance of {start[outside][0]:g} m at the start, outside the {low:g} m to "
-            f"{high:g} m in which the {sensor.name} curve is valid; the encounter must start when the object enters "
-            "the detection range"
+            f"obstacle position: the encounter starts at a distance of {start[outside][0]:g} m, but the "
+            f"{sensor.name} curve is valid only from {low:g} m to {high:g} m; start the encounter when the "
+            "object enters this range"
         )
     check_curve(sensor, request.farthest)
     _check_plant(request)
@@ -173,9 +175,9 @@ def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
     if not (np.isfinite(slope) & (slope <= 0)).all():
         wrong = float(distance[~(slope <= 0)][0])
         raise InvalidInputError(
-            f"sensor: found a slope of {float(sensor.log_slope(wrong)):g} 1/m at {wrong:g} m, which must not be "
-            "positive, since a drag treats a growing ln xi as an approach; end the curve by maximum_distance where its "
-            "output is smallest"
+            f"sensor: the slope of the curve is {float(sensor.log_slope(wrong)):g} 1/m at {wrong:g} m, but must "
+            "not be positive, because the drag treats a rising output as an approach; end the curve by "
+            "maximum_distance where its output is smallest"
         )
 
 

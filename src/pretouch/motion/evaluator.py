@@ -1,4 +1,4 @@
-"""Solve encounters: `find_contact`, `solve_motion`, and the interface of other evaluators such as the sampled loop."""
+"""Solve encounters by `find_contact` and `solve_motion`, and define the interface of other solvers."""
 
 from __future__ import annotations
 

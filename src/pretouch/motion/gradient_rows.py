@@ -1,8 +1,9 @@
-"""Exact derivatives of time and relative velocity at contact by the relative inputs.
+"""Compute exact derivatives of contact time and relative velocity at contact for many encounters.
 
 Each run uses the fastest applicable method. Over-damped motions with a constant slope have a closed form. Approaches on
-other curves get their derivatives from vectorized Taylor steps ("lanes"). The guaranteed path solves the rest, one run
-at a time. The derivatives of all other quantities at contact follow from these two by algebra (`gradients`).
+other curves get their derivatives from Taylor steps, with several encounters computed side by side. The module
+`guaranteed` solves the other runs, one at a time. The derivatives of all other contact quantities follow from these two
+by algebra (`gradients`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Exact derivatives of the quantities at contact by all inputs of an encounter.
+"""Compute exact derivatives of all contact quantities with respect to the inputs of an encounter.
 
 `gradient_rows` provides dt/dq and dl'/dq of time and relative velocity at contact. The other quantities follow:
 x~ = x_o(t), since l = 0; x~' = x_o' - l'; F_p = D_p g(0) l'; and x~'' from the equation of motion. A parameter of the

@@ -1,4 +1,4 @@
-"""Guaranteed solvers of each method: solve any encounter to its end, one at a time, and sample its motion.
+"""Solve the encounters that the fast vectorized solvers leave open, one at a time, and sample motions.
 
 The uniform motion L(16)-(19) is one particular motion of the second-order exponential curve. It is used only if it is
 selected as the method.
@@ -191,8 +191,8 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
     bend, intercept = np.polyfit(probe, slope, 1)
     if np.abs(slope - bend * probe - intercept).max() > 1e-9 * np.abs(slope).max():
         raise InvalidInputError(
-            f"method: the uniform motion L(16)-(19) requires the second-order exponential curve L(6), "
-            f"not the {sensor.name} curve; use method='integration'"
+            "method: the uniform motion L(16)-(19) needs the second-order exponential curve L(6), not the "
+            f"{sensor.name} curve; use method='integration' instead"
         )
     return float(bend) / 2, float(intercept)
 

@@ -1,8 +1,9 @@
-"""Python interface of the compiled kernels that solve encounters; arguments are checked here.
+"""Call the compiled solvers of encounters from Python, with checked arguments.
 
 Curves of constant slope use the closed form L(10)-(13): vectorized, or one encounter at a time in a form that is
 accurate for every damping and for K -> 0. Other curves use vectorized Taylor steps, or guaranteed steps on pieces of
-the curve. The vectorized kernels prove that a contact is the first one and leave unproved encounters open.
+the curve. The vectorized kernels prove that a contact is the first one. Encounters without such a proof are left to the
+slower solvers.
 """
 
 from __future__ import annotations
@@ -192,7 +193,10 @@ def contact_times(
         address(status, _SHORT),
     )
     if len(inputs) < INPUTS + (0 if peaks is None else 2):
-        raise TypeError(f"a kernel takes {INPUTS} columns, or two more for the peaks, not {len(inputs)}")
+        raise TypeError(
+            f"the compiled solver needs {INPUTS} input columns, or two more to compute peaks, but received "
+            f"{len(inputs)}"
+        )
     reference = None if peaks is None else columns(inputs[INPUTS:], n)
     _contacts(columns(inputs[:INPUTS], n), reference, n, byref(of_core(curves, n)), horizon, *filled)
 
@@ -203,7 +207,10 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
     rows, width = windows.shape
     shared = len(curve_of) == 1
     if width not in _WIDTHS or not (shared or len(curve_of) == n):
-        raise ValueError(f"windows: found {width} columns, and curves for {len(curve_of)} of {n} encounters")
+        raise ValueError(
+            f"windows: found a table of {width} columns with curves for {len(curve_of)} encounters, expected one "
+            f"of {sorted(_WIDTHS)} columns, and curves for all {n} encounters"
+        )
     if not (_is_valid(starts, curve_of, rows) if shared else _are_valid(starts, curve_of, rows)):
         raise ValueError("curves: an encounter refers to a curve whose windows are not in the table")
     at = address(windows), address(starts, _INDEX), address(curve_of, _INDEX)
@@ -287,7 +294,7 @@ def follow_gradients(
 def _encounters(
     values: FloatArray, gains: FloatArray, pieces: FloatArray, limits: tuple[float, bool, bool]
 ) -> tuple[int, int, int, Any]:
-    """Return the kernel arguments for the encounters and their curve."""
+    """Return the arguments that describe encounters and their sensor curve to a compiled solver."""
     n, curve = len(values), byref(pieces_of_core(pieces, *limits[1:]))
     return shaped(values, (n, 10)), n, shaped(gains, (n,)), curve
 
@@ -296,5 +303,7 @@ def pieces_of_core(pieces: FloatArray, ends_in_contact: bool, open_ended: bool) 
     """Return the C structure of a curve in pieces; the array must outlive it."""
     count, width = pieces.shape
     if not (count > 0 and 3 <= width <= _WIDEST):
-        raise TypeError(f"a curve has pieces of up to {_WIDEST} numbers, not {pieces.shape}")
+        raise TypeError(
+            f"each polynomial piece of a curve has 3 to {_WIDEST} numbers, but the table has the shape {pieces.shape}"
+        )
     return _PiecesOfCore(address(pieces), count, width, ends_in_contact, open_ended)

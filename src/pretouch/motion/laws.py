@@ -1,4 +1,4 @@
-"""Laws in continuous time: their interface, the letter's virtual damper, and the virtual drag."""
+"""Define control laws in continuous time: their interface, the virtual damper and the virtual drag."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions
+from pretouch._core.messages import short_repr
 from pretouch._core.units import format_quantity, pretty_unit
+from pretouch._core.vocabulary import QUANTITIES, Entry
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, Motion, motion_from_trace
@@ -48,6 +51,15 @@ class LawNumber(NamedTuple):
         """Return a value of the law's number with its unit as text, such as "-0.7 N s"."""
         return pretty_unit(format_quantity(value, self.unit, digits))
 
+    def entry(self, name: str) -> Entry:
+        """Return words, symbol and unit of a quantity; the quantity "gain" is the law's number."""
+        return Entry(self.name, self.symbol, self.unit) if name == "gain" else QUANTITIES[name]
+
+    @property
+    def key(self) -> str:
+        """The key of its value in the section [law] of a scenario file, such as "drag"."""
+        return self.name.replace(" ", "_")
+
     @property
     def mitigating(self) -> str:
         """The sign of values that mitigate impacts, as a word: "positive" or "negative"."""
@@ -75,7 +87,9 @@ class ContinuousLaw(Protocol):
         degree: d if the force is proportional to the number times s'^d, with s' = d(ln xi)/dt; else None.
 
     A law that switches off the admittance's pull during an approach, such as the drag, has the attribute
-    `suspends_admittance`.
+    `suspends_admittance`. A law that scenario files may run on a loop has a method `sampled`, which returns its
+    `pretouch.control.Law` for a value of the number. Fields of a dataclass that are declared by `quantity` are keys of
+    the section [law].
     """
 
     @property
@@ -247,7 +261,7 @@ class Drag:
 
 def _check_quadrature(method: str) -> None:
     if method not in {"auto", "quadrature"}:
-        raise InvalidInputError(f"method: found {method!r}, expected 'auto' or 'quadrature' for a virtual drag")
+        raise InvalidInputError(f"method: found {method!r}, but a virtual drag supports only 'auto' and 'quadrature'")
 
 
 DAMPER: Final = Damper()
@@ -260,20 +274,35 @@ LAWS: Final[dict[str, ContinuousLaw]] = {law.kind: law for law in (DAMPER, DRAG)
 """The laws by their names in files."""
 
 
+def _law_problem(name: str, law: Any) -> str:
+    """Return what is wrong with the law of an entry point; empty if nothing."""
+    if not (isinstance(law, ContinuousLaw) and isinstance(law.number, LawNumber)):
+        return f"is {short_repr(law)}, expected a class or value with the members of pretouch.motion.ContinuousLaw"
+    return "" if law.kind == name else f'is a law of the kind "{law.kind}"; both names must be equal'
+
+
+LAW_KINDS: Final = Extensions(group="pretouch.laws", built_in=lambda: LAWS, problem=_law_problem)
+"""The laws that files may name: LAWS, and those of installed packages, each a value or a class."""
+
+
 def continuous_law(law: Any) -> ContinuousLaw:
     """Return the continuous-time form of a control law that is given as an object, a name or a sampled law.
 
     Raises:
         InvalidInputError: the argument is no law, and its attribute `continuous` does not name one.
     """
-    result = LAWS.get(law) if isinstance(law, str) else law
+    result = LAW_KINDS.find(law) if isinstance(law, str) else law
+    if isinstance(result, type):
+        raise InvalidInputError(
+            f"law: found the class {result.__name__}, expected a value, such as {result.__name__}()"
+        )
     if isinstance(result, ContinuousLaw):
         return result
     sampled = getattr(law, "continuous", None)
     if sampled is None:
         name = repr(law) if isinstance(law, str) else type(law).__name__
         raise InvalidInputError(
-            f"law: found {name}, which is no law in continuous time, expected one of "
-            f"{', '.join(LAWS)}, a CustomLaw, or a sampled law whose attribute `continuous` names one of these"
+            f"law: found {name}, expected a law in continuous time: {', '.join(LAW_KINDS.names())}, a CustomLaw, or a "
+            "sampled law whose attribute `continuous` names one of these"
         )
     return continuous_law(sampled)

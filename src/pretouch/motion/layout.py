@@ -1,4 +1,4 @@
-"""Names and order of the columns that the kernels read and write, and the status of a run."""
+"""Name the columns of the arrays that compiled solvers read and write, and the codes of how a run ended."""
 
 from __future__ import annotations
 
@@ -101,16 +101,33 @@ class ContactStatus(IntEnum):
         return _ENDINGS[self][0]
 
     @property
+    def words(self) -> str:
+        """The status in words, for reports."""
+        return _ENDINGS[self][1]
+
+    @property
     def meaning(self) -> str:
         """A sentence that explains how an encounter with this status ended."""
-        return _ENDINGS[self][1]
+        return _ENDINGS[self][2]
 
 
 _ENDINGS: Final = (
-    ("contact", "The distance reached zero."),
-    ("never-in-contact", "The distance never reaches zero, even for an unlimited time."),
-    ("not-within-horizon", "The distance did not reach zero within the horizon."),
-    ("left-valid-range", "The distance left the valid range of the sensor curve."),
-    ("unresolved", "The motion cannot be computed to its end: it is too fast, or it starts beyond 8.8e12 m."),
-    ("no-uniform-motion", "The uniform motion L(17) has no approaching root with 0 <= |A| <= |v_o|."),
+    ("contact", "contact", "The distance reached zero."),
+    ("never-in-contact", "never in contact", "The distance never reaches zero, even for an unlimited time."),
+    ("not-within-horizon", "no contact within the longest time", "The distance did not reach zero within the horizon."),
+    (
+        "left-valid-range",
+        "out of the range of the sensor curve",
+        "The distance left the valid range of the sensor curve.",
+    ),
+    (
+        "unresolved",
+        "not computed to the end",
+        "The motion cannot be computed to its end: it is too fast, or it starts beyond 8.8e12 m.",
+    ),
+    (
+        "no-uniform-motion",
+        "no uniform motion",
+        "The uniform motion L(17) has no approaching root with 0 <= |A| <= |v_o|.",
+    ),
 )

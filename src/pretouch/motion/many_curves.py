@@ -1,4 +1,4 @@
-"""A set of sensor curves, one for each encounter, that are solved together in one kernel call."""
+"""Combine many sensor curves, one for each encounter, so that one solver call uses all of them."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ class ManyCurves:
         if len(outside):
             i = int(outside[0][-1])
             raise OutOfRangeError(
-                f"obstacle position: found a distance of {distance[tuple(outside[0])]:g} m at the start, outside "
-                f"the {low[i]:g} m to {high[i]:g} m in which the {self.sensor.name} curve of encounter {i} is valid; "
-                "the encounter must start when the object enters the detection range"
+                f"obstacle position: encounter {i} starts at a distance of {distance[tuple(outside[0])]:g} m, "
+                f"but its {self.sensor.name} curve is valid only from {low[i]:g} m to {high[i]:g} m; start the "
+                "encounter when the object enters this range"
             )
 
     def falls(self, scenario: Scenario) -> bool:

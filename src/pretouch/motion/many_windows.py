@@ -1,4 +1,4 @@
-"""Windows of many curves in one table for the block kernel, computed together for speed.
+"""Compute the piecewise polynomials of many related sensor curves together, for speed.
 
 Curves may be images of one curve under scaling and shift of the distance: ln xi_i(l) = ln xi(s_i l + t_i) + constant. A
 recessed sensor is a shifted curve. A parameter p scales the distance if its derivative is `stretch` l g and the product

@@ -1,4 +1,4 @@
-"""Sections that report pages share: inputs of the encounter, sensor, method and its assumptions."""
+"""Build report sections that several reports share: inputs of the encounter, sensor and solution method."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from operator import attrgetter
 from typing import Any, Final, Protocol
 
 from pretouch._core.blocks import Block, Cell, Listing, Measured, PageSection, PageTable, Paragraph
+from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.sensors import SensorModel
 
@@ -80,6 +81,10 @@ def solved_on(answer: _Answer) -> str:
     return "loop" if answer.method == "loop" else "other"
 
 
+RECEDING: Final = "give the obstacle a negative velocity: this object moves away"
+"""The next step if an object recedes and never comes into contact."""
+
+
 def scenario_rows(scenario: Scenario) -> Iterator[Row]:
     """Yield table rows with every input of an encounter, for a report."""
     symbols = {"mass": " M_a", "damping": " D_a", "stiffness": " K_a"}
@@ -118,11 +123,24 @@ def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Pag
     return PageSection(title="Inputs", blocks=blocks)
 
 
-def method_section(method: str, *, solved_on: str = "motion", others: Iterable[Block] = ()) -> PageSection:
+def mounting_in_words(sensor: SensorModel | None) -> Iterator[str]:
+    """Yield how far a recessed sensor is mounted behind the contact surface, as an assumption."""
+    recess = getattr(sensor, "recess", 0.0)
+    if recess:
+        yield (
+            f"The sensor is mounted {format_quantity(recess, 'm')} behind the contact surface. Positions and distances "
+            "count from the contact surface."
+        )
+
+
+def method_section(
+    method: str, sensor: SensorModel | None = None, *, solved_on: str = "motion", others: Iterable[Block] = ()
+) -> PageSection:
     """Create the report section that describes how encounters were solved and under which assumptions.
 
     Args:
         method: a key of METHODS, or a description of the method.
+        sensor: the sensor, whose mounting is an assumption.
         solved_on: `motion` (L(1)), `loop` or `other`, as from `solved_on`; the assumptions of `other` are unknown.
         others: further blocks, which come first.
 
@@ -131,5 +149,6 @@ def method_section(method: str, *, solved_on: str = "motion", others: Iterable[B
     """
     assumptions = {"motion": _OF_THE_MOTION, "loop": _OF_THE_LOOP}.get(solved_on, _OF_A_FUNCTION)
     description = Paragraph(text=METHODS.get(method, method))
-    blocks = (*others, description, Listing(items=(*assumptions, *_OF_ALL)), Paragraph(text=_INTEGRATOR, quiet=True))
+    assumed = Listing(items=(*mounting_in_words(sensor), *assumptions, *_OF_ALL))
+    blocks = (*others, description, assumed, Paragraph(text=_INTEGRATOR, quiet=True))
     return PageSection(title="Method and assumptions", blocks=blocks)

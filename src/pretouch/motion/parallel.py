@@ -1,4 +1,4 @@
-"""Run a function over chunks of many encounters, in parallel threads.
+"""Run a function over chunks of many encounters in parallel threads.
 
 The compiled kernels release the interpreter's lock. Where chunks end depends only on the number of encounters, not on
 the number of cores. A kernel that processes several encounters together therefore processes the same group on every

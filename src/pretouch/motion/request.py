@@ -1,4 +1,4 @@
-"""One call of the solver: check its arguments, choose the method, and flatten the encounters into columns."""
+"""Check the arguments of a solver call, choose the solution method, and arrange the inputs in columns."""
 
 from __future__ import annotations
 
@@ -119,8 +119,8 @@ def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         raise InvalidInputError(f"method: found {method!r}, expected one of {', '.join(METHODS)}")
     if method == "closed-form" and sensor.constant_log_slope is None:
         raise InvalidInputError(
-            f"method: the closed form L(10) requires a constant slope, but that of the {sensor.name} curve varies; "
-            "use method='integration' or 'auto'"
+            "method: the closed form L(10) needs a sensor curve of constant slope, but the slope of the "
+            f"{sensor.name} curve varies; use method='integration' or 'auto'"
         )
     if method == "auto":
         method = "integration" if sensor.constant_log_slope is None else "closed-form"
@@ -130,9 +130,9 @@ def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         inside = sensor.contains(distance)
         distance = np.asarray(distance)
         raise OutOfRangeError(
-            f"obstacle position: found a distance of {float(distance[~inside].flat[0]):g} m at the start, outside the "
-            f"{low:g} m to {high:g} m in which the {sensor.name} curve is valid; the encounter must start when the "
-            "object enters the detection range"
+            f"obstacle position: the encounter starts at a distance of {float(distance[~inside].flat[0]):g} m, "
+            f"but the {sensor.name} curve is valid only from {low:g} m to {high:g} m; start the encounter when "
+            "the object enters this range"
         )
     check_curve(sensor, distance)
     return method
@@ -158,8 +158,7 @@ def make_request(
             shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
         except ValueError:
             raise InvalidInputError(
-                f"gain: found the shape {np.shape(gains)}, which does not broadcast with that of the scenario, "
-                f"{scenario.shape}"
+                f"gain: the shape {np.shape(gains)} does not broadcast with the shape of the scenario, {scenario.shape}"
             ) from None
     relative = scenario.relative_columns()
     return Request(

@@ -1,4 +1,4 @@
-"""The encounter: admittance and bodies, and access to its inputs by name."""
+"""Describe an encounter of robot and obstacle, and access its inputs by name."""
 
 from __future__ import annotations
 
@@ -122,13 +122,15 @@ class Scenario(InNotebooks, Value):
             shape = () if all(type(v) is float for v in values) else np.broadcast_shapes(*map(np.shape, values))
         except ValueError:
             shapes = ", ".join(sorted({str(np.shape(v)) for v in values if np.ndim(v)}))
-            raise InvalidInputError(f"scenario: the shapes {shapes} of its fields do not broadcast") from None
+            raise InvalidInputError(
+                f"scenario: the shapes of the fields, {shapes}, do not broadcast with each other"
+            ) from None
         object.__setattr__(self, "shape", shape)
         if not (self.distance > 0 if shape == () else np.all(self.distance > 0)):
             least = float(np.min(self.distance))
             raise InvalidInputError(
-                f"obstacle position: found a distance of {least:g} m between obstacle and plant, "
-                "which must be positive, since the encounter starts before contact"
+                f"obstacle position: the distance between obstacle and plant is {least:g} m, but must be "
+                "positive, because the encounter starts before contact"
             )
 
     @property
@@ -273,7 +275,8 @@ def _admittance_with(admittance: Admittance, values: dict[str, Any]) -> Admittan
     if names & _OF_DAMPING:
         conflicting = ", ".join(sorted(names - {"admittance.mass"}))
         raise InvalidInputError(
-            f"inputs: found {conflicting}, expected damping and stiffness, or natural frequency and damping ratio"
+            f"inputs: found {conflicting}, expected either damping and stiffness, or natural frequency and "
+            "damping ratio"
         )
     if "damping_ratio" in values:
         ratio = values["damping_ratio"]

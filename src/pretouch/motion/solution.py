@@ -1,4 +1,4 @@
-"""Lazy solutions: compute only the quantities that are read, by the fastest method that is proved to be right."""
+"""Solve encounters when a result is read, and compute only the quantities that are read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""HTML reports and figures of results, and panels for custom figures; Matplotlib is imported when needed."""
+"""Write HTML reports and draw figures of results; Matplotlib is imported when the first figure is drawn."""
 
 from .html import report_html, write_report
 from .panel_figure import panel_figure

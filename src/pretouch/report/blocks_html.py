@@ -1,4 +1,4 @@
-"""The blocks of a page as HTML."""
+"""Convert the parts of a report, such as tables and text, to HTML."""
 
 from __future__ import annotations
 

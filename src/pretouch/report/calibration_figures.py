@@ -1,4 +1,4 @@
-"""Figures of a calibration: readings, fitted curves, slopes and residuals."""
+"""Draw the figures of a calibration: readings, fitted curves, slopes and residuals."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.numbers import BoolArray, FloatArray
 
-from .labels import label_inside, label_near
 from .new_figure import new_figure
 from .style import BASELINE, CURVES, INK, LIMIT, QUIET, Scale, drawing, log_axis, scale_for, span
 
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
 _WINDOW: Final = "#eef4f9"
 _FINE: Final = 120
 _TWO_SIGMA: Final = 2.0
+_BARS: Final = "\u00b12 standard deviations"
+_LEAST: Final = 1.6  # inch, least height of a panel
 
 
 class _Points(NamedTuple):
@@ -47,17 +48,23 @@ def calibration(report: CalibrationReport) -> Figure:
         residuals of ln xi. Without a usable signal, only the panel of readings.
     """
     with drawing():
-        if not report.fits:
-            figure = new_figure(7.4, 3.2)
-            axes = figure.add_subplot()
-            figure.subplots_adjust(left=0.11, right=0.972, bottom=0.15, top=0.9)
-            _draw_readings(axes, report)
-            return figure
-        figure = new_figure(7.4, 5.8)
-        panels = [figure.add_subplot(2, 2, i + 1) for i in range(4)]
-        figure.subplots_adjust(left=0.11, right=0.972, bottom=0.085, top=0.95, wspace=0.29, hspace=0.34)
-        for axes, draw in zip(panels, (_draw_readings, _draw_log_output, _draw_slope, _draw_residuals), strict=True):
-            draw(axes, report)
+        from matplotlib.lines import Line2D  # noqa: PLC0415 - imported when something is drawn, as the next one
+
+        from .panel_layout import arrange, legend_above  # noqa: PLC0415
+
+        if report.fits:
+            figure = new_figure(7.4, 7.0)
+            for i, draw in enumerate((_draw_readings, _draw_log_output, _draw_slope, _draw_residuals)):
+                draw(figure.add_subplot(2, 2, i + 1), report)
+        else:
+            figure = new_figure(7.4, 3.4)
+            _draw_readings(figure.add_subplot(), report)
+        arrange(figure, _LEAST)
+        for axes in figure.axes:
+            lines, labels = axes.get_legend_handles_labels()
+            colors: list[Any] = [line.get_color() if isinstance(line, Line2D) else LIMIT for line in lines]
+            legend_above(axes, list(zip(labels, colors, lines, strict=True)))
+        arrange(figure, _LEAST)
     return figure
 
 
@@ -69,47 +76,14 @@ def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
     levels = [level for level, *_ in _levels(report)]
     low, high = span(np.array([*outputs, *report.calibration.no_object, *levels]), 0.08)
     axes.set_ylim(low, high)
-    groups = list(_groups(report))
-    for _, mask, marker, color, fill in groups:
+    for text, mask, marker, color, fill in _groups(report):
         x, y = report.calibration.distances[mask] / scale.factor, outputs[mask]
-        axes.plot(x, y, marker, color=color, markerfacecolor=fill, markersize=4.2, linestyle="None", zorder=4)
-    _draw_curves(axes, report, scale, lambda fit, distance: fit.offset.value + fit.sensor.output(distance))
-    _draw_levels(axes, report)
-    for text, mask, _, color, _ in groups:
-        if not text:
-            continue
-        x, y = report.calibration.distances[mask] / scale.factor, outputs[mask]
-        label_near(axes, x, y, text, color=color, size=7.5)
-    if report.window.distances:
-        x, y = np.meshgrid(np.array([0.5, 0.4, 0.6, 0.3, 0.7, 0.0, 1.0]), np.linspace(0.94, 0.2, 12))
-        left, right = report.window.l_min / scale.factor, report.window.l_max / scale.factor
-        label_inside(
-            axes,
-            left + (right - left) * x.ravel(),
-            low + (high - low) * y.ravel(),
-            "usable window",
-            color=QUIET,
-            size=7.5,
-            fill=_WINDOW,
-        )
-
-
-def _draw_levels(axes: Axes, report: CalibrationReport) -> None:
-    """Draw offset, floor and clipping level of a calibration; labels that are close together are merged."""
-    levels = list(_levels(report))
-    left, right = axes.get_xlim()
-    across = left + (right - left) * np.array([0.98, 0.8, 0.6, 0.4, 0.2])
-    low, high = axes.get_ylim()
-    close = len(levels) > 1 and levels[1][0] - levels[0][0] < 0.09 * (high - low) and report.offset is not None
-    for level, _, style, spread, _ in levels:
-        axes.axhline(level, color=LIMIT, linestyle=style, linewidth=1.0, zorder=2)
+        axes.plot(x, y, marker, color=color, markerfacecolor=fill, markersize=4.2, label=text, zorder=4)
+    _draw_curves(axes, report, scale, lambda fit, distance: fit.offset.value + fit.sensor.output(distance), named=False)
+    for level, text, style, spread in _levels(report):
+        axes.axhline(level, color=LIMIT, linestyle=style, linewidth=1.0, label=text, zorder=2)
         if spread:
             axes.axhspan(*spread, color="#cfcfcf", linewidth=0, zorder=1)
-    if close:
-        text = f"{levels[0][1]}; floor of the signal (dashed)"
-        levels[:2] = [(*levels[0][:1], text, *levels[0][2:])]
-    for level, text, _, _, side in levels:
-        label_near(axes, across, np.full(5, level), text, color=LIMIT, size=7.5, side=side, reach=34.0)
 
 
 def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
@@ -122,15 +96,7 @@ def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
     log_axis(axes, "y", low / (high / low) ** 0.12, high * (high / low) ** 0.12)
     spread = value * np.abs(np.expm1(_TWO_SIGMA * np.vstack([-points.deviation, points.deviation])))
     _draw_points(axes, points.distance / scale.factor, value, spread)
-    _draw_curves(axes, report, scale, lambda fit, distance: fit.sensor.output(distance), named=True)
-    label_near(
-        axes,
-        points.distance[::-1] / scale.factor,
-        (value + spread[1])[::-1],
-        "\u00b12 standard deviations",
-        color=QUIET,
-        size=7.5,
-    )
+    _draw_curves(axes, report, scale, lambda fit, distance: fit.sensor.output(distance))
 
 
 def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
@@ -142,15 +108,14 @@ def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
     step = np.diff(points.distance)
     slope = np.diff(points.log_output) / step
     spread = _TWO_SIGMA * np.hypot(points.deviation[1:], points.deviation[:-1]) / step
-    drawn = np.concatenate(
-        [fit.sensor.log_slope(d) for fit, d, *_ in _curves(report) if fit.model != "table"] or [slope]
-    )
+    fits = [fit for fit in report.fits if fit.model != "table"]
+    drawn = np.concatenate([fit.sensor.log_slope(_distances(fit, report)) for fit in fits] or [slope])
     low, high = span(np.concatenate([drawn, slope, [0.0]]))
     reach = 1.2 * (float(drawn.max()) - float(drawn.min())) + 0.35 * float(np.abs(drawn).max())
     axes.set_ylim(max(low, float(drawn.min()) - reach), min(high, float(drawn.max()) + reach))
     axes.axhline(0, color=QUIET, linewidth=0.7, zorder=1.5)
     _draw_points(axes, middle / scale.factor, slope, np.vstack([spread, spread]))
-    _draw_curves(axes, report, scale, lambda fit, distance: fit.sensor.log_slope(distance), named=True)
+    _draw_curves(axes, report, scale, lambda fit, distance: fit.sensor.log_slope(distance))
 
 
 def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
@@ -163,7 +128,9 @@ def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
     largest = float(np.max(np.abs(np.concatenate([*parts, np.minimum(bounds, 0.5)])))) or 1.0
     axes.set_ylim(-1.3 * largest, 1.3 * largest)
     axes.axhline(0, color=QUIET, linewidth=0.8, zorder=1.5)
-    axes.fill_between(points.distance / scale.factor, -bounds, bounds, color="#d9d9d9", linewidth=0, zorder=1)
+    axes.fill_between(
+        points.distance / scale.factor, -bounds, bounds, color="#d9d9d9", linewidth=0, label=_BARS, zorder=1
+    )
     for i, fit in enumerate(report.fits):
         color, style = CURVES[i % len(CURVES)]
         axes.plot(
@@ -174,20 +141,8 @@ def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
             linewidth=1.6 if i == 0 else 0.9,
             marker="o" if i == 0 else "",
             markersize=3.5,
+            label=fit.model,
             zorder=4 - 0.1 * i,
-        )
-    label_near(axes, points.distance / scale.factor, bounds, "\u00b12 standard deviations", color=QUIET, size=7.5)
-    for i, fit in enumerate(report.fits):
-        order = np.argsort(-np.abs(fit.residuals), kind="stable")
-        label_near(
-            axes,
-            fit.distances[order] / scale.factor,
-            fit.residuals[order],
-            fit.model,
-            color=CURVES[i % len(CURVES)][0],
-            weight="bold" if i == 0 else "normal",
-            size=7.5,
-            reach=34.0,
         )
 
 
@@ -201,7 +156,8 @@ def _begin(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = Fa
     window = np.array(report.window.distances)
     axes.set_xlim(*span((window if zoom else distances) / scale.factor, 0.06))
     if len(window) and not zoom:
-        axes.axvspan(window[0] / scale.factor, window[-1] / scale.factor, color=_WINDOW, linewidth=0, zorder=0)
+        ends = window[[0, -1]] / scale.factor
+        axes.axvspan(*ends, facecolor=_WINDOW, edgecolor=QUIET, linewidth=0, label="usable window", zorder=0)
     return scale
 
 
@@ -211,13 +167,10 @@ def _unit(report: CalibrationReport) -> str:
     return plain.strip() or "1"
 
 
-def _curves(report: CalibrationReport) -> Iterator[tuple[SensorFit, FloatArray, str, Any, float]]:
-    """Yield each fitted curve with its distances and line style; the best fit comes last."""
-    for i, fit in reversed(list(enumerate(report.fits))):
-        low, high = fit.sensor.valid_range
-        first, last = max(low, report.window.l_min), min(high, report.window.l_max)
-        color, style = CURVES[i % len(CURVES)]
-        yield fit, np.linspace(first, last, _FINE), color, style, 1.9 if i == 0 else 1.1
+def _distances(fit: SensorFit, report: CalibrationReport) -> FloatArray:
+    """Return distances in the window and the valid range of a fit, for its curve."""
+    low, high = fit.sensor.valid_range
+    return np.linspace(max(low, report.window.l_min), min(high, report.window.l_max), _FINE)
 
 
 def _points(report: CalibrationReport) -> _Points:
@@ -233,21 +186,21 @@ def _points(report: CalibrationReport) -> _Points:
 def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, spread: FloatArray) -> None:
     low, high = axes.get_ylim()
     floor = np.maximum(y - spread[0], low / 10 if axes.get_yscale() == "log" else -np.inf)
-    axes.vlines(x, floor, y + spread[1], color=INK, linewidth=0.8, zorder=3.5)
+    axes.vlines(x, floor, y + spread[1], color=INK, linewidth=0.8, label=_BARS, zorder=3.5)
     axes.set_ylim(low, high)
     axes.plot(x, y, "o", color=INK, markerfacecolor="white", markersize=4.0, zorder=4)
 
 
-def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[float, float] | None, int]]:
-    """Yield offset, floor and clipping level of a calibration, with name, line style and interval."""
+def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[float, float] | None]]:
+    """Yield offset, floor and clipping level of a calibration: value, name, line style and interval."""
     window, offset = report.window, report.offset
     if offset is not None:
         spread = (offset.low, offset.high) if np.isfinite([offset.low, offset.high]).all() else None
-        yield offset.value, f"offset, {offset.kind}", "-", spread, -1
+        yield offset.value, f"offset, {offset.kind}", "-", spread
     if np.isfinite(window.floor):
-        yield window.floor, "floor of the signal", (0, (4, 2)), None, 1
+        yield window.floor, "floor of the signal", (0, (4, 2)), None
     if window.saturation is not None:
-        yield window.saturation, "clipping level", ":", None, 1
+        yield window.saturation, "clipping level", ":", None
 
 
 def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, str, str]]:
@@ -262,7 +215,7 @@ def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, st
     faint = ~used & ~outlier & ~clipped & (outputs <= window.floor)
     rest = ~used & ~outlier & ~clipped & ~faint
     for name, mask, marker, color, fill in (
-        ("", used, "o", INK, "white"),
+        ("used", used, "o", INK, "white"),
         ("outlier, not used", outlier & ~clipped, "X", BASELINE, BASELINE),
         ("clipped", clipped, "s", BASELINE, "white"),
         ("no signal", faint, "v", QUIET, "white"),
@@ -272,14 +225,18 @@ def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, st
             yield name, mask, marker, color, fill
 
 
-def _draw_curves(axes: Axes, report: CalibrationReport, scale: Scale, value: Any, *, named: bool = False) -> None:
-    """Draw all fitted sensor curves and, with `named`, write their names, the best fit first."""
-    curves = [
-        (distance / scale.factor, value(fit, distance), fit.model, *look) for fit, distance, *look in _curves(report)
-    ]
-    for x, y, _, color, style, width in curves:
-        axes.plot(x, y, color=color, linestyle=style, linewidth=width, zorder=3)
-    for i, (x, y, model, color, *_) in enumerate(reversed(curves if named else [])):
-        places = np.roll((np.linspace(0.04, 0.96, 24) * (len(x) - 1)).astype(int), -5 * i)
-        weight = "bold" if i == 0 else "normal"
-        label_near(axes, x[places], np.asarray(y)[places], model, color=color, weight=weight, size=7.5, reach=52.0)
+def _draw_curves(axes: Axes, report: CalibrationReport, scale: Scale, value: Any, *, named: bool = True) -> None:
+    """Draw all fitted curves, the best one on top and first in the legend."""
+    for i, fit in enumerate(report.fits):
+        distance = _distances(fit, report)
+        color, style = CURVES[i % len(CURVES)]
+        width, order = (1.9, 3.2) if i == 0 else (1.1, 3 - 0.01 * i)
+        axes.plot(
+            distance / scale.factor,
+            value(fit, distance),
+            color=color,
+            linestyle=style,
+            linewidth=width,
+            label=fit.model if named else "",
+            zorder=order,
+        )

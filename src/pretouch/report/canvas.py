@@ -1,4 +1,4 @@
-"""A Matplotlib figure that notebooks display without pyplot."""
+"""Define a Matplotlib figure that notebooks display without pyplot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a design: objective and trade-off over the gain, and sensitivities of the optimum."""
+"""Draw the figures of a design: objective and trade-off over the gain, and sensitivities of the optimum."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figure of a drag: its trade-off, and its effect at every speed compared with the letter's optimal gain."""
+"""Draw the figure of a drag design: its trade-off, and its effect at every speed compared with a fixed gain."""
 
 from __future__ import annotations
 

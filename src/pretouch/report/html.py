@@ -76,7 +76,9 @@ def report_html(result: Any, *, calibration: CalibrationReport | None = None, so
         InvalidInputError: `result` is not the result of a verb.
     """
     if not isinstance(result, Described):
-        raise InvalidInputError(f"result: found {result!r}, expected the result of a verb, such as design_gain(task)")
+        raise InvalidInputError(
+            f"result: found {result!r}, expected a result of pretouch, such as the return value of design_gain(task)"
+        )
     page, file = page_of(result), _source(source)
     if calibration is not None:
         page = _with_calibration(page, calibration, result)

@@ -19,6 +19,7 @@ _ALIGN_X: Final[dict[int, Any]] = {1: "left", 0: "center", -1: "right"}
 _ALIGN_Y: Final[dict[int, Any]] = {1: "bottom", 0: "center", -1: "top"}
 _LEADERLESS: Final = 11.0
 _AIR: Final = 1.5
+_CURVE_AIR: Final = 3.0  # pixels between a label and a curve
 _COVERING: Final = 4.0  # cost of covering one more point of a curve
 _BACKGROUND: Final = 0.01  # relative cost of covering a point of a line with zorder below 1
 _REFERENCES_FROM: Final = 1.5  # least zorder of reference lines
@@ -39,12 +40,12 @@ def label_near(
     weight: str = "normal",
     reach: float = 100.0,
     side: int = 1,
-    strict: bool = False,
     marks: list[FloatArray] | None = None,
 ) -> Annotation | None:
-    """Write a label next to a point or a curve, covering no other label and as few curves as possible.
+    """Write a label next to a point or a curve, if a place is free.
 
-    The limits of the axes must be final.
+    A place is free if it touches no text and covers no curve, and no curve separates it from its anchor. Lines with
+    zorder below 1 may be covered. The limits of the axes must be final.
 
     Args:
         axes: the axes.
@@ -56,8 +57,6 @@ def label_near(
         weight: its font weight.
         reach: largest distance from the anchor [pt].
         side: 1 to prefer places above the anchor, -1 to prefer places below.
-        strict: whether to write no label if every place covers a curve, lies behind a curve or touches a text; lines
-            with zorder below 1 are ignored.
         marks: result of `marks_in`, to reuse it for several labels; the leader line is added to it.
 
     Returns:
@@ -67,11 +66,11 @@ def label_near(
     anchors = _display(axes, x, y)
     places, boxes = _candidates(anchors, axes.figure.dpi / 72, *size_of(label), side)
     taken = boxes_in(axes, label)
-    apart = np.array([_WORD_SPACE, 0.0, _WORD_SPACE, 0.0]) if strict else np.zeros(4)
-    free = free_places(axes, boxes, taken + apart * [-1, 0, 1, 0]) & (places[:, 3] <= reach)
+    apart = np.array([-_WORD_SPACE, 0.0, _WORD_SPACE, 0.0])
+    free = free_places(axes, boxes, taken + apart) & (places[:, 3] <= reach)
     marks = marks_in(axes) if marks is None else marks
     every = np.concatenate(marks)
-    choice = _best_place(anchors, places, boxes, every, taken=taken, free=np.flatnonzero(free), strict=strict)
+    choice = _best_place(anchors, places, boxes, every, taken=taken, free=np.flatnonzero(free))
     if choice < 0:
         label.remove()
         return None
@@ -87,16 +86,15 @@ def _best_place(
     *,
     taken: FloatArray,
     free: Any,
-    strict: bool,
 ) -> int:
     """Return the index of the best free place for a label; -1 if no place is free."""
     best, choice = np.inf, -1
     for i in free[np.argsort(places[free, 4], kind="stable")]:
         if places[i, 4] >= best:
             break
-        covered = _covered(boxes[i], marks, 3.0 if strict else 1.0)
+        covered = _covered(boxes[i], marks, _CURVE_AIR)
         cost, anchor = places[i, 4] + _COVERING * covered, anchors[int(places[i, 0])]
-        if cost >= best or (strict and (covered >= 1 or _behind(anchor, boxes[i], places[i, 3], marks))):
+        if cost >= best or covered >= 1 or _behind(anchor, boxes[i], places[i, 3], marks):
             continue
         if not _crosses(anchor, boxes[i], places[i, 3], taken):
             best, choice = cost, int(i)

@@ -1,4 +1,4 @@
-"""Figure of the motion until contact: distance, position, velocity and virtual force over time."""
+"""Draw the motion until contact: distance, position, velocity and virtual force over time."""
 
 from __future__ import annotations
 

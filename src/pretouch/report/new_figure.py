@@ -1,4 +1,4 @@
-"""Make an empty figure; Matplotlib is imported at the first call."""
+"""Create an empty figure, and import Matplotlib at the first call."""
 
 from __future__ import annotations
 

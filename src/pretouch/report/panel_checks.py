@@ -1,4 +1,4 @@
-"""Check the arguments of panels; each message gives the value, what is allowed, and what to do."""
+"""Check the arguments of figure panels, and explain wrong values."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def as_column(values: ArrayLike, name: str) -> FloatArray:
         array = np.asarray(values)
     except ValueError:
         raise InvalidInputError(
-            f"{name}: found values of different shapes, expected a row of numbers, such as [0.0, 1.5, 3.0]"
+            f"{name}: the values have different shapes, expected a list of numbers, such as [0.0, 1.5, 3.0]"
         ) from None
     if array.ndim != 1 or array.dtype.kind not in "iuf":
         what = f"{array.dtype.name} of shape {array.shape}"
-        raise InvalidInputError(f"{name}: found {what}, expected a row of numbers, such as [0.0, 1.5, 3.0]")
+        raise InvalidInputError(f"{name}: found {what}, expected a list of numbers, such as [0.0, 1.5, 3.0]")
     if not len(array):
         raise InvalidInputError(f"{name}: found no values, expected at least one")
     column = np.array(array, dtype=np.float64)
@@ -38,7 +38,7 @@ def as_column(values: ArrayLike, name: str) -> FloatArray:
     if np.isinf(column).any():
         at = int(np.flatnonzero(np.isinf(column))[0])
         raise InvalidInputError(
-            f"{name}: found {column[at]:g} at index {at}, expected finite numbers; use NaN for a missing point"
+            f"{name}: the value at index {at} is {column[at]:g}, expected finite numbers; use NaN for a missing point"
         )
     column.setflags(write=False)
     return column
@@ -48,7 +48,7 @@ def as_number(value: Any, name: str) -> float:
     """Check that a value is one finite number, and return the number."""
     number = finite(value, name)
     if not isinstance(number, float):
-        raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected one number")
+        raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected a single number")
     return number
 
 
@@ -65,7 +65,7 @@ def as_limits(limits: Any, name: str) -> tuple[float, float] | None:
 def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
     """Check that all elements of a sequence are instances of one class, and return the elements."""
     if isinstance(values, kind):
-        raise InvalidInputError(f"{name}: found one {kind.__name__}, expected a list; try [{kind.__name__}(...)]")
+        raise InvalidInputError(f"{name}: found a single {kind.__name__}, expected a list; try [{kind.__name__}(...)]")
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
         raise InvalidInputError(f"{name}: found {short_repr(values)}, expected a list of {kind.__name__}s")
     every = tuple(values)
@@ -85,7 +85,9 @@ def check_ends(low: Any, high: Any, who: str) -> None:
     """Check that lower and upper ends of error bars or bands are both given and in ascending order."""
     if (low is None) != (high is None):
         present, missing = ("high", "low") if low is None else ("low", "high")
-        raise InvalidInputError(f"{who}: found {present} without {missing}, expected both or neither")
+        raise InvalidInputError(
+            f"{who}: the argument {present} is given without {missing}; give both arguments or neither"
+        )
     if low is not None and np.any(low > high):
         at = int(np.flatnonzero(low > high)[0])
         ends = f"low = {low[at]:g} above high = {high[at]:g} at index {at}"
@@ -96,7 +98,8 @@ def check_style(style: Any, who: str) -> None:
     """Check that a line style is an index of the color palette."""
     if style is not None and (isinstance(style, bool) or style not in range(len(CURVES))):
         raise InvalidInputError(
-            f"{who}: found style {style!r}, expected an index of the palette, 0 to {len(CURVES) - 1}, or None"
+            f"{who}: found the style {style!r}, expected an index of the color palette from 0 to "
+            f"{len(CURVES) - 1}, or None"
         )
 
 
@@ -107,15 +110,15 @@ def check_axis(panel: Any, axis: str) -> None:
         for name, values in [*_numbers(panel, axis), (f"{axis}_limits", np.array(ends or ()))]:
             if np.any(values <= 0):
                 raise InvalidInputError(
-                    f"{name}: found {values[values <= 0][0]:g} on a logarithmic axis, expected positive numbers; "
-                    f"use NaN for a missing point, or {axis}_log=False"
+                    f"{name}: found {values[values <= 0][0]:g}, but a logarithmic axis needs positive numbers; "
+                    f"use NaN for a missing point, or set {axis}_log=False"
                 )
     for name, values in _numbers(panel, axis):
         nameless = name.startswith("curve:")
         if ends and not nameless and (np.nanmax(values) < ends[0] or np.nanmin(values) > ends[1]):
             raise InvalidInputError(
-                f"{name}: found {np.nanmin(values):g} to {np.nanmax(values):g}, which lies outside "
-                f"{axis}_limits = ({ends[0]:g}, {ends[1]:g}); widen the limits or remove it"
+                f"{name}: the values from {np.nanmin(values):g} to {np.nanmax(values):g} lie outside "
+                f"{axis}_limits = ({ends[0]:g}, {ends[1]:g}); widen the limits, or remove these values"
             )
 
 

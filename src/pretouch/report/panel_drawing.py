@@ -1,4 +1,4 @@
-"""Draw the curves, bands, points and lines of a panel, and collect the names to write into it."""
+"""Draw the curves, bands, points and lines of a figure panel, and collect the names that label them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw maps in panels: shades, contour lines with numbers, and hatching for missing values."""
+"""Draw maps in figure panels: shades, contour lines with numbers, and hatching for missing values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Descriptions of panels: curves, marks, ranges and maps on axes with units."""
+"""Describe the panels of a figure: curves, marks, ranges and maps on axes with units."""
 
 from __future__ import annotations
 
@@ -78,11 +78,9 @@ class Curve(Value):
         sizes = {name: len(column) for name, column in self.columns()}
         if len(set(sizes.values())) > 1:
             listed = ", ".join(f"{size} values of {name}" for name, size in sizes.items())
-            raise InvalidInputError(f"{who}: found {listed}, expected the same number of each")
+            raise InvalidInputError(f"{who}: found {listed}, expected the same number of values in each")
         if not self.known.any():
-            raise InvalidInputError(
-                f"{who}: found no point whose x and y are both finite, expected at least one; remove the curve"
-            )
+            raise InvalidInputError(f"{who}: this curve has no point with finite x and y; remove the curve")
         check_ends(self.low, self.high, who)
         check_choice(self.kind, _KINDS, f"{who}: kind")
         check_types(self)
@@ -192,7 +190,10 @@ class Map(Value):
         values = np.asarray(self.values, dtype=np.float64)
         if values.shape != (len(y), len(x)) or min(values.shape) < 2 or not np.isfinite(values).any():
             actual = f"{np.isfinite(values).sum()} finite values of shape {values.shape}"
-            expected = f"shape ({len(y)}, {len(x)}) of y and x, at least 2 of each, and at least one finite value"
+            expected = (
+                f"the shape ({len(y)}, {len(x)}) of y and x, with at least 2 numbers each, and at least one finite "
+                "value"
+            )
             raise InvalidInputError(f"map: values: found {actual}, expected {expected}")
         across, up = np.argsort(x), np.argsort(y)
         for name, column in (("x", x[across]), ("y", y[up]), ("values", values[up][:, across])):
@@ -243,8 +244,8 @@ class Panel(Value):
         for name in ("x_label", "y_label", "title")[: 2 if self.map is None else 3]:
             if not _UNIT.search(getattr(self, name)):
                 raise InvalidInputError(
-                    f"{name}: found {getattr(self, name)!r}, expected a unit in brackets, such as 'distance l [mm]', "
-                    "or '[1]' for pure numbers"
+                    f"{name}: found {getattr(self, name)!r}, expected a label with its unit in brackets, such as "
+                    "'distance l [mm]', or '[1]' for pure numbers"
                 )
         for name, kind in (("curves", Curve), ("marks", Mark), ("spans", Span)):
             object.__setattr__(self, name, as_values(getattr(self, name), kind, name))
@@ -260,8 +261,8 @@ class Panel(Value):
         loud = [curve for curve in self.curves if not curve.quiet]
         if any(curve.style is None for curve in loud[len(CURVES) :]):
             raise InvalidInputError(
-                f"curves: found {len(loud)} curves, but only {len(CURVES)} styles exist; use quiet=True for background "
-                "curves, more panels, or style=0...4 to give curves the same style"
+                f"curves: found {len(loud)} curves, but there are only {len(CURVES)} styles; use quiet=True for "
+                "background curves, more panels, or style=0...4 for curves of the same style"
             )
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Figures of a Pareto front, its parameters and its physical bound, and of the admittance design."""
+"""Draw the figures of a Pareto front, of its parameters, and of an admittance design."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import pretty_unit
-from pretouch._core.vocabulary import unit_of, words_for
+from pretouch._core.vocabulary import words_for
 from pretouch.design.admittance_result import AdmittanceDesign
 from pretouch.design.front.dominance import shortfall
 from pretouch.design.front.result import FrontPoint, ParetoFront
@@ -49,7 +49,9 @@ def pareto(front: ParetoFront) -> Figure:
         InvalidInputError: the front is empty.
     """
     if not len(front.gain):
-        raise InvalidInputError(f"front: found a front with status {front.status.value}, expected one with points")
+        raise InvalidInputError(
+            f"front: this Pareto front has no points (status: {front.status.value}), so there is nothing to draw"
+        )
     pairs = list(combinations(range(len(front.quantities)), 2))
     panels = [_plane(front, *pair) for pair in pairs]
     if front.comparison is not None and np.isfinite(front.comparison.least_excursion).any():
@@ -114,7 +116,7 @@ def admittance(design: AdmittanceDesign) -> Figure:
 def _plane(front: ParetoFront, i: int, k: int) -> Panel:
     """Return the plot of a Pareto front over two quantities, with dominated points in the background."""
     names = front.quantities[i], front.quantities[k]
-    across, up = (_scale(name, _all_values(front, name)) for name in names)
+    across, up = (_scale(front, name, _all_values(front, name)) for name in names)
     x, y = front.of(names[0]) / across.factor, front.of(names[1]) / up.factor
     curves = []
     dominated = _dominated(front, i, k) / [across.factor, up.factor]
@@ -125,8 +127,8 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
     else:
         curves.append(Curve(x=x, y=y, label="Pareto front", kind="points", style=0))
     return Panel(
-        x_label=f"{words_for(names[0])} [{across.unit}]",
-        y_label=f"{words_for(names[1])} [{up.unit}]",
+        x_label=f"{front.number.entry(names[0]).words} [{across.unit}]",
+        y_label=f"{front.number.entry(names[1]).words} [{up.unit}]",
         title="Trade-off",
         curves=curves,
         marks=[
@@ -176,7 +178,7 @@ def _bound(front: ParetoFront) -> Panel:
 def _parameters(front: ParetoFront) -> Iterator[Panel]:
     """Yield a plot of each free parameter along the Pareto front."""
     name = front.quantities[0]
-    scale = _scale(name, front.of(name))
+    scale = _scale(front, name, front.of(name))
     x = front.of(name) / scale.factor
     order = np.argsort(x, kind="stable")
     sign, minus = (-1.0, "\u2212") if front.bounds[1] <= 0 else (1.0, "")
@@ -191,7 +193,7 @@ def _parameters(front: ParetoFront) -> Iterator[Panel]:
         else:
             curve = Curve(x=x[order], y=values[order], kind="points", style=0)
         yield Panel(
-            x_label=f"{words_for(name)} [{scale.unit}]",
+            x_label=f"{n.entry(name).words} [{scale.unit}]",
             y_label=f"{label} [{unit or '1'}]",
             title="Parameters along the front",
             curves=[curve],
@@ -210,8 +212,8 @@ def _all_values(front: ParetoFront, name: str) -> FloatArray:
     return np.concatenate(parts)
 
 
-def _scale(name: str, values: FloatArray) -> Scale:
-    return scale_for(unit_of(name), float(np.abs(values).max()))
+def _scale(front: ParetoFront, name: str, values: FloatArray) -> Scale:
+    return scale_for(front.number.entry(name).unit, float(np.abs(values).max()))
 
 
 def _is_curve(front: ParetoFront) -> bool:

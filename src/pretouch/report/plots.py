@@ -1,10 +1,32 @@
-"""All figures, by short names such as `plots.motion(design)`; each is imported when it is first used.
+"""All figures, by short names such as `plots.motion(design)`; `Picture` names figures in the same way."""
 
-The stub plots.pyi lists them. A `Picture` of a page refers to its figure by the same name.
-"""
+from .calibration_figures import calibration
+from .design_figures import sensitivity, trade_off
+from .drag_figures import drag
+from .motion_figures import motion, sampled_motion
+from .pareto_figures import admittance, pareto
+from .robust_figures import outcome, price, robust
+from .simulation_figures import simulation
+from .sweep_figures import sweep
+from .verdict_figures import verdict, verdict_run
+from .verdict_gains import verdict_gain, verdict_stability
 
-from __future__ import annotations
-
-from pretouch._core.lazy_names import lazy_names
-
-__getattr__, __dir__ = lazy_names(__name__)
+__all__ = [
+    "admittance",
+    "calibration",
+    "drag",
+    "motion",
+    "outcome",
+    "pareto",
+    "price",
+    "robust",
+    "sampled_motion",
+    "sensitivity",
+    "simulation",
+    "sweep",
+    "trade_off",
+    "verdict",
+    "verdict_gain",
+    "verdict_run",
+    "verdict_stability",
+]

@@ -1,4 +1,4 @@
-"""Figures of a robust design: measure over the gain, distributions of results, and value of information."""
+"""Draw the figures of a robust design: the objective over the gain, and distributions of results."""
 
 from __future__ import annotations
 

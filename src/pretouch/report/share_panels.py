@@ -1,4 +1,4 @@
-"""Panels of cumulative distributions: the share of runs in which a quantity stays below a value."""
+"""Draw cumulative distributions: the share of runs in which a quantity stays below a value."""
 
 from __future__ import annotations
 

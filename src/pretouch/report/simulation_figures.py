@@ -1,4 +1,4 @@
-"""Figure of a simulated encounter, compared with the prediction and with the run without mitigation."""
+"""Draw a simulated encounter, compared with the prediction and with the run without mitigation."""
 
 from __future__ import annotations
 

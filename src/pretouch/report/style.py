@@ -1,4 +1,4 @@
-"""Style of all figures: colors, fonts, units, ticks and reproducible output.
+"""Define the style of all figures: colors, fonts, units, ticks and reproducible output.
 
 Matplotlib is imported only when a figure is drawn.
 """
@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import StringIO
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import pretty_unit
@@ -205,8 +207,9 @@ def draw_svg(figure: Figure, name: str) -> str:
     if len(panels) < 2:
         return whole
     # a narrow screen shows the panels one below the other: views of the same drawing
+    use = f'<use href="#{name}-all"/>'
     views = (
-        f'<svg viewBox="{x:.1f} {y:.1f} {w:.1f} {h:.1f}" style="max-width: {w:.0f}pt"><use href="#{name}-all"/></svg>'
+        f'<svg viewBox="{x:.1f} {y:.1f} {w:.1f} {h:.1f}" style="max-width: {w:.0f}pt">{use}</svg>'
         for x, y, w, h in panels
     )
     return f'<div class="whole">{whole}</div>\n<div class="panels">{"".join(views)}</div>'
@@ -216,27 +219,26 @@ def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
     """Return the position and the size [pt] of each plot in a figure with several columns."""
     # x, y (from the top), width and height
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - loaded with Matplotlib
+    from matplotlib.transforms import Bbox  # noqa: PLC0415
 
+    parts = [part for part in (*figure.legends, *figure.axes) if part.get_visible()]
+    if all(axes.get_position().width > _WIDE for axes in figure.axes):  # a single column
+        return []
     canvas: Any = FigureCanvasAgg(figure)
-    renderer, scale = canvas.get_renderer(), 72 / figure.dpi
-    height = 72 * figure.get_figheight()
-    boxes: list[list[float]] = []
-    for part in (*figure.legends, *figure.axes):
-        box = part.get_tightbbox(renderer)
-        if box is None or not part.get_visible():
-            continue
-        x0, y0, x1, y1 = (scale * value for value in (box.x0, box.y0, box.x1, box.y1))
-        for known in boxes:  # axes that overlap, such as twins and insets, are one panel
-            if min(x1, known[2]) - max(x0, known[0]) > _OVERLAP * min(x1 - x0, known[2] - known[0]) and min(
-                y1, known[3]
-            ) - max(y0, known[1]) > _OVERLAP * min(y1 - y0, known[3] - known[1]):
-                known[:] = [min(x0, known[0]), min(y0, known[1]), max(x1, known[2]), max(y1, known[3])]
+    boxes: list[Bbox] = []
+    for box in filter(None, (part.get_tightbbox(canvas.get_renderer()) for part in parts)):
+        for i, other in enumerate(boxes):  # axes that overlap, such as twins and insets, are one panel
+            common = Bbox.intersection(box, other)
+            if common is not None and (common.size > _OVERLAP * np.minimum(box.size, other.size)).all():
+                boxes[i] = Bbox.union([box, other])
                 break
         else:
-            boxes.append([x0, y0, x1, y1])
-    if all(box[2] - box[0] > _WIDE * 72 * figure.get_figwidth() for box in boxes):  # a single column
-        return []
-    return [(x0 - 2, height - y1 - 2, x1 - x0 + 4, y1 - y0 + 4) for x0, y0, x1, y1 in boxes]
+            boxes.append(box)
+    scale, height = 72 / figure.dpi, 72 * figure.get_figheight()
+    return [
+        (scale * box.x0 - 2, height - scale * box.y1 - 2, scale * box.width + 4, scale * box.height + 4)
+        for box in boxes
+    ]
 
 
 def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
@@ -292,8 +294,6 @@ def log_ticks(low: float, high: float, most: int = 7) -> list[float]:
 
 def span(values: FloatArray, pad: float = 0.06) -> tuple[float, float]:
     """Return axis limits that contain all finite values, with a margin."""
-    import numpy as np  # noqa: PLC0415
-
     finite = values[np.isfinite(values)]
     if not len(finite):
         return 0.0, 1.0

@@ -1,4 +1,4 @@
-"""Figures of a sweep: curves, families of curves and maps."""
+"""Draw the figures of a sweep: curves, families of curves and maps."""
 
 from __future__ import annotations
 
@@ -51,12 +51,16 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
     dims = [str(dim) for dim in flat["status"].dims]
     if len(dims) not in {1, 2}:
         raise InvalidInputError(
-            f"dataset: found {len(dims)} axes of more than one value, expected one or two; select values of the others "
-            "first, for example with dataset.sel({'gain': -0.7}, method='nearest')"
+            "dataset: a figure needs one or two axes with more than one value, but this dataset has "
+            f"{len(dims)}; select values of the other axes first, for example with dataset.sel({{'gain': -0.7}}, "
+            "method='nearest')"
         )
     for name in names:
         if not bool(np.isfinite(flat[name].values).any()):
-            raise InvalidInputError(f"{name}: found no encounter with a value, expected at least one; see status")
+            raise InvalidInputError(
+                f"{name}: no encounter of this sweep has a value, so there is nothing to draw; the variable status "
+                "says why"
+            )
     if len(dims) == 1:
         return panel_figure(*(_panel(flat, name, dims[0], None) for name in names))
     few = any(flat.sizes[dim] <= len(CURVES) for dim in dims)
@@ -70,7 +74,8 @@ def _axis(flat: xr.Dataset | xr.DataArray, dim: str) -> tuple[FloatArray, Scale,
     scale = _scale(flat[dim], values)
     name = words_for(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"
     if dim == "gain":  # of the letter's law, or of another law, whose name is in long_name
-        name = str(flat[dim].attrs.get("long_name", name)).replace("gain", "gain D_p")
+        name = str(flat[dim].attrs.get("long_name", name))
+        name = "gain D_p" if name == "gain" else name
     return values / scale.factor, scale, f"{name} [{scale.unit or '1'}]"
 
 
@@ -83,7 +88,7 @@ def _scale(variable: Any, values: FloatArray) -> Scale:
 def _label(variable: Any, scale: Scale, *, short: bool = False) -> str:
     name, long_name = str(variable.name), str(variable.attrs.get("long_name", "gain"))
     q = QUANTITIES[name]
-    if name == "gain" and q.words not in long_name:  # the number of another law
+    if name == "gain" and long_name not in {"gain", "optimal gain"}:  # the number of another law
         return f"{long_name} [{scale.unit or '1'}]"
     words = f"optimal {q.words}" if name == "gain" else q.words
     return f"{words} {'' if short else q.symbol} [{scale.unit or '1'}]".replace("  ", " ")

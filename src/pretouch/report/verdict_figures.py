@@ -1,4 +1,4 @@
-"""Figures of a verdict: distributions of the simulated runs, and two runs compared with the prediction."""
+"""Draw the distributions of simulated runs, and compare two single runs with the prediction."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
+from pretouch.design.quantities import size_of
 from pretouch.motion import ContactResult
 from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict
@@ -89,7 +90,7 @@ def _magnitudes(verdict: Verdict, name: str, result: SimulationResult | None, ga
     """Return the magnitude of a quantity in every run; NaN without contact."""
     if result is None or gain is None:
         return np.empty(0)
-    values = np.abs(simulated_quantity(name, result, gain, verdict.loop, verdict.design.impact))
+    values = size_of(name, simulated_quantity(name, result, gain, verdict.loop, verdict.design.impact))
     return np.where(result.touched & np.isfinite(values), values, np.nan)
 
 

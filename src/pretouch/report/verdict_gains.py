@@ -1,4 +1,4 @@
-"""Figures of a verdict over the gain: stability limit at each distance, and objective on the loop."""
+"""Draw the stability limit at each distance, and the simulated objective over the gain."""
 
 from __future__ import annotations
 

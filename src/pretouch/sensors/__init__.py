@@ -1,4 +1,4 @@
-"""Sensor curves. A curve provides ln xi(l) and its slope g(l); the rest of pretouch uses only these two."""
+"""Define sensor curves by two functions of the distance: ln xi (log output) and its slope g."""
 
 from .conformance import LawCheck, SensorConformance, check_sensor
 from .custom import CustomSensor

@@ -1,4 +1,4 @@
-"""Check that a sensor curve obeys the laws on which the rest of pretouch relies."""
+"""Check that a sensor curve meets the assumptions of pretouch, such as an output that falls with distance."""
 
 from __future__ import annotations
 
@@ -145,8 +145,8 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
         verified = _verified_reach(sensor)
     except TypeError:  # the curve cannot be hashed
         raise InvalidInputError(
-            f"sensor: found a {type(innermost(sensor)).__name__} with a field that cannot be hashed, such as a list, "
-            "expected a frozen dataclass of numbers, strings and tuples"
+            f"sensor: the class {type(innermost(sensor)).__name__} has a field that cannot be hashed, such as a "
+            "list; use a frozen dataclass of numbers, strings and tuples"
         ) from None
     low, high = sensor.valid_range
     low, high = max(low, 0.0), min(farthest, high)
@@ -156,7 +156,7 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
         fault = _fault(sensor, np.linspace(low, high, _PROBES))
     if fault is not None:
         name = sensor.name or type(sensor).__name__
-        raise InvalidInputError(f"sensor: the {name} curve breaks a law of sensor curves: {fault}")
+        raise InvalidInputError(f"sensor: the {name} curve is not a valid sensor curve: {fault}")
     verified[0] = high
 
 
@@ -170,7 +170,10 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
     """Describe the first law that a sensor curve breaks at the given distances, or return None."""
     obstacle = _evaluation_obstacle(sensor, distance)
     if obstacle is not None:
-        return f"found {obstacle}, expected functions that take distances of any shape and return that shape"
+        return (
+            f"found {obstacle}, but the functions of a curve must accept distances of any shape and return the same "
+            "shape"
+        )
     log_output, slope = sensor.log_output(distance), sensor.log_slope(distance)
     functions = (("ln xi", "", log_output, sensor.log_output), ("a slope", " 1/m", slope, sensor.log_slope))
     for what, unit, values, function in functions:
@@ -185,8 +188,8 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
         i = int(np.abs(again - values).argmax())
         if abs(again[i] - values[i]) > _ROUNDED * np.abs(values).max():
             return (
-                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, and {again[i]:g}{unit} in a second call; "
-                "the same distance must give the same number"
+                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, but {again[i]:g}{unit} in a second "
+                "call; a curve must always return the same number for the same distance"
             )
     return _wrong_direction(sensor, distance, slope) or _contradiction(sensor, distance)
 
@@ -198,9 +201,9 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
         return "found a slope of 0 1/m at every distance, which must be negative: the output is constant"
     if slope[i] > _ROUNDED * steepest:
         return (
-            f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, which must not be positive: the output of a "
-            "sensor falls with the distance; limit the curve to its falling part by minimum_distance or "
-            "maximum_distance, or recess the sensor behind the surface by Recessed"
+            f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, which must not be positive, because the "
+            "output of a sensor falls with the distance. Limit the curve to its falling part by minimum_distance "
+            "or maximum_distance, or recess the sensor behind the surface by Recessed"
         )
     constant = sensor.constant_log_slope
     if constant is None:
@@ -209,8 +212,8 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
     if abs(slope[i] - constant) <= _ROUNDED * steepest:
         return None
     return (
-        f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, which must be the constant_log_slope of "
-        f"{constant:g} 1/m that the curve declares"
+        f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, but the curve declares a constant_log_slope of "
+        f"{constant:g} 1/m"
     )
 
 
@@ -236,8 +239,9 @@ def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
     i = int(np.abs(change - integral).argmax())
     width = right[i] - left[i]
     return (
-        f"found a slope of {integral[i] / width:.5g} 1/m from {left[i]:.5g} m to {right[i]:.5g} m, where ln xi changes "
-        f"by {change[i] / width:.5g} 1/m; the slope must be the derivative of ln xi within 0.1 %"
+        f"found a slope of {integral[i] / width:.5g} 1/m on average from {left[i]:.5g} m to {right[i]:.5g} m, "
+        f"but ln xi changes by {change[i] / width:.5g} 1/m there; the slope must be the derivative of ln xi "
+        "within 0.1 %"
     )
 
 

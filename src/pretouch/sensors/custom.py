@@ -1,4 +1,4 @@
-"""A sensor curve defined by two user functions, ln xi(l) and g(l)."""
+"""Define a sensor curve by two user functions, one for ln xi (log output) and one for its slope g."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The exponential curves with a polynomial of first order, L(5), or of second order, L(6), in the exponent."""
+"""Define the exponential sensor curves of first and second order."""
 
 from __future__ import annotations
 
@@ -191,8 +191,9 @@ class ExponentialSecondOrder(SensorModel):
         low, high = self.valid_range
         if not low < high:
             raise InvalidInputError(
-                f"minimum_distance: found {self.minimum_distance:g} m, which must lie below the turning point of "
-                f"the curve at {self.turning_point:g} m, beyond which its slope has the wrong sign"
+                f"minimum_distance: found {self.minimum_distance:g} m, expected a distance below the turning "
+                f"point of the curve at {self.turning_point:g} m, because the slope has the wrong sign beyond "
+                "this point"
             )
 
     @property

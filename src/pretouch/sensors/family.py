@@ -1,4 +1,4 @@
-"""Curve families: sensor curves in parameters that suit a fit, and their conversion to the curve's own parameters.
+"""Describe curve families for fitting: sensor curves in parameters that suit a numerical fit.
 
 The first fit parameter is ln xi in the middle of the calibration window, l_m, where the readings determine it best.
 """

@@ -1,4 +1,4 @@
-"""The inverse power curve, L(3), and its family for fits."""
+"""Define the inverse power curve, the usual curve of optical proximity sensors, and how to fit it."""
 
 from __future__ import annotations
 
@@ -110,9 +110,9 @@ class _InversePowerFamily(Family):
             return ()
         at, low = format_quantity(self.middle, "m"), parameters["exponent"].low
         return (
-            f"The readings determine only n / (l_0 + {at}) = {-slope.value:.4g} 1/m, the slope in the middle of the "
-            f"window. n and l_0 can grow together without bound (n is above {low:.3g}), and an exponential fits as "
-            "well.",
+            f"The readings determine only the slope in the middle of the usable range, n / (l_0 + {at}) = "
+            f"{-slope.value:.4g} 1/m. The exponent n and the distance l_0 can grow together without bound (n is "
+            f"above {low:.3g}), so an exponential curve fits equally well.",
         )
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
@@ -121,8 +121,9 @@ class _InversePowerFamily(Family):
             return ()
         verb = "require" if exponent.high < _POINT_SOURCE else "allow"
         return (
-            f"The readings {verb} an exponent of {exponent.value:.3g}, below the 2 of a point light source. A large "
-            "object or a row of emitters can cause such a slow decay. So can an offset that was not subtracted.",
+            f"The readings {verb} an exponent of {exponent.value:.3g}, although a point light source has an "
+            "exponent of 2. A large object, a row of emitters, or an offset that was not subtracted can cause "
+            "such a slow decay.",
         )
 
 
@@ -155,8 +156,8 @@ class InversePower(SensorModel):
         offset = self.distance_offset
         if not self.minimum_distance + offset > 0:
             raise InvalidInputError(
-                f"distance_offset: found {offset:g} m, which must exceed {-self.minimum_distance:g} m, minus the "
-                "minimum distance; otherwise the output is infinite inside the valid range"
+                f"distance_offset: found {offset:g} m, expected more than {-self.minimum_distance:g} m (the "
+                "negative minimum_distance), because the output is otherwise infinite inside the valid range"
             )
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:

@@ -1,4 +1,4 @@
-"""The one-parameter Mittag-Leffler curve, a generalization of the exponential cited by the letter as [20]."""
+"""Define the one-parameter Mittag-Leffler sensor curve, a generalization of the exponential curve."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def mittag_leffler(
         wrong = orders[~((orders > 0) & (orders <= 1))][0]
         raise InvalidInputError(f"order: found {wrong:g}, which must lie in (0, 1]")
     if not (z <= 0).all():
-        raise InvalidInputError(f"argument: found {float(z[~(z <= 0)].flat[0]):g}, which must not be positive")
+        raise InvalidInputError(f"argument: found {float(z[~(z <= 0)].flat[0]):g}, expected 0 or a negative number")
     rows = z.reshape(len(orders), -1)
     value, derivative = np.empty_like(rows), np.empty_like(rows)
     count = max(1, _CHUNK // max(rows.shape[1], 1))
@@ -167,8 +167,8 @@ class _MittagLefflerFamily(Family):
         if order.high < 1:
             return ()
         return (
-            "The order does not differ significantly from 1, the value of a first-order exponential "
-            f"(95 % interval from {order.low:.3g} to 1).",
+            f"The order does not differ significantly from 1 (95 % interval from {order.low:.3g} to 1), and an "
+            "order of 1 is a first-order exponential curve.",
         )
 
 
@@ -201,7 +201,8 @@ class MittagLeffler(SensorModel):
         SensorModel.__post_init__(self)
         if self.minimum_distance < 0:
             raise InvalidInputError(
-                f"minimum_distance: found {self.minimum_distance:g} m, which must not be negative for this curve"
+                f"minimum_distance: found {self.minimum_distance:g} m, but this curve cannot start at a negative "
+                "distance"
             )
 
     @property

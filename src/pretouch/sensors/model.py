@@ -1,4 +1,4 @@
-"""Base class of sensor curves: ln xi(l), its slope g(l), and the distances at which they are valid."""
+"""Define the base class of sensor curves: ln xi (log output), its slope g, and the valid distances."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class SensorModel(ABC):
         check_types(self)
         if not low < high:
             raise InvalidInputError(
-                f"maximum_distance: found {high:g} m, which must exceed minimum_distance ({low:g} m)"
+                f"maximum_distance: found {high:g} m, expected more than minimum_distance, which is {low:g} m"
             )
 
     @abstractmethod
@@ -207,8 +207,8 @@ class SensorModel(ABC):
             low, high = self.valid_range
             outside = float(np.atleast_1d(values)[~np.atleast_1d(inside)][0])
             raise OutOfRangeError(
-                f"distance: found {outside:g} m, outside the range of the {self.name or type(self).__name__} curve; "
-                f"the curve is valid from {low:g} m to {high:g} m"
+                f"distance: found {outside:g} m, but the {self.name or type(self).__name__} curve is valid only "
+                f"from {low:g} m to {high:g} m"
             )
         return values
 
@@ -216,8 +216,8 @@ class SensorModel(ABC):
         result = np.asarray(values, dtype=np.float64)
         if result.shape != np.shape(distance):
             raise InvalidInputError(
-                f"sensor: the {self.name or type(self).__name__} curve returned the shape {result.shape} for distances "
-                f"of the shape {np.shape(distance)}, expected the same shape"
+                f"sensor: the {self.name or type(self).__name__} curve returned an array of shape {result.shape} "
+                f"for distances of shape {np.shape(distance)}, expected the same shape"
             )
         return float(result) if result.ndim == 0 else result
 
@@ -227,7 +227,9 @@ def _distances(distance: ArrayLike) -> FloatArray:
     values = np.asarray(distance)
     if values.dtype.kind == "f" or are_numbers(distance):
         return np.asarray(values, dtype=np.float64)
-    raise InvalidInputError(f"distance: found {short_repr(distance)}, expected a number or an array of numbers in m")
+    raise InvalidInputError(
+        f"distance: found {short_repr(distance)}, expected a number or an array of numbers in meters"
+    )
 
 
 def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
@@ -244,7 +246,7 @@ def _number(value: Any, name: str, unit: str) -> float:
     """Check that a value is a single finite number, and return it as a float."""
     number = finite(value, name, unit)
     if not isinstance(number, float):
-        raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected one number")
+        raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected a single number")
     return number
 
 

@@ -1,4 +1,4 @@
-"""A sensor that is mounted behind the contact surface."""
+"""Describe a sensor that is mounted behind the contact surface."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ class Recessed(SensorModel):
         object.__setattr__(self, "maximum_distance", min(farthest, high - recess))
         if not self.maximum_distance > 0:
             raise InvalidInputError(
-                f"recess: found {recess:g} m, which leaves no distance in front of the contact surface: "
-                f"the {self.sensor.name} curve ends at {high:g} m; choose a smaller recess"
+                f"recess: found {recess:g} m, but the {self.sensor.name} curve already ends at {high:g} m, so no "
+                "distance in front of the contact surface remains; choose a smaller recess"
             )
         SensorModel.__post_init__(self)
 
@@ -113,3 +113,13 @@ class Recessed(SensorModel):
         """Return distances from the sensor's own zero, limited to the valid range because sums are rounded."""
         low, high = self.sensor.valid_range
         return np.clip(distance + self.recess, low, high)
+
+
+def recess_in_words(nearest: float) -> str:
+    """Return the recess that puts contact where a curve starts [m from the sensor's zero], rounded up to whole um.
+
+    Examples:
+        >>> recess_in_words(0.0075), recess_in_words(0.0123441)
+        ('7.5 mm', '12.345 mm')
+    """
+    return f"{math.ceil(1e6 * nearest * (1 - 1e-12)) / 1e3:.10g} mm"

@@ -1,9 +1,11 @@
-"""Registry of the sensor curves that files and fits may name."""
+"""List the sensor curves that scenario files and fits can select by name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Final
+
+from pretouch._core.extensions import Extensions, kind_problem
 
 from .custom import CustomSensor
 from .model import SensorModel
@@ -39,6 +41,20 @@ def sensor_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, t
     for composed in (CustomSensor, PiecewiseCubic, Recessed):
         curves.pop(composed.name, None)
     return {name: curve for name, curve in curves.items() if not fitted or _is_fitted(curve)}
+
+
+CURVE_KINDS: Final = Extensions(
+    group="pretouch.sensors",
+    built_in=sensor_curves,
+    problem=kind_problem(SensorModel, "pretouch.SensorModel"),
+)
+"""The curves that files and fits may name: those of pretouch, and those of installed packages."""
+
+
+def find_curve(name: str) -> type[SensorModel] | None:
+    """Return the curve of a name: built in, defined by the calling program, or of an installed package; else None."""
+    curve: type[SensorModel] | None = sensor_curves(foreign=True).get(name) or CURVE_KINDS.find(name)
+    return curve
 
 
 def _subclasses(cls: type[SensorModel]) -> Iterator[type[SensorModel]]:

@@ -1,4 +1,4 @@
-"""Derivatives of sensor curves with respect to their parameters, and similarity of curves under scaling."""
+"""Describe how sensor curves change with their parameters, and which curves are scaled copies of another."""
 
 from __future__ import annotations
 
@@ -107,5 +107,5 @@ def _by_differences(sensor: Any, name: str) -> SlopeSensitivity:
 
         return slope
     raise InvalidInputError(
-        f"{name}: found {value:g}, where the curve has no derivative, since nearby values are invalid: {error}"
+        f"{name}: the curve has no derivative at {value:g}, because nearby values are invalid: {error}"
     )

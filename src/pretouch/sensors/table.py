@@ -1,4 +1,4 @@
-"""Sensor curves through given points: a monotone table, and piecewise cubic polynomials."""
+"""Define sensor curves through given points: a monotone table, and piecewise cubic polynomials."""
 
 from __future__ import annotations
 
@@ -46,14 +46,15 @@ class Table(SensorModel):
         outputs = _column(positive(self.outputs, "outputs"), "outputs")
         if len(distances) != len(outputs):
             raise InvalidInputError(
-                f"outputs: found {len(outputs)} values for {len(distances)} distances, expected one value per distance"
+                f"outputs: found {len(outputs)} values for {len(distances)} distances, expected one output for "
+                "each distance"
             )
         for name, column, sign in (("distances", distances, 1), ("outputs", outputs, -1)):
             wrong = np.flatnonzero(sign * np.diff(column) <= 0)
             if len(wrong):
                 i = int(wrong[0])
                 raise InvalidInputError(
-                    f"{name}: found {column[i]:g} followed by {column[i + 1]:g}; a table must be strictly "
+                    f"{name}: found {column[i]:g} followed by {column[i + 1]:g}, but a table must be strictly "
                     f"{'increasing in distance' if sign > 0 else 'decreasing in output: smooth or fit it first'}"
                 )
         low, high = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
@@ -124,8 +125,9 @@ class PiecewiseCubic(SensorModel):
         slopes = np.asarray(finite(self.slopes, "slopes", "1/m"))
         if len(levels) != len(distances) or slopes.shape != (len(distances) - 1, 2) or (np.diff(distances) <= 0).any():
             raise InvalidInputError(
-                f"distances: found {len(distances)} with {len(levels)} log_outputs and slopes of shape {slopes.shape}, "
-                "expected strictly increasing distances, one log_output per distance, and two slopes per interval"
+                f"distances: found {len(distances)} distances, {len(levels)} log_outputs, and slopes of shape "
+                f"{slopes.shape}; expected strictly increasing distances, one log_output per distance, and two "
+                "slopes per interval"
             )
         object.__setattr__(self, "distances", tuple(distances.tolist()))
         object.__setattr__(self, "log_outputs", tuple(levels.tolist()))

@@ -1,4 +1,4 @@
-"""Simulate the sampled loop (sensor chain, controller, plant, contact), and find out when it is stable."""
+"""Simulate the sampled loop of sensor, controller, robot and contact, and compute when it is stable."""
 
 from .chain import LoopTiming, SensorChain, chain_of_fit, timing_of
 from .closed_loop import ClosedLoop
@@ -8,6 +8,7 @@ from .result import LoopTrace, SimulationResult
 from .robot import ContactModel, HuntCrossley, IdealPlant, ImpedancePlant, PlantModel, PositionPlant, SpringDamper
 from .speed import SpeedLimit, speed_limit
 from .stability import DampingLimit, GainLimit, gain_limit, largest_damping, lowest_rate
+from .state_space import LinearPlant, StateSpace, StateSpacePlant
 
 __all__ = [
     "PARTS",
@@ -18,6 +19,7 @@ __all__ = [
     "HuntCrossley",
     "IdealPlant",
     "ImpedancePlant",
+    "LinearPlant",
     "LoopTiming",
     "LoopTrace",
     "PlantModel",
@@ -27,6 +29,8 @@ __all__ = [
     "SimulationResult",
     "SpeedLimit",
     "SpringDamper",
+    "StateSpace",
+    "StateSpacePlant",
     "chain_of_fit",
     "gain_limit",
     "largest_damping",

@@ -1,4 +1,4 @@
-"""The sensor chain, which turns distances into delayed and noisy readings, and the timing of a sampled loop.
+"""Model the sensor chain, which turns distances into delayed, noisy readings, and the timing of the loop.
 
 The stability of a loop depends on the motion and on its timing: when it samples, when its force acts, and for how long.
 """
@@ -98,25 +98,25 @@ class SensorChain:
                 "Hz, expected at most one period"
             )
         if self.random_phase and self.phase:
-            raise InvalidInputError(f"phase: found {self.phase:g} s and random_phase = true, expected only one of them")
+            raise InvalidInputError(
+                f"phase: found {self.phase:g} s together with random_phase = true; remove one of these two arguments"
+            )
         if self.jitter > self.period / 4:
             raise InvalidInputError(
-                f"jitter: found {self.jitter:g} s, more than a quarter of the period of {self.period:g} s, expected "
-                "less"
+                f"jitter: found {self.jitter:g} s, expected at most a quarter of the period of {self.period:g} s"
             )
         if not self.lowest < self.highest:
             raise InvalidInputError(
-                f"highest: found {self.highest:g}, which must exceed the lowest reading ({self.lowest:g})"
+                f"highest: found {self.highest:g}, expected a number above the lowest reading, {self.lowest:g}"
             )
         if not self.dropout < 1:
             raise InvalidInputError(
-                f"dropout: found {self.dropout:g}, which must be below 1, or no reading would arrive"
+                f"dropout: found {self.dropout:g}, expected a number below 1, because otherwise no reading arrives"
             )
         if self.misfit and not self.misfit_length:
             raise InvalidInputError(
-                f"misfit_length: found 0 m with a misfit of {self.misfit:g}, expected the correlation length of the "
-                "misfit, "
-                'such as "5 mm"'
+                f"misfit_length: a misfit of {self.misfit:g} needs its correlation length along the distance, "
+                'such as "5 mm", but found 0 m'
             )
         if (self.distance_noise or self.distance_resolution) and not self.measures_distance:
             raise InvalidInputError(
@@ -245,14 +245,13 @@ class LoopTiming:
             )
         if self.delay_range > self.delay * (1 + 1e-9):
             raise InvalidInputError(
-                f"delay_range: found {self.delay_range:g} s, more than the delay of {self.delay:g} s, expected at "
-                "most the delay"
+                f"delay_range: found {self.delay_range:g} s, expected at most the delay of {self.delay:g} s"
             )
         shortest = self.delay - self.delay_range
         if shortest < self.exposure / 2 * (1 - 1e-9):
             raise InvalidInputError(
-                f"delay: found {shortest:g} s, less than half of the exposure of {self.exposure:g} s, expected at "
-                "least that, because the delay counts from the middle of the exposure"
+                f"delay: found {shortest:g} s, expected at least half of the exposure of {self.exposure:g} s, "
+                "because the delay counts from the middle of the exposure"
             )
 
     @property
@@ -345,7 +344,8 @@ def _sections(sections: Any) -> tuple[tuple[float, ...], ...]:
     for row in rows:
         if len(row) != 6 or not all(map(math.isfinite, row)) or row[3] == 0:
             raise InvalidInputError(
-                f"sections: found the row {row}, expected finite b0, b1, b2, a0, a1, a2 with a0 not 0"
+                f"sections: found the row {row}, expected six finite numbers b0, b1, b2, a0, a1, a2 with a0 not "
+                "equal to 0"
             )
     return tuple(tuple(v / row[3] for v in row) for row in rows)
 

@@ -1,4 +1,4 @@
-"""A sampled loop that runs encounters with any gain, and the report sections that describe it."""
+"""Combine sensor chain, controller, robot and contact into a loop that runs encounters with any gain."""
 
 from __future__ import annotations
 
@@ -174,8 +174,8 @@ class ClosedLoop:
         law: Any = self.law
         if not isinstance(law, Controller):
             raise InvalidInputError(
-                f"stability: found a law of the class {type(law).__name__}, expected a Controller, whose timing is "
-                "known"
+                f"stability: found a law of the class {type(law).__name__}, but stability limits need a "
+                "Controller, because its timing is known"
             )
         continuous, assumed = continuous_law(law.law), law.law.value if value is None else value
         distance, velocity = passage(continuous, scenario, sensor, assumed, float(scenario.distance))
@@ -206,8 +206,9 @@ class ClosedLoop:
         low, high = max(bounds[0], -abs(strongest)), min(bounds[1], abs(strongest))
         if not low < high:
             raise InvalidInputError(
-                f"stability_margin: found {margin:g}, which allows {n.name}s up to {strongest:.4g} {n.unit}, but "
-                f"[gain] has bounds from {bounds[0]:g} to {bounds[1]:g} {n.unit}; choose a smaller margin, weaker "
+                f"stability_margin: found {margin:g}, which at a sensor rate of {self.chain.rate:g} Hz allows "
+                f"{n.name}s up to {strongest:.4g} {n.unit}, but [gain] has bounds "
+                f"from {bounds[0]:g} to {bounds[1]:g} {n.unit}; choose a smaller margin, weaker "
                 f"{n.name}s, a faster sensor or a larger virtual mass"
             )
         return low, high
@@ -231,7 +232,8 @@ class ClosedLoop:
         except ValueError:
             shapes = f"{scenario.shape} and {len(sensors)} sensors" if each else f"{scenario.shape}"
             raise InvalidInputError(
-                f"gain: found shape {gains.shape}, which does not broadcast with {shapes}"
+                f"gain: the shape {gains.shape} of the gains does not broadcast with the shape of the "
+                f"encounters, {shapes}"
             ) from None
         first = () if runs is None else (runs_of(runs),)
         between = (1,) * (len(shape) - len(several))  # axes between the one of the runs and those of the scenario
@@ -269,13 +271,13 @@ class ClosedLoop:
             in_scenario, in_law = getattr(scenario.admittance, name), getattr(admittance, name, None)
             if np.ndim(in_scenario):
                 raise InvalidInputError(
-                    f"admittance.{name}: found an array, but a loop has the admittance of its law; expected the same "
-                    "number in all encounters"
+                    f"admittance.{name}: found an array, but the controller of a loop has only one admittance; "
+                    "use the same number in all encounters"
                 )
             if in_law is not None and not math.isclose(in_scenario, in_law, rel_tol=1e-9):
                 raise InvalidInputError(
-                    f"admittance.{name}: found {in_scenario:g} in the scenario and {in_law:g} in the law of the loop, "
-                    "expected the same in both"
+                    f"admittance.{name}: found {in_scenario:g} in the scenario but {in_law:g} in the control law "
+                    "of the loop; use the same number in both"
                 )
 
 

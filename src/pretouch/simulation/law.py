@@ -1,4 +1,4 @@
-"""Interfaces of a sampled law that the simulated loop can run, and of a law with an adjustable gain."""
+"""Define the interface of sampled control laws that a simulation can run, with fixed or adjustable gain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sampled loop, linearized at one distance and discretized exactly, and the damping at which it becomes unstable.
+"""Linearize the sampled loop at one distance, and find the virtual damping at which it becomes unstable.
 
 Near a distance l, ln xi changes by g dx. The force of two readings is -(d / h) (y_k - y_k-1), where d = D_p g is the
 equivalent damping of the virtual force and h the time for which it acts. All other parts are linear and time-invariant,

@@ -1,4 +1,4 @@
-"""Simulate encounters in the sampled loop: sensor chain, law at its own rate, plant and contact."""
+"""Simulate encounters in the sampled loop of sensor chain, control law, robot and contact."""
 
 from __future__ import annotations
 

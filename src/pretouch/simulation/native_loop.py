@@ -1,4 +1,4 @@
-"""Run encounters in the compiled loop (native/core/loop*.cpp): fill its structures and collect its results.
+"""Run encounters in the compiled simulator: pass the inputs to C++, and collect the results.
 
 A compiled law is called by its address. A law in Python is called back, which costs some microseconds per step. An
 exception in such a law ends its runs and is raised again here.
@@ -31,6 +31,7 @@ from pretouch.sensors.model import cache_by_curve
 from .chain import SensorChain
 from .law import SampledLaw
 from .robot import COEFFICIENTS, ContactModel, PlantModel, plant_step
+from .state_space import native_rows
 
 RESULT_COLUMNS: Final = (
     *("status", "time", "position", "velocity", "displacement", "relative_velocity", "closest_distance"),
@@ -101,6 +102,10 @@ class _Laws(Structure):
     )
 
 
+class _Linear(Structure):
+    _fields_ = (*numbers("rows", "starts", kind=POINTER), ("hidden", INTEGER))
+
+
 class _Loop(Structure):
     _fields_ = (
         *(("laws", _Laws), ("plant", _Plant), ("contact", _Contact), ("chain", _Chain)),
@@ -109,7 +114,7 @@ class _Loop(Structure):
         *(("seed", ctypes.c_uint64), *numbers("scenes", "draws", "ends", "touches", kind=POINTER)),
         ("most_touches", INTEGER),
         *(("trace", POINTER), ("trace_rows", INTEGER), ("course", POINTER), ("course_rows", INTEGER)),
-        *(("stretches", POINTER), ("stretches_each", INTEGER)),
+        *(("stretches", POINTER), ("stretches_each", INTEGER), ("linear", _Linear)),
     )
 
 
@@ -192,15 +197,19 @@ def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> 
     curves = (_Curve * len(tables))(*[_Curve(address(table), len(table), *rest) for table, *rest in tables])
     ends, touches, trace, moments = outputs
     by_curve, draws = (address(i, _INDEX) for i in indices)
+    system = loop.plant.system()
+    blocks = () if system is None else native_rows(system)
+    linear = _Linear(*map(address, blocks), len(blocks[1])) if blocks else _Linear(None, None, 0)
     native = _Loop(
         *(laws, _Plant(*loop.plant.coefficients())),
         *(_Contact(*(loop.contact.numbers() if loop.contact else _NO_CONTACT)), _Chain(*loop.chain.numbers())),
         *(ctypes.addressof(curves), by_curve, period, plant_step(loop.plant, period), loop.horizon, loop.follow_time),
         *(loop.seed, address(scenes), draws, address(ends), address(touches), touches.shape[1]),
-        *(address(trace), len(trace), address(moments), len(moments), address(stretches), len(course)),
+        *(address(trace), len(trace), address(moments), len(moments), address(stretches), len(course), linear),
     )
     native.held = (
         laws.blocks,
+        blocks,
         scenes,
         stretches,
         tables,
@@ -332,7 +341,7 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
     sizes = {size for _, size in places}
     if len(sizes) != 1:
         raise InvalidInputError(
-            f"{name}: found sizes of {sorted(sizes)} bytes among laws with the same step, expected one size"
+            f"{name}: laws with the same step function need the same size, but found sizes of {sorted(sizes)} bytes"
         )
     size = sizes.pop()
     rows = np.zeros((len(parts), max(-(-size // 8), 1)))

@@ -1,4 +1,4 @@
-"""Sensor chains of commercial parts: values from data sheets with their sources, and the assumptions made."""
+"""Describe the sensor chains of commercial sensors, with values and sources from data sheets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of a simulation, and the checks of its inputs."""
+"""Define the results of a simulation, and check the size and length of its runs."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ def refuse_too_many_runs(count: int) -> None:
     if count > MOST_RUNS:
         size = 8 * count * (len(RESULT_COLUMNS) + TOUCHES * len(CONTACT_COLUMNS))
         raise InvalidInputError(
-            f"runs: found {count:,}, which would take {size / 1e9:,.0f} GB, expected at most {MOST_RUNS:,}; for more "
-            "runs, continue with another seed"
+            f"runs: found {count:,}, which would need {size / 1e9:,.0f} GB, expected at most {MOST_RUNS:,}; for "
+            "more runs, call again with another seed"
         )
 
 
@@ -88,8 +88,9 @@ def _refuse_endless_runs(loop: Loop) -> None:
     waiting = chain.exposure + chain.delay + 16 * chain.jitter + period
     if waiting * chain.rate > _MOST_BUFFERED:
         raise InvalidInputError(
-            f"chain delay: found up to {waiting * chain.rate:.3g} undelivered readings (delay, exposure and jitter "
-            f"at {chain.rate:g} readings per second), expected at most {_MOST_BUFFERED:,}"
+            f"chain delay: up to {waiting * chain.rate:.3g} readings would wait for delivery, expected at most "
+            f"{_MOST_BUFFERED:,}; reduce the delay, the exposure or the jitter, or the rate of {chain.rate:g} "
+            "readings per second"
         )
 
 
@@ -97,8 +98,8 @@ def _refuse(span: float, step: float, name: str, what: str) -> None:
     if not span / step <= _MOST_STEPS:
         raise InvalidInputError(
             f"{name}: found {_time(span)}, which is {span / step:.3g} steps of {what}, expected at most "
-            f"{_MOST_STEPS:,} of them, {_time(_MOST_STEPS * step)}; reduce it to the longest time that an encounter "
-            "may take"
+            f"{_time(_MOST_STEPS * step)} ({_MOST_STEPS:,} steps); reduce it to the longest time that an "
+            "encounter may take"
         )
 
 
@@ -243,10 +244,13 @@ class SimulationResult(Value):
         try:
             flat = np.arange(int(np.prod(self.shape))).reshape(self.shape)[index]
         except IndexError:
-            raise InvalidInputError(f"index: found {index}, expected an index of runs of shape {self.shape}") from None
+            raise InvalidInputError(
+                f"index: found {index}, expected an index into an array of runs of shape {self.shape}"
+            ) from None
         if np.ndim(flat):
             raise InvalidInputError(
-                f"index: found {index}, which selects more than one of the runs of shape {self.shape}, expected one"
+                f"index: {index} selects several runs of the array of shape {self.shape}, expected the index of "
+                "a single run"
             )
         return self.trace_of(int(flat))
 

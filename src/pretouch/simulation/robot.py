@@ -1,4 +1,4 @@
-"""Models of the robot and of its contact: how it follows the virtual object, and the force when it touches."""
+"""Model how the robot follows the virtual object, and the contact force when the robot touches the obstacle."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions, kind_problem
 from pretouch._core.fields import check_declared, flag, quantity
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_quantity
@@ -40,13 +41,18 @@ class PlantModel(ABC):
     """Model of how the robot's contact surface follows the virtual object and yields to a contact force.
 
     The equation of motion is m x'' = f - friction(x') - F_contact, where f follows k (x_v - x) + d_v x_v' - d_x x' +
-    m_f x_v'' at the servo's rate. A user-defined plant implements `coefficients`.
+    m_f x_v'' at the servo's rate. A user-defined plant implements `coefficients`. A robot with more states, such as
+    flexible joints, is a `LinearPlant` or a `StateSpacePlant`.
     """
 
     __slots__ = ()
 
     kind: ClassVar[str] = ""
     """Its name in a scenario file."""
+
+    def system(self) -> Any:
+        """Return the `StateSpace` of a linear robot, which replaces all coefficients but the mass; else None."""
+        return None
 
     @abstractmethod
     def coefficients(self) -> tuple[float, ...]:
@@ -116,8 +122,9 @@ class ImpedancePlant(PlantModel):
         frequency = math.sqrt(self.stiffness / self.mass)
         if frequency > _FASTEST:
             raise InvalidInputError(
-                f"stiffness: found {self.stiffness:g} N/m for a mass of {self.mass:g} kg, a natural frequency of "
-                f"{frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s; check both units"
+                f"stiffness: found {self.stiffness:g} N/m for a mass of {self.mass:g} kg. Their natural "
+                f"frequency is {frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s; check the units of "
+                "stiffness and mass"
             )
 
     def coefficients(self) -> tuple[float, ...]:
@@ -186,6 +193,14 @@ class PositionPlant(PlantModel):
         yield "damping ratio", Measured(self.damping_ratio)
 
 
+PLANT_KINDS: Final = Extensions(
+    group="pretouch.plants",
+    built_in=lambda: {plant.kind: plant for plant in (IdealPlant, ImpedancePlant, PositionPlant)},
+    problem=kind_problem(PlantModel, "pretouch.simulation.PlantModel"),
+)
+"""The robots that files may name: those of pretouch, and those of installed packages."""
+
+
 def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, ...]) -> tuple[float, ...]:
     """Return the numbers of a robot model or contact model after checking that they are finite."""
     if len(values) != len(names) or not all(map(math.isfinite, values)):
@@ -208,6 +223,14 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
     m_a, d_a, k_a = (finite(v, "admittance") for v in (admittance.mass, admittance.damping, admittance.stiffness))
     if not all(isinstance(v, float) for v in (m_a, d_a, k_a)):
         raise InvalidInputError("admittance: found an array, expected one admittance")
+    system = plant.system()
+    if system is not None:
+        own, inputs, output = system.arrays
+        a, b = np.zeros((2 + len(output), 2 + len(output))), np.zeros(2 + len(output))
+        a[0, 1], a[1, :2], b[1] = 1.0, (-k_a / m_a, -d_a / m_a), 1 / m_a
+        a[2:, 2:], a[2:, :2] = own, inputs[:, :2] + np.outer(inputs[:, 2], a[1, :2])
+        b[2:] = inputs[:, 2] / m_a
+        return a, b, np.concatenate([[0.0, 0.0], output])
     mass, k, d_v, d_x, ahead, rate, *_ = checked_numbers(plant, plant.coefficients(), COEFFICIENTS)
     size = 2 if mass == 0 else 4 if rate == 0 else 5
     a, b, c = np.zeros((size, size)), np.zeros(size), np.zeros(size)
@@ -232,6 +255,9 @@ def plant_step(plant: PlantModel, period: float) -> float:
     mass, stiffness, _, own_damping, _, servo, coulomb, friction_speed = plant.coefficients()
     if mass == 0:
         return period
+    system = plant.system()
+    if system is not None:
+        return float(period / max(math.ceil(period * system.fastest / _FINE), 1))
     # the slope of the friction at rest is the fastest rate; the step only needs to be stable for it
     friction = coulomb / friction_speed / mass / 8
     fastest = max(math.sqrt(stiffness / mass), own_damping / mass, servo, friction)

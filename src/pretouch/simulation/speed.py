@@ -1,4 +1,4 @@
-"""The highest approach speed at which a loop with a virtual drag is stable and reacts in time."""
+"""Compute the highest approach speed at which a loop with a virtual drag is stable and reacts in time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stability limits of the sampled loop: the largest stable gain for a sensor, and the lowest sensor rate for a gain."""
+"""Compute the largest stable gain of the sampled loop, and the lowest sensor rate that a gain needs."""
 
 from __future__ import annotations
 
@@ -113,8 +113,8 @@ class GainLimit(Value):
         strongest = n.sign * self.allowed(margin)
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
             raise InvalidInputError(
-                f"weakest: found {weakest:g} {unit}, which must lie between the strongest {n.name} with this margin, "
-                f"{strongest:g} {unit}, and 0; a faster sensor allows stronger {n.name}s"
+                f"weakest: found {weakest:g} {unit}, expected a value between 0 and {strongest:g} {unit}, the "
+                f"strongest {n.name} with this gain margin; a faster sensor allows stronger {n.name}s"
             )
         return min(strongest, weakest), max(strongest, weakest)
 
@@ -237,12 +237,13 @@ def _linearize(
     damping_of_one = np.abs(law.damping(1.0, -slope, velocity))
     if np.isnan(damping_of_one).any() and relative_velocity is None:
         raise InvalidInputError(
-            f"relative_velocity: found none, expected l' [m/s] at each distance, because the damping of a {law.kind} "
-            "depends on it"
+            "relative_velocity: the relative velocity l' [m/s] at each distance is missing, but the damping of a "
+            f"{law.kind} depends on it"
         )
     if np.isnan(damping_of_one).any():
         raise InvalidInputError(
-            f"law: found a {law.kind} with unknown damping at some distances, expected a number at every distance"
+            f"law: the damping of the {law.kind} is unknown (NaN) at some distances, expected a number at every "
+            "distance"
         )
     active = (
         replace(admittance, damping=0.0, stiffness=0.0) if getattr(law, "suspends_admittance", False) else admittance
@@ -299,8 +300,8 @@ def lowest_rate(
     number = law.number
     if not finite(gain, "gain", number.unit) * number.sign > 0:
         raise InvalidInputError(
-            f"gain: found {format_quantity(gain, number.unit)}, which must be {number.mitigating}; other gains do not "
-            "mitigate"
+            f"gain: found {format_quantity(gain, number.unit)}, expected a {number.mitigating} value, because "
+            "other values do not mitigate the impact"
         )
     _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     required = positive(margin, "margin") * abs(gain) * float(damping_of_one.max())

@@ -1,4 +1,4 @@
-"""Uncertain inputs: their distributions, seeded samples of them, and the encounters with these samples."""
+"""Describe uncertain inputs by distributions, and sample the encounters that result from them."""
 
 from .correlated import CorrelatedNormal, Empirical, parameter_distribution
 from .distributions import Distribution, Interval, JointDistribution, Normal, TruncatedNormal, Uniform

@@ -1,4 +1,4 @@
-"""Distributions from data: correlated parameters of a fitted curve, and measured values."""
+"""Define distributions from data: correlated parameters of a fitted curve, and measured samples."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.extensions import Extensions, kind_problem
 from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_range
 from pretouch.motion.scenario import sensor_with
 
-from .distributions import Distribution, JointDistribution, Normal, normal_in_words
+from .distributions import Distribution, Interval, JointDistribution, Normal, Uniform, normal_in_words
 
 if TYPE_CHECKING:
     from pretouch.calibration import SensorFit
@@ -54,7 +55,8 @@ class CorrelatedNormal(JointDistribution):
         count = len(self.names)
         if mean.shape != (count,) or covariance.shape != (count, count):
             raise InvalidInputError(
-                f"covariance: found shape {covariance.shape} and {mean.shape[0]} means for {count} names"
+                f"covariance: found a matrix of shape {covariance.shape} and {mean.shape[0]} means for {count} "
+                "names, expected one mean, one row and one column for each name"
             )
         scale = np.sqrt(np.outer(np.diag(covariance).clip(0), np.diag(covariance).clip(0)))
         if np.abs(covariance - covariance.T).max(initial=0) > 1e-9 * scale.max(initial=0):
@@ -145,7 +147,7 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
     names = [name for name in fit.parameters if name != "scale"]
     if not names:
         raise InvalidInputError(
-            f"fit: found a {fit.model}, which has no parameters; fit a curve with parameters, such as inverse-power"
+            f"fit: the {fit.model} has no parameters; fit a curve with parameters, such as inverse-power"
         )
     indices = [list(fit.parameters).index(name) for name in names]
     covariance = fit.covariance[np.ix_(indices, indices)]
@@ -153,9 +155,9 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
     if open_ended or not np.isfinite(covariance).all():
         reason = f" {' '.join(fit.unidentifiable)}" if fit.unidentifiable else ""
         raise InvalidInputError(
-            f"fit: the readings do not bound {' and '.join(open_ended or names)}, so there is no covariance to draw "
-            f"from.{reason} Fit a curve with fewer parameters, such as exponential-1, or specify the distribution of "
-            "each"
+            f"fit: the readings do not bound {' and '.join(open_ended or names)}, so these parameters have no "
+            f"covariance.{reason} Fit a curve with fewer parameters, such as exponential-1, or specify the "
+            "distribution of each parameter"
         )
     mean = np.array([fit.parameters[name].value for name in names])
     _check_tails(fit, names, mean, covariance)
@@ -179,9 +181,9 @@ def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance:
                 sensor_with(fit.sensor, values)
             except InvalidInputError as impossible:
                 raise InvalidInputError(
-                    f"fit: {name} is {mean[i]:.4g} with a standard error of {error:.2g}, and a normal distribution "
-                    f"that wide includes impossible curves ({impossible}); calibrate with more readings, or specify "
-                    "the distribution of each parameter"
+                    f"fit: the parameter {name} is {mean[i]:.4g} with a standard error of {error:.2g}. A normal "
+                    f"distribution of this width includes impossible curves ({impossible}); calibrate with more "
+                    "readings, or specify the distribution of each parameter"
                 ) from None
 
 
@@ -204,7 +206,7 @@ class Empirical(Distribution):
         values = np.atleast_1d(finite(self.samples, "samples"))
         if values.ndim != 1 or len(values) < 2:
             raise InvalidInputError(
-                f"samples: found an array of shape {np.shape(values)}, expected a row of two values or more"
+                f"samples: found an array of shape {np.shape(values)}, expected a list of two or more values"
             )
         object.__setattr__(self, "samples", tuple(np.sort(values).tolist()))
 
@@ -230,3 +232,11 @@ class Empirical(Distribution):
     def described(self, unit: str) -> str:
         """Return the number of measured values and their range in words."""
         return f"{len(self.samples)} measured values, {format_range(self.support, unit)}"
+
+
+DISTRIBUTION_KINDS: Final = Extensions(
+    group="pretouch.distributions",
+    built_in=lambda: {"normal": Normal, "uniform": Uniform, "interval": Interval, "samples": Empirical},
+    problem=kind_problem(Distribution, "pretouch.uncertainty.Distribution"),
+)
+"""The distributions of one input that files may name: those of pretouch, and those of installed packages."""

@@ -1,4 +1,4 @@
-"""Probability distributions of uncertain inputs: their base classes, intervals, uniform and normal distributions."""
+"""Define probability distributions of uncertain inputs, such as intervals, uniform and normal distributions."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def normal_in_words(mean: float, deviation: float, unit: str) -> str:
 
 def _check_order(low: float, high: float) -> None:
     if not low < high:
-        raise InvalidInputError(f"low: found {low:g} with high = {high:g}, expected the smaller one first")
+        raise InvalidInputError(f"low: found low = {low:g} and high = {high:g}, but low must be smaller than high")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -290,8 +290,8 @@ class TruncatedNormal(Distribution):
         _check_order(low, high)
         if max(low - self.location, self.location - high) > 30 * self.deviation:
             raise InvalidInputError(
-                f"low: found {low:g} to {high:g}, more than 30 deviations from the location {self.location:g}, "
-                "expected a range nearer to it"
+                f"low: the range from {low:g} to {high:g} is more than 30 standard deviations away from the "
+                f"location {self.location:g}; choose a range nearer to the location"
             )
 
     @property

@@ -38,15 +38,15 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
     for name, distribution in uncertainty.items():
         if not isinstance(distribution, JointDistribution):
             raise InvalidInputError(
-                f"uncertainty {name}: found {type(distribution).__name__}, expected a distribution, such as a Uniform, "
-                "or a user-defined class that inherits from pt.robust.Distribution and defines support and _quantile"
+                f"uncertainty {name}: found {type(distribution).__name__}, expected a distribution, such as "
+                "Uniform, or a class that inherits from pt.robust.Distribution and defines support and _quantile"
             )
     names = [member for name, distribution in uncertainty.items() for member in distribution.inputs(name)]
     if not names:
         raise InvalidInputError('uncertainty: found none, expected inputs such as {"obstacle.velocity": Uniform(...)}')
     for name in names:
         if names.count(name) > 1:
-            raise InvalidInputError(f"uncertainty: found {name} twice, expected every input once")
+            raise InvalidInputError(f"uncertainty: the input {name} has two distributions; remove one of the two")
     return tuple(names)
 
 
@@ -83,8 +83,8 @@ def sample_inputs(
         values = np.asarray(distribution.draw(points[:, at : at + len(members)]))
         if values.shape != (count, len(members)):
             raise InvalidInputError(
-                f"uncertainty {name}: found samples of shape {values.shape} from {type(distribution).__name__}, "
-                f"expected {(count, len(members))}: a row for each point, a column for each input"
+                f"uncertainty {name}: {type(distribution).__name__} returned samples of shape {values.shape}, "
+                f"expected {(count, len(members))} with one row for each sample and one column for each input"
             )
         at += len(members)
         samples |= {member: np.ascontiguousarray(values[:, i]) for i, member in enumerate(members)}
@@ -99,11 +99,11 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
         raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number")
     if count > MOST_SAMPLES:
         raise InvalidInputError(
-            f"samples: found {count:,}, expected at most {MOST_SAMPLES:,}; more samples reduce the sampling error "
-            "only, not the error of the model"
+            f"samples: found {count:,}, expected at most {MOST_SAMPLES:,}; more samples do not reduce the error "
+            "of the model"
         )
     if type(seed) is not int or seed < 0:
-        raise InvalidInputError(f"seed: found {seed!r}, expected a whole number that is not negative")
+        raise InvalidInputError(f"seed: found {seed!r}, expected 0 or a positive whole number")
 
 
 def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray:
@@ -310,7 +310,9 @@ def make_ensemble(
         array([-0.085, -0.071])
     """
     if scenario.shape != ():
-        raise InvalidInputError(f"scenario: found encounters of shape {scenario.shape}, expected one")
+        raise InvalidInputError(
+            f"scenario: found an array of encounters of shape {scenario.shape}, expected a single encounter"
+        )
     units = input_units(sensor)
     checked: dict[str, FloatArray] = {}
     for name, samples in values.items():
@@ -322,7 +324,9 @@ def make_ensemble(
     equal_rows = len({v.shape for v in checked.values()}) == 1 and next(iter(checked.values())).ndim == 1
     if (checked or count is None) and not equal_rows:
         shapes = ", ".join(f"{v.shape} for {name}" for name, v in checked.items()) or "none"
-        raise InvalidInputError(f"uncertainty: found values of shapes {shapes}, expected rows of equal lengths")
+        raise InvalidInputError(
+            f"uncertainty: found values of different shapes ({shapes}), expected lists of equal length"
+        )
     size = len(next(iter(checked.values()))) if checked else count or 0
     parameters = {name.removeprefix("sensor."): v for name, v in checked.items() if _of_sensor(name)}
     try:

@@ -1,8 +1,7 @@
-"""Find the distances of an encounter at which no calibration data support the curve, and say what to do about it."""
+"""Warn if the motion leaves the distances that the calibration covers, and say how to correct this."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,6 +12,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.motion import DAMPER, ContactStatus, ContinuousLaw, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import SensorModel
+from pretouch.sensors.recessed import recess_in_words
 
 from .witness_check import WitnessCheck, check_on_readings
 
@@ -93,7 +93,10 @@ class Reservations(Value):
         if not any(parts):
             return None
         if contradiction is not None and self._extension is None:
-            parts.append(f"Measure more distances between {' and '.join(self._measured_span)}, each several times.")
+            parts.append(
+                f"Measure at more distances between {' and '.join(self._measured_span)}, several times at each "
+                "distance."
+            )
         return " ".join(part for part in (self._receding, *parts) if part)
 
     @property
@@ -121,25 +124,28 @@ class Reservations(Value):
             parts.append(f"from {near}{nearest} to contact at 0 mm")
             advice = recess_advice(self.report.window.l_min, self.recess)
             remedies.append(
-                f"mount the sensor deeper, with {advice}, or calibrate it down to contact, with a lower "
-                "amplification if its output clips"
+                f"{advice}, or calibrate it down to contact, with a lower amplification if its output clips"
             )
         if self.share_beyond > _DECISIVE:
             share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]}"
             parts.append(f"from the start at {start} to {far}{farthest}, which gives {share}")
-            remedies.append(f"calibrate out to {start} with more readings at each distance, or start at {far}")
+            remedies.append(
+                f"calibrate out to {start} with more readings at each distance, or start the encounter at {far}"
+            )
         if self.leaves_range:
             remedy = "; ".join(remedies) or "calibrate farther out"
             ending = "" if self.recedes else f" To fix this, {remedy}."
             return (
-                "Not supported by data: the motion leaves the range of the data before contact. Data support the "
-                f"fitted {self._model} curve from {near}{nearest} to {far}{farthest}.{self._zero}{ending}"
+                "Not supported by data: the motion leaves the calibrated distances before contact. The "
+                f"calibration supports the fitted {self._model} curve from {near}{nearest} to "
+                f"{far}{farthest}.{self._zero}{ending}"
             )
         if not parts:
             return None
         return (
-            f"Not supported by data: this answer extrapolates the fitted {self._model} curve "
-            f"{' and '.join(parts)}.{self._zero}{self._without_force(near)} To fix this, {'; '.join(remedies)}."
+            f"Not supported by data: this result uses the fitted {self._model} curve beyond the calibrated "
+            f"distances, {' and '.join(parts)}.{self._zero}{self._without_force(near)} To fix this, "
+            f"{'; '.join(remedies)}."
         )
 
     @property
@@ -149,18 +155,18 @@ class Reservations(Value):
 
     @property
     def _sensor_zero(self) -> str:
-        return f"the sensor's zero, {format_quantity(self.recess, 'm')} behind the contact surface"
+        return f"the zero of the sensor, which is {format_quantity(self.recess, 'm')} behind the contact surface"
 
     def _without_force(self, near: str) -> str:
         """Compare the predicted contact speed with the speed if no force acts nearer than any calibration reading."""
         if self.speed is None or self.speed_without_force is None:
             return ""
         speed, predicted = (format_quantity(v, "m/s") for v in (self.speed_without_force, self.speed))
-        text = f" With no virtual force nearer than {near}, contact is at {speed} instead of {predicted}."
+        text = f" Without a virtual force below {near}, the contact speed is {speed} instead of {predicted}."
         unmitigated = self.speed_without_mitigation
         if unmitigated is None or self.speed_without_force <= _HARDER * unmitigated:
             return text
-        return f"{text} That is harder than without mitigation ({format_quantity(unmitigated, 'm/s')})."
+        return f"{text} This contact is harder than without mitigation ({format_quantity(unmitigated, 'm/s')})."
 
     @property
     def _model(self) -> str:
@@ -186,13 +192,13 @@ class Reservations(Value):
         lines = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
         if self.recess:
             lines.append(
-                f"distances in brackets and those of excluded readings count from {self._sensor_zero}; all others "
-                "count from the contact surface"
+                "distances in brackets and distances of excluded readings are measured from "
+                f"{self._sensor_zero}; all other distances are measured from the contact surface"
             )
         for share, where in ((self.share_nearer, f"nearer than {near}"), (self.share_beyond, f"beyond {far}")):
             if share > _ROUNDING:
                 lines.append(
-                    f"{where}, the extrapolated curve gives {100 * share:.2g} % of the {_EFFECTS[self.degree]}"
+                    f"{where}, the curve is extrapolated and gives {100 * share:.2g} % of the {_EFFECTS[self.degree]}"
                 )
         if self.witness is not None and self.witness.is_supported:
             lines.append(self.witness.text)
@@ -352,33 +358,20 @@ def _speed_without_force(
     return abs(float(contact.end.relative_velocity)) if contact.reached.all() else None
 
 
-def recess_in_words(nearest: float) -> str:
-    """Return the recess that places the contact surface where a sensor curve starts, as text in mm.
-
-    It is rounded up to whole um.
-
-    Examples:
-        >>> recess_in_words(0.0075), recess_in_words(0.0123441)
-        ('7.5 mm', '12.345 mm')
-    """
-    return f"{math.ceil(1e6 * nearest * (1 - 1e-12)) / 1e3:.10g} mm"
-
-
 def recess_advice(nearest: float, present: float) -> str:
-    """Return the recess setting to recommend, which places the contact surface where a sensor curve starts.
-
-    The present recess [m] is named as well.
+    """Return how to mount the sensor so that contact is where its curve starts; distances from the sensor's zero [m].
 
     Examples:
-        >>> recess_advice(0.021, 0.015)
-        'recess = "21 mm" (now 15 mm)'
+        >>> recess_advice(0.021, 0.015)[:77]
+        'mount the sensor 21 mm (now 15 mm) behind the contact surface, with recess = '
     """
-    now = f" (now {format_quantity(present, 'm')})" if present else ""
-    return f'recess = "{recess_in_words(nearest)}"{now}'
+    now, recess = f" (now {format_quantity(present, 'm')})" if present else "", recess_in_words(nearest)
+    mounting = f'mount the sensor {recess}{now} behind the contact surface, with recess = "{recess}"'
+    return f"{mounting} (positions count from the new surface)"
 
 
 def _offset_in_words(offset: OffsetEstimate, unit: str) -> str:
     return (
-        f"the controller must subtract the offset {offset.in_words(unit)} ({offset.kind}; 95 % interval "
+        f"the controller must subtract the {offset.kind} offset {offset.in_words(unit)} (95 % interval "
         f"{offset.low:.4g} to {offset.high:.4g}) from each reading"
     )

@@ -1,4 +1,4 @@
-"""Check a gain on the readings: compare the contact speed on curves that fit them with the predicted speed."""
+"""Check a gain on other sensor curves that fit the readings, by comparing their contact speeds."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ _BEYOND: Final = 12  # points on the fitted curve on either side of the readings
 _SMALLEST: Final = 1e-3  # smallest share of a drawn signal that remains after another offset is subtracted
 _MOST: Final = 500  # encounters of an array that are checked
 _HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
+_SHOWN: Final = 0.005  # relative; a smaller difference does not show in three digits
 _SAMPLES: Final = 60  # points at which a drawn curve that is not piecewise cubic is sampled
 
 
@@ -84,23 +85,35 @@ class WitnessCheck(Value):
         of = f" (the worst of {self.unsupported} of {self.encounters} encounters)" if self.encounters > 1 else ""
         if self.harder_count:
             return (
-                f"Not supported by the readings: on {self.harder_count} of {self.curves} curves that fit the readings, "
-                f"contact is harder than without mitigation ({free}); the fitted curve predicts {predicted}{of}."
+                f"Not supported by the readings: contact is harder than without mitigation ({free}) on "
+                f"{self.harder_count} of {self.curves} curves that fit the readings. The fitted curve predicts "
+                f"{predicted}{of}."
             )
         return (
-            f"Not supported by the readings: on curves that fit the readings, contact is at {low} to {high}; the "
-            f"fitted curve predicts {predicted}{of}."
+            f"Not supported by the readings: on other curves that fit the readings, the contact speed is {low} "
+            f"to {high}; the fitted curve predicts {predicted}{of}."
         )
 
     @property
     def text(self) -> str:
         """A clause on the range of contact speeds over all sensor curves that fit the readings."""
         low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted))
-        return f"on {self.curves} curves that fit the readings, contact is at {low} to {high} ({predicted} predicted)"
+        outside = (
+            ""
+            if is_within(self.predicted, self.low, self.high)
+            else f", outside of this range; up to {100 * CLOSE:.0f} % apart counts as agreement"
+        )
+        fitted = f"{predicted} on the fitted curve{outside}"
+        return f"on {self.curves} curves that fit the readings, contact is at {low} to {high} ({fitted})"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the check of a gain on the readings as a dictionary for JSON, in SI units."""
         return {"is_supported": self.is_supported, **asdict(self)}
+
+
+def is_within(value: float, low: float, high: float) -> bool:
+    """Return whether a value lies in a range as both are shown, in three digits."""
+    return (1 - _SHOWN) * low <= value <= (1 + _SHOWN) * high
 
 
 def check_on_readings(

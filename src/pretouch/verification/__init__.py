@@ -1,4 +1,6 @@
-"""Verify a gain on the sampled loop: compare simulated runs with the prediction, and find changes that help."""
+"""Verify a gain by simulating the sampled loop, compare the runs with the prediction, and suggest changes."""
+
+from pretouch.design.options import VerifyOptions
 
 from .calibration_check import CalibrationCheck
 from .effect import Effect, SensorSpeed, VerdictStatus
@@ -23,6 +25,7 @@ __all__ = [
     "StabilityCheck",
     "Verdict",
     "VerdictStatus",
+    "VerifyOptions",
     "simulate_encounter",
     "verify_gain",
 ]

@@ -1,4 +1,4 @@
-"""Draw encounters, run a loop on them, and evaluate objective, limits and effect of every run."""
+"""Simulate random encounters on a loop, and evaluate objective, limits and mitigation of every run."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.design import ElasticImpact, ImpactModel, Task
 from pretouch.design.custom_objectives import CustomObjective, appraise
+from pretouch.design.quantities import quantity_of, size_of
 from pretouch.design.robust import Required
 from pretouch.design.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, ContactState, Scenario
@@ -63,7 +64,7 @@ class Draws:
     @property
     def compared(self) -> int:
         """Number of runs on which changes of the loop and other gains are compared."""
-        return min(self.task.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
+        return min(self.task.verify.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
 
     @property
     def speed(self) -> FloatArray:
@@ -78,7 +79,7 @@ class Draws:
     def run(self, loop: ClosedLoop, gain: ArrayLike, count: int | None = None) -> SimulationResult:
         """Simulate all encounters, or the first `count` encounters, with one or several gains."""
         # Several gains have the shape (m, 1).
-        n = self.task.runs if count is None else count
+        n = self.task.verify.runs if count is None else count
         several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
         if not self.sensors:
             return loop.run(several, self.task.sensor, gain)
@@ -90,7 +91,7 @@ class Draws:
         return self._each(np.where(result.reached, np.abs(result.end.relative_velocity), np.nan))
 
     def _each(self, value: Any) -> FloatArray:
-        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.task.runs,))
+        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.task.verify.runs,))
 
 
 def draw_encounters(task: Task) -> Draws:
@@ -98,13 +99,14 @@ def draw_encounters(task: Task) -> Draws:
     # Exact confidence bounds need independent encounters.
     if not task.uncertainty:
         obstacle = task.scenario.obstacle
-        alike = replace(obstacle, position=np.full(task.runs, obstacle.position))
+        alike = replace(obstacle, position=np.full(task.verify.runs, obstacle.position))
         return Draws(task=task, scenarios=replace(task.scenario, obstacle=alike))
-    values = sample_inputs(task.uncertainty, task.runs, seed=task.loop.seed, sampling="random")
+    values = sample_inputs(task.uncertainty, task.verify.runs, seed=task.loop.seed, sampling="random")
     certain = [name for name in values if name.startswith("admittance.")]
     if certain:
         raise InvalidInputError(
-            f"uncertainty: found {certain[0]}, which is a number in the controller and known exactly; remove it"
+            f"uncertainty: the input {certain[0]} is a number in the controller and therefore known exactly; "
+            "remove this input"
         )
     several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
     sensors = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
@@ -192,7 +194,7 @@ def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
     near = margin is None or margin < USUAL_MARGIN or effect is None or not effect.is_clear
     for limit, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
         count, p = int((ratio <= 1 + _ROUNDING).sum()), limit.probability
-        near |= least_probability(count, len(ratio), task.confidence) < p < 1
+        near |= least_probability(count, len(ratio), task.verify.confidence) < p < 1
         near |= limit.constraint.name != "gain" and 1 - ROOM < float(limit.share(ratio)) <= 1 + _ROUNDING
     return VerdictStatus.HOLDS_NARROWLY if near else VerdictStatus.HOLDS
 
@@ -241,8 +243,11 @@ class LoopProblem:
         )
 
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
-        magnitude = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.task.impact)
-        return np.where(result.touched & np.isfinite(magnitude), np.abs(magnitude) / limit.constraint.limit, np.inf)
+        quantity = limit.constraint.quantity
+        magnitude = simulated_quantity(quantity, result, gain, loop, self.draws.task.impact)
+        return np.where(
+            result.touched & np.isfinite(magnitude), size_of(quantity, magnitude) / limit.constraint.limit, np.inf
+        )
 
     def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
         objective, impact = self.draws.task.goal, self.draws.task.impact
@@ -276,6 +281,8 @@ def simulated_quantity(
     if name == "drive_force":
         mass = loop.plant.coefficients()[0] or model.robot_mass  # an ideal robot has no mass
         return mass * np.asarray(result.largest_acceleration)
+    if name not in result.columns:  # a user-defined quantity, computed from others
+        return np.asarray(quantity_of(name, ContactState(_Runs(result, gain, loop, impact)), impact), dtype=np.float64)
     return np.asarray(getattr(result, name), dtype=np.float64)
 
 

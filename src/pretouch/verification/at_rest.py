@@ -1,4 +1,4 @@
-"""Compute how far sensor noise moves a robot at rest, and the signal floor of the controller that keeps it still."""
+"""Compute how far sensor noise moves a robot at rest, and which signal floor keeps the robot still."""
 
 from __future__ import annotations
 
@@ -38,22 +38,23 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
     if not isinstance(law, Controller) or not gain:
         return
     floor = law.conditioning.floor
-    place, moved = _drift(task, gain, law, floor)
+    worst, moved = _drift(task, gain, law, floor)
     if not moved > _STILL:
         return
-    where, far, still = (format_quantity(x, "m", 3) for x in (place, moved, _STILL))
-    text = (
-        f"Sensor noise alone moves a robot at rest near an object: in 95 % of the runs by at most {far} within "
-        f"{_rest(law):g} s at a distance of {where}, the worst one ({_RESTS} runs, 95 % confidence)."
-    )
+    where, far, still = (format_quantity(x, "m", 3) for x in (worst, moved, _STILL))
+    text = f"Sensor noise alone moves a robot at rest by up to {far} in {_rest(law):g} s"
+    place = f"This is at a distance of {where}, the worst one, in 95 % of the runs ({_RESTS} runs, 95 % confidence)."
     quiet = _quiet_floor(task, gain, law, moved)
     if quiet is None:
-        yield f"{text} No floor that was tried keeps it within {still}; reduce the noise or use a law with a dead zone."
+        yield (
+            f"{text}: reduce the noise or use a law with a dead zone, since no floor that was tried keeps it within "
+            f"{still}. {place}"
+        )
         return
     sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)
     yield (
-        f"{text} A controller floor of {quiet:g} (now {floor:g}, unit of the readings) keeps it within {still}, but "
-        f"objects are then detected only from {sees} on."
+        f"{text}: a controller floor of {quiet:g} (now {floor:g}, unit of the readings) keeps it within {still}, but "
+        f"objects are then detected only from {sees} on. {place}"
     )
 
 

@@ -1,4 +1,4 @@
-"""Check whether a calibration is good enough for a gain, and say what to measure if it is not."""
+"""Check whether a calibration is accurate enough for a gain, and say what to measure otherwise."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from pretouch._core.values import Value
 from pretouch.calibration import CalibrationReport
 from pretouch.calibration.result import DrawnCurve
 from pretouch.design import Task
+from pretouch.design.quantities import size_of
 from pretouch.simulation import SensorChain
-from pretouch.uncertainty.reservations import recess_in_words
-from pretouch.uncertainty.witness_check import WitnessCheck, check_on_readings, mount
+from pretouch.uncertainty.reservations import recess_advice
+from pretouch.uncertainty.witness_check import WitnessCheck, check_on_readings, is_within, mount
 
 from .appraisal import simulated_quantity
 
@@ -84,7 +85,7 @@ class CalibrationCheck(Value):
         counts = ", ".join(text for count, text in named if count)
         against = None if self.witness is None else self.witness.headline
         if counts:
-            return f"the calibration is not good enough: of {self.draws} sensors that its readings allow, {counts}"
+            return f"the calibration is not good enough: of {self.draws} sensors that agree with the readings, {counts}"
         return "the calibration is not good enough" + ("" if against is None else f": {_lower(against)}")
 
     @property
@@ -92,23 +93,34 @@ class CalibrationCheck(Value):
         """The result of the check in sentences."""
         if self.is_good_enough:
             kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
-            wider = "" if self.witness is None else f" ({self.witness.text})"
+            wider = "" if self.witness is None else f", in continuous time: {self.witness.text}"
             return (
                 f"The calibration is good enough for this gain: {kept} drawn from fits to its readings agree with the "
-                f"fitted curve{self._spread}. Curves through the readings do not contradict it{wider}."
+                f"fitted curve. {self._spread} Curves through the readings do not contradict it{wider}."
             )
-        reason = f"{self.reason[:1].upper()}{self.reason[1:]}{self._spread}."
+        reason = f"{self.reason[:1].upper()}{self.reason[1:]}."
         against = None if self.witness is None else self.witness.headline
         second = "" if against is None or _lower(against) in self.reason else f" {against}"
-        return f"{reason}{second} The largest source of error is its {self.decisive}: {self.remedy}."
+        return f"{reason} {self._spread}{second} The largest source of error is its {self.decisive}: {self.remedy}."
 
     @property
     def _spread(self) -> str:
-        predicted = f"{format_quantity(self.predicted, 'm/s', 3)} predicted"
+        """The contact speeds on the loop, without noise: on the fitted curve and on the drawn sensors."""
+        text = (
+            f"On the loop without noise, contact is at {format_quantity(self.predicted, 'm/s', 3)} on the fitted curve"
+        )
         if self.low is None or self.high is None:
-            return f" ({predicted})"
+            return f"{text}."
         low, high = format_quantity(self.low, "m/s", 3), format_quantity(self.high, "m/s", 3)
-        return f" (contact at {low} to {high} on 90 % of them, {predicted})"
+        text = f"{text}, and at {low} to {high} on 90 % of these sensors."
+        if is_within(self.predicted, self.low, self.high):
+            return text
+        softer = self.predicted < self.low
+        accepted = f"; up to {100 * _HARDER:.0f} % harder counts as agreement" if softer else ""
+        return (
+            f"{text} So the fitted curve gives a {'softer' if softer else 'harder'} contact than most of them, which "
+            f"differ from it in curve, offset or misfit{accepted}."
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the results of the check as one JSON object, in SI units."""
@@ -195,7 +207,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
     limits = [limit for limit in task.limits if limit.name != "gain"]
     speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
     for i, drawn in enumerate(sensors):
-        note_work(f"simulating sensor {i + 1} of {len(sensors)} that the calibration allows")
+        note_work(f"simulating sensor {i + 1} of {len(sensors)} that agree with the calibration")
         there = replace(chain, offset=chain.offset + drawn.offset - own)
         loop = replace(task.loop.after(i), chain=there)
         result = loop.run(task.scenario, drawn.sensor, gain)
@@ -204,7 +216,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
         speed[i] = abs(float(result.relative_velocity))
         for k, limit in enumerate(limits):
             quantity = simulated_quantity(limit.quantity, result, gain, loop, task.impact)
-            ratios[i, k] = abs(float(quantity)) / limit.limit
+            ratios[i, k] = float(size_of(limit.quantity, quantity)) / limit.limit
     return _Outcome(speed=speed, ratios=ratios)
 
 
@@ -232,19 +244,20 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
     window, recess = report.window, getattr(task.sensor, "recess", 0.0)
     if decisive == "offset":
         again = "more " if report.offset is not None and report.offset.kind == "measured" else ""
-        return f"record {again}readings without an object in range, and add them to the calibration as no_object"
+        return (
+            f"record {again}readings without an object in range, and add these readings to the calibration as no_object"
+        )
     if decisive == "misfit":
         apart = format_quantity(task.loop.chain.misfit_length, "m", 2)
         return (
-            f"check how the distances were set, and calibrate again at distances at most {apart} apart; if the curve "
-            "misses readings near contact, recess the sensor farther"
+            f"check how the distances were set, and calibrate again at distances at most {apart} apart. If the "
+            "curve misses readings near contact, mount the sensor farther behind the contact surface"
         )
     where = "" if report.slope is None else f" around {format_quantity(report.slope.worst_at, 'm', 3)}"
-    parts = [f"record more distances, and more readings at each{where}"]
+    parts = [f"record readings at more distances, and more readings at each distance{where}"]
     if window.l_min - recess > _CLOSE:
-        deeper, now = recess_in_words(window.l_min), format_quantity(recess, "m")
         nearest = format_quantity(window.l_min, "m")
-        parts.append(f'record distances below {nearest}, or set recess = "{deeper}" (now {now})')
+        parts.append(f"record distances below {nearest}, or {recess_advice(window.l_min, recess)}")
     start = float(np.max(task.scenario.distance))
     if window.l_max - recess < start:
         parts.append(f"record distances up to {format_quantity(start + recess, 'm')}")

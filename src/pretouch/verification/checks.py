@@ -1,4 +1,4 @@
-"""Compare simulated runs with the prediction; collect assumptions and warnings of a verdict."""
+"""Compare simulated runs with the prediction and the limits, and list assumptions and warnings."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.calibration import CalibrationReport
 from pretouch.control import Controller, Status
 from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
+from pretouch.design.quantities import size_of
 from pretouch.design.robust.required import least_probability, limits_of
 from pretouch.motion import ContactResult, Scenario
+from pretouch.motion.page_sections import mounting_in_words
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.simulation.closed_loop import loop_sentences
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
@@ -85,9 +87,10 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
         checks.append(
             LimitCheck(
                 required=required,
+                limited=task.law.number.entry(constraint.quantity),
                 predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, impact),
                 held=count / len(ratio),
-                low=least_probability(count, len(ratio), task.confidence),
+                low=least_probability(count, len(ratio), task.verify.confidence),
                 value=value,
                 margin=None if value is None else constraint.limit - value,
                 source=_source_of(constraint.quantity, task.loop),
@@ -118,21 +121,22 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
     if not result.reached.all():
         return None
     value: Any = quantity_of(name, result.end, impact)
-    return abs(float(value)) if math.isfinite(float(value)) else None
+    return float(size_of(name, float(value))) if math.isfinite(float(value)) else None
 
 
 def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
     """Return the assumptions of a verdict in sentences."""
     # `compared` is the number of runs that compare changes.
-    loop, runs = task.loop, task.runs
+    loop, runs = task.loop, task.verify.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
     first = f" in the first {compared} of them" if compared < runs else ""
     number = f"a single one, of seed {loop.seed}" if runs == 1 else f"{runs}, independent, from seed {loop.seed}"
     return (
+        *mounting_in_words(task.sensor),
         *loop_sentences(loop),
         *_force(task),
         *(uncertain or ["Encounter: the nominal one in every run; nothing is uncertain."]),
-        f"Runs: {number}; other gains and changes are simulated with the same noise{first}.",
+        f"Runs: {number}; all other gains and changes of the loop are simulated with the same noise{first}.",
         "Prediction: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly.",
         "Stability: of the loop linearized at each distance of the nominal curve, without noise, misfit, jitter, "
         "limits and friction.",
@@ -151,8 +155,8 @@ def _force(task: Task) -> Iterator[str]:
     if task.impact is None:
         model = "the same contact stiffness without loss, and the mass of the robot"
     yield (
-        f"The impact force is predicted with {model}. Loss in the contact lowers the simulated force; the robot's "
-        "drive and a driven obstacle raise it."
+        f"The impact force is predicted with {model}. Energy loss in the contact lowers the simulated force, but "
+        "the robot's drive and a driven obstacle raise it."
     )
 
 
@@ -166,7 +170,7 @@ def cautions_of(
     """Return the warnings of a verdict, from simulated runs with the gain and without mitigation."""
     loop = draws.task.loop
     return (
-        *(() if design.gain is not None else (f"The ideal design has no gain. {design.headline.removesuffix('.')}.",)),
+        *_no_ideal_gain(design),
         *_other_admittance(loop, draws.task.scenario),
         *_recession(loop),
         *_detection(loop, draws, runs[0]),
@@ -178,15 +182,21 @@ def cautions_of(
     )
 
 
+def _no_ideal_gain(design: GainDesign) -> Iterator[str]:
+    if design.gain is None:
+        headline = design.headline.removesuffix(".")
+        yield f"The ideal design has no gain ({headline[:1].lower()}{headline[1:]})."
+
+
 def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
     virtual: Any = getattr(loop.law, "admittance", None)
     a, names = scenario.admittance, ("mass", "damping", "stiffness")
     if virtual is None or all(np.allclose(getattr(virtual, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
         return
     yield (
-        f"The controller's virtual mass, damping and stiffness ({virtual.mass:g} kg, {virtual.damping:g} N s/m, "
-        f"{virtual.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
-        f"{a.stiffness:g} N/m)."
+        "The controller and the prediction use different virtual masses, dampings or stiffnesses: "
+        f"{virtual.mass:g} kg, {virtual.damping:g} N s/m and {virtual.stiffness:g} N/m in the controller, "
+        f"{a.mass:g} kg, {a.damping:g} N s/m and {a.stiffness:g} N/m in the prediction."
     )
 
 
@@ -198,8 +208,9 @@ def _recession(loop: ClosedLoop) -> Iterator[str]:
         return
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
         yield (
-            "largest_rate is not set. A broken sensor cable reads 0, which looks like an object that recedes "
-            "suddenly: the robot would jump toward it. No run here has such a fault."
+            "A broken sensor cable makes the robot jump toward the object: set largest_rate of the controller, which "
+            "ignores such readings. A broken cable reads 0, like an object that recedes suddenly; no run here has this "
+            "fault."
         )
 
 
@@ -219,8 +230,8 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
     if distance.mean() < _LATE * start:
         near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
         yield (
-            f"The object is first detected {format_quantity(late, 's')} after the start on average, at {near} instead "
-            f"of {far}: {_why_late(loop, late)}."
+            f"On average, the object is first detected {format_quantity(late, 's')} after the start, at a "
+            f"distance of {near} instead of {far}: {_why_late(loop, late)}."
         )
 
 
@@ -252,9 +263,8 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     pushing = "the driven obstacle and the robot's drive push" if driven else "the robot's drive pushes"
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
     yield (
-        f"The largest force of the whole contact is larger with mitigation, {newton[0]} on average, than without, "
-        f"{newton[1]}. The impact itself is {newton[2]} with and {newton[3]} without; the larger force follows it, "
-        f"because {pushing} while the bodies are in contact."
+        f"After the impact, {pushing} with up to {newton[0]} on average (without mitigation {newton[1]}); the impact "
+        f"itself has {newton[2]} (without mitigation {newton[3]})."
     )
 
 
@@ -267,7 +277,7 @@ def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
         return
     pushed = "the robot's drive and the obstacle push while the bodies are in contact"
     why = pushed if times > 1 else "the contact loses energy, or the robot yields during it"
-    yield f"The simulated impact force is {times:.3g} times the predicted elastic one: {why}."
+    yield f"The simulated impact force is {times:.3g} times the predicted force of an elastic impact: {why}."
 
 
 def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
@@ -279,7 +289,10 @@ def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
             yield f"In {_percent(share)} of the runs {text}."
     stale = _stale(result)
     if stale > 0:
-        yield f"While an object was detected, the expected reading was missing in {_percent(stale)} of the steps."
+        yield (
+            f"In {_percent(stale)} of the controller steps with a detected object, the expected sensor reading was "
+            "missing."
+        )
 
 
 def _stale(result: SimulationResult) -> float:
@@ -302,5 +315,5 @@ def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
         return
     yield (
         f"The calibration has only {len(report.window.distances)} usable distances, too few to check whether it is "
-        "good enough."
+        "good enough: record more distances."
     )

@@ -1,4 +1,4 @@
-"""Compare the speed at contact with the speed without mitigation and the speed with an infinitely fast sensor."""
+"""Compare contact speeds with and without mitigation, and with an infinitely fast sensor."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pretouch.control import Controller
 from pretouch.motion import LawNumber
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-from .encounter_parts import percent
+from .encounter_parts import faster_in_words
 from .stability import NOISES, controller_at
 
 OFTEN: Final = 0.05  # share of the runs above which harder contact counts as frequent
@@ -170,7 +170,7 @@ def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: S
     speed, before = _speeds(run, free)
     if speed > before * (1 + _SHOWN):
         yield (
-            f"With the gain, contact is harder than without mitigation: {_text(speed)} instead of "
+            f"With this gain, contact is harder than without mitigation: {_text(speed)} instead of "
             f"{_text(before) if free.touched else 'no contact'}."
         )
 
@@ -179,8 +179,10 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
     """Yield a warning if the gain has no effect on the contact speed; no warning for a gain of 0."""
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
-        text = f"The {number.name} has no effect in this run: contact is at {_text(speed)}"
-        yield f"{text}, and at {_text(before)} without mitigation."
+        yield (
+            f"The {number.name} has no effect in this run: the contact speed is {_text(speed)} with the "
+            f"{number.name}, and {_text(before)} without mitigation."
+        )
 
 
 def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:
@@ -223,14 +225,16 @@ class SensorSpeed(Value):
         enough = "fast enough" if self.is_fast_enough else "too slow"
         speed, fast = format_quantity(self.speed, "m/s", 3), format_quantity(self.fast, "m/s", 3)
         text = f"The sensor is {enough}: with {self.rate:.6g} readings per second, contact is at {speed} on average; "
-        text += f"with an infinitely fast sensor at {fast} (both without noise). Contact is {self.harder_in_words}"
-        return f"{text} ({100 * self.tolerance:.3g} % allowed)."
+        text += f"with an infinitely fast sensor at {fast} (both without noise). "
+        return f"{text}{self.excess_in_words[:1].upper()}{self.excess_in_words[1:]}."
 
     @property
-    def harder_in_words(self) -> str:
-        """The increase of the contact speed in words, such as `at most 4 % harder in 95 % of the runs`."""
-        size = f"at most {percent(self.excess)} harder" if self.excess > _SHOWN_SHARE else "no harder"
-        return f"{size} in 95 % of the runs"
+    def excess_in_words(self) -> str:
+        """The increase of the contact speed in 95 % of the runs, and the allowed one, as a clause."""
+        size, fast = "no faster than with an infinitely fast sensor", "with an infinitely fast sensor"
+        if self.excess > _SHOWN_SHARE:
+            size = f"up to {faster_in_words(self.excess, fast)}"
+        return f"in 95 % of the runs, contact is {size} (up to {100 * self.tolerance:.3g} % faster is allowed)"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as one JSON object, in SI units."""

@@ -1,4 +1,4 @@
-"""Simulate one encounter on the sampled loop, and compare it with the prediction and with no mitigation."""
+"""Simulate one encounter on the sampled loop, and compare it with the prediction and without mitigation."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from pretouch._core.blocks import (
     PageTable,
     Paragraph,
     Picture,
+    cell_as_text,
     named,
 )
 from pretouch._core.errors import InvalidInputError
@@ -26,10 +27,10 @@ from pretouch._core.values import Value
 from pretouch._core.vocabulary import words_for
 from pretouch.design.impact import ImpactModel, impact_rows
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Motion, Scenario
-from pretouch.motion.page_sections import inputs_section, method_section
+from pretouch.motion.page_sections import RECEDING, inputs_section, method_section
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
-from pretouch.simulation.closed_loop import loop_section
+from pretouch.simulation.closed_loop import contact_rows, loop_section
 from pretouch.simulation.stability import passage
 
 from .appraisal import USUAL_MARGIN
@@ -47,6 +48,7 @@ from .encounter_parts import (
     flags_of,
     force_in_words,
     headline_of,
+    is_harder,
     run_as_dict,
 )
 from .stability import limit_of, stability_margin
@@ -222,9 +224,20 @@ class SimulatedEncounter(Described, Value):
             yield "The loop is unstable with any gain, however weak."
         elif margin < 1:
             strongest = number.text(limit.strongest, 3)
-            yield f"The loop is unstable: the strongest stable {number.name} is {strongest}, at a distance of {place}."
+            yield (
+                f"The loop is unstable at a distance of {place}, where the strongest stable {number.name} is "
+                f"{strongest}."
+            )
         else:
-            yield f"The gain margin of the loop is only {margin:.3g} (2 is usual), at a distance of {place}."
+            yield (
+                f"The gain margin of the loop is only {margin:.3g} at a distance of {place}; a gain margin of 2 is "
+                "usual."
+            )
+
+    @property
+    def is_mitigated(self) -> bool:
+        """Whether the run ends in contact, no harder than without mitigation."""
+        return bool(self.run.touched) and not is_harder(self.run, self.unmitigated)
 
     @property
     def grows_after_impact(self) -> bool:
@@ -280,10 +293,10 @@ def encounter_page(encounter: SimulatedEncounter) -> Page:
         kind="One encounter on the sampled loop",
         headline=e.headline,
         status=f"on the loop: {ending_in_words(e.run.status)}",
-        good=bool(e.run.touched),
+        good=e.is_mitigated,
         key_figures=tuple(_key_figures(e)),
         warnings=e.warnings,
-        next_step="run `pretouch verify`, which repeats the encounter with other noise and checks every limit",
+        next_step=_next_step(e),
         lead="simulation",
         blocks=(
             _comparison(e),
@@ -295,6 +308,15 @@ def encounter_page(encounter: SimulatedEncounter) -> Page:
             _method(e),
         ),
     )
+
+
+def _next_step(e: SimulatedEncounter) -> str:
+    number = e.law.number
+    if e.scenario.relative_velocity > 0 and not e.run.touched:
+        return RECEDING
+    if number.sign * e.gain < 0:
+        return f"use a {number.mitigating} {number.name}, such as {number.equals(-e.gain)}"
+    return "run `pretouch verify`, which repeats the encounter with other noise and checks every limit"
 
 
 def _key_figures(e: SimulatedEncounter) -> Iterator[tuple[str, Cell]]:
@@ -319,11 +341,11 @@ def _comparison(e: SimulatedEncounter) -> PageSection:
     head = ("", "on the loop", "predicted", "difference", *(f"{run}, {symbol} = 0" for run in ("loop", "predicted")))
     note = _COMPARED.format(symbol=symbol)
     table = PageTable(head=head, rows=tuple(_comparison_rows(e)), note=note, brief=True)
-    loop, contact = e.loop, e.loop.contact
-    model = "no contact model" if contact is None else type(contact).__name__
+    loop = e.loop
+    robot, contact = (cell_as_text(next(iter(rows))[1]) for rows in (loop.plant.rows(), contact_rows(loop.contact)))
     method = (
-        f"On the loop: {type(loop.law).__name__} every {format_quantity(loop.law.period, 's', 3)}, readings at "
-        f"{loop.chain.rate:g} Hz, {type(loop.plant).__name__}, {model}, seed {loop.seed}. Predicted: "
+        f"On the loop: a controller step every {format_quantity(loop.law.period, 's', 3)}, readings at "
+        f"{loop.chain.rate:g} Hz, seed {loop.seed}. Robot: {robot}. Contact: {contact}. Predicted: "
         f"{_NOTHING if e.prediction is None else e.prediction.method}."
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
@@ -373,7 +395,7 @@ def _contact_row(contact: LoopContact) -> Row:
 
 def _detection(e: SimulatedEncounter) -> PageSection:
     sentence = "The controller never detected the object." if e.detection is None else e.detection.sentence
-    head = ("controller flag", "meaning", "since", "total", "before contact")
+    head = ("reported by the controller", "since", "total", "before contact")
     flags = PageTable(head=head, rows=tuple(map(_flag_row, e.flags)), wraps=True, brief=True) if e.flags else None
     paragraphs = (Paragraph(text=sentence, brief=e.detection is not None), Paragraph(text=_SEEN, quiet=True))
     return PageSection(title="Detection", blocks=(*paragraphs, flags))
@@ -381,12 +403,12 @@ def _detection(e: SimulatedEncounter) -> PageSection:
 
 def _flag_row(flag: ReportedFlag) -> Row:
     times = (Measured(time, "s", 3) for time in (flag.since, flag.duration, flag.approach_duration))
-    return flag.name, flag.meaning, *times
+    return flag.meaning if flag.has_meaning else f"{flag.meaning}, {flag.name}", *times
 
 
 def _method(e: SimulatedEncounter) -> PageSection:
     loop = PageSection(title="Of the loop", blocks=(Listing(items=_OF_THE_LOOP),))
-    runs = replace(method_section("loop", solved_on="loop"), title="Of the runs")
+    runs = replace(method_section("loop", e.sensor, solved_on="loop"), title="Of the runs")
     if e.prediction is not None:
-        runs = replace(method_section(e.prediction.method), title="Of the prediction")
+        runs = replace(method_section(e.prediction.method, e.sensor), title="Of the prediction")
     return PageSection(title="Method and assumptions", blocks=(loop, runs))

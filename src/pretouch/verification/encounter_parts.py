@@ -1,4 +1,4 @@
-"""Parts of a simulated encounter: comparisons, contacts, controller flags, detection, headline and warnings."""
+"""Summarize a simulated encounter: its contact, detection, controller flags and warnings."""
 
 from __future__ import annotations
 
@@ -113,6 +113,11 @@ class ReportedFlag(Value):
     approach_duration: float  # duration before the first contact [s]
 
     @property
+    def has_meaning(self) -> bool:
+        """Whether pretouch knows what the flag means."""
+        return self.meaning != _OWN
+
+    @property
     def is_trouble(self) -> bool:
         """Whether the flag reports faulty readings, or limited forces or motions."""
         return self.meaning not in _NO_TROUBLE
@@ -140,9 +145,10 @@ class Detection(Value):
             return f"The object was detected at the start, at {format_quantity(self.distance, 'm')}."
         text = f"The object was first detected after {format_quantity(self.time, 's', 3)}, at "
         text += f"{format_quantity(self.distance, 'm')} (start: {format_quantity(self.start_distance, 'm')})"
-        if self.missed_share is not None:
-            text += f". {100 * self.missed_share:.2g} % of the change of ln xi until contact happened before detection"
-        return f"{text}."
+        if self.missed_share is None:
+            return f"{text}."
+        missed = f"{100 * self.missed_share:.2g} % of the change of ln xi until contact"
+        return f"{text}. Before this detection, {missed} had already happened."
 
 
 _MEANINGS: Final[dict[Status, str]] = {
@@ -151,7 +157,7 @@ _MEANINGS: Final[dict[Status, str]] = {
     Status.SATURATED: "readings of a saturated sensor were ignored",
     Status.INVALID: "readings that are not finite, too old or out of order were ignored",
     Status.IMPLAUSIBLE: "readings that changed faster than largest_rate were ignored",
-    Status.LOST: "no usable reading for longer than the timeout",
+    Status.LOST: "there was no usable reading for longer than the timeout",
     Status.FORCE_LIMITED: "the virtual force was limited",
     Status.MOTION_LIMITED: "excursion, speed or acceleration was limited",
     Status.IN_CONTACT: "the contact force exceeds its threshold",
@@ -165,6 +171,22 @@ def percent(share: float) -> str:
     """Return the magnitude of a share in percent, with two digits."""
     size = abs(100 * share)
     return f"{size:.0f} %" if size >= 99.5 else f"{size:.2g} %"
+
+
+def faster_in_words(excess: float, other: str = "") -> str:
+    """Return a relative excess of a speed in words, compared with `other` if that is given.
+
+    Examples:
+        >>> faster_in_words(0.12, "predicted"), faster_in_words(5.39, "predicted"), faster_in_words(-0.22)
+        ('12 % faster than predicted', '6.4 times as fast as predicted', '22 % slower')
+    """
+    if excess >= 1:
+        times = 1 + excess
+        text, link = f"{times:.0f}" if times >= 99.5 else f"{times:.2g}", "as"
+        text = f"{text} times as fast"
+    else:
+        text, link = f"{percent(excess)} {'faster' if excess > 0 else 'slower'}", "than"
+    return f"{text} {link} {other}" if other else text
 
 
 def compare_contacts(
@@ -265,31 +287,35 @@ def headline_of(
     elif predicted.reached.all():
         text += f"; predicted {_speed(predicted.end.relative_velocity)}"
         text += "" if run.touched else f" after {_time(predicted.end.time)}"
-        text += f" ({_against(*compared)})" if run.touched else ""
+        # A comparison with a prediction that is harder, too, would reassure.
+        text += f" ({_against(*compared)})" if run.touched and not is_harder(run, free) else ""
     else:
         nearest = format_quantity(float(predicted.closest_distance), "m", 3)
         text += f"; predicted: {ending_in_words(predicted.status)}, closest distance {nearest}"
-    text += "." if _is_harder(run, free) else f"; without mitigation {_speed_or_none(free)}."
+    text += "." if is_harder(run, free) else f"; without mitigation {_speed_or_none(free)}."
     # `grows` is None without a contact model
     return text + (_force_sentence(run, free, grows) if grows is not None and run.touched else "")
 
 
-def _is_harder(run: SimulationResult, free: SimulationResult) -> bool:
+def is_harder(run: SimulationResult, free: SimulationResult) -> bool:
     """Return whether contact is harder with the gain than without mitigation."""
     before = abs(free.relative_velocity) if free.touched else 0.0
     return bool(run.touched and abs(run.relative_velocity) > before * (1 + _SAME))
 
 
 def _loop_clause(run: SimulationResult, free: SimulationResult) -> str:
-    if _is_harder(run, free):
+    if is_harder(run, free):
         speed = _speed(run.relative_velocity)
-        return f"Harder than without mitigation: contact on the loop at {speed} instead of {_speed_or_none(free)}"
+        return (
+            f"Contact is harder than without mitigation: the contact speed on the loop is {speed} instead of "
+            f"{_speed_or_none(free)}"
+        )
     if run.touched:
         return f"Contact on the loop at {_speed(run.relative_velocity)}"
     if run.status == ContactStatus.UNRESOLVED:
-        return f"The loop diverges: its numbers exceed all bounds after {_time(run.end_time)}"
+        return f"The simulated loop diverges: its numbers exceed all bounds after {_time(run.end_time)}"
     nearest = format_quantity(run.closest_distance, "m", 3)
-    return f"No contact on the loop within {_time(run.end_time)}; closest distance {nearest}"
+    return f"There is no contact on the loop within {_time(run.end_time)}; the closest distance is {nearest}"
 
 
 def _speed_or_none(run: SimulationResult) -> str:
@@ -301,7 +327,7 @@ def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
     share, late = speed.relative_difference, time.difference
     parts = []
     if share is not None:
-        parts.append("as hard" if abs(share) < _SAME else f"{percent(share)} {'harder' if share > 0 else 'softer'}")
+        parts.append("at the same speed" if abs(share) < _SAME else faster_in_words(share))
     if late is not None and time.predicted is not None:
         same = abs(late) < _SAME * time.predicted
         shown = format_quantity(abs(late), "s", 2 if abs(late) < 0.1 else 3)
@@ -326,17 +352,18 @@ def cautions_in_words(
 ) -> Iterator[str]:
     """Yield warnings about detection, controller flags and contacts of a run, most important first."""
     if detection is None:
-        yield "The object was never detected, so there was no virtual force. Check floor, offset and sensor range."
+        yield "The object was never detected, so there was no virtual force: check floor, offset and sensor range."
     elif detection.missed_share is not None and detection.missed_share > _LATE:
         yield (
-            f"Late detection: {detection.sentence[0].lower()}{detection.sentence[1:]} The prediction assumes "
-            f"detection at {format_quantity(detection.start_distance, 'm')}."
+            f"Late detection: {100 * detection.missed_share:.2g} % of the change of ln xi until contact had no effect, "
+            f"because the object was first detected at {format_quantity(detection.distance, 'm')}. The prediction "
+            f"assumes detection at {format_quantity(detection.start_distance, 'm')}."
         )
     approach = run.time if run.touched else run.end_time
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
             yield (
-                f"During the approach, the controller reported {flag.name} ({flag.meaning}): first after "
+                f"Before contact, {flag.meaning}: first after "
                 f"{_time(flag.since)}, for {_time(flag.approach_duration)} in total."
             )
     if run.contacts > 1:
@@ -348,8 +375,8 @@ def cautions_in_words(
         yield f"There are {run.contacts} contacts; {which} is the fastest{beyond}."
     if grows:
         yield (
-            f"After the impact, the contact force grows to {_force(run.peak_force)}: a push or another contact is "
-            "stronger than the first impact."
+            f"After the impact, the contact force grows to {_force(run.peak_force)}, because a push or another "
+            "contact is stronger than the first impact."
         )
 
 
@@ -358,14 +385,14 @@ def force_in_words(force: QuantityComparison) -> Iterator[str]:
     if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
         loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
         yield (
-            f"The virtual force on the loop reaches {loop}, predicted {predicted}. Noise, slow readings or a loop "
+            f"The virtual force on the loop reaches {loop}, predicted {predicted}: noise, slow readings or a loop "
             "close to instability cause such peaks."
         )
 
 
 def ending_in_words(status: Any) -> str:
-    """Return how a simulated or predicted encounter ended in words, such as `no contact`."""
-    return ContactStatus(status).label.replace("-", " ")
+    """Return how a simulated or predicted encounter ended in words, such as `never in contact`."""
+    return ContactStatus(status).words
 
 
 def _speed(velocity: float) -> str:

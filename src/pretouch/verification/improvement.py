@@ -1,4 +1,4 @@
-"""Search improvements: the best gain for the loop, and the change of the loop that helps most.
+"""Search for improvements of a loop: the best gain, and the single change that helps most.
 
 Every candidate is simulated with the same noise as the verdict.
 """
@@ -159,7 +159,7 @@ def find_improvements(
             after = stability_margin(limit_of(candidate.loop, task.sensor, verified.passed), gain)
         changes.append(_evaluate_change(task, candidate, gain, part, replace(outcomes, margin=after)))
     same_loop = Candidate("as-it-is", "", loop)
-    references = (part, verified.outcomes)[: 2 if runs < task.runs else 1]
+    references = (part, verified.outcomes)[: 2 if runs < task.verify.runs else 1]
     unchanged = tuple(_evaluate_change(task, same_loop, gain, reference, reference) for reference in references)
     return _loss(task, verified, search, best), tuple(sorted(changes, key=_rank)), unchanged
 
@@ -185,7 +185,7 @@ def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | No
     if predicted.reached.all():
         speed = abs(task.scenario.obstacle.velocity)
         ideal = float(task.goal.value(predicted.end, speed, foreseen_impact(task)))
-    own, best_objective = verified.outcomes.objective, np.full(task.runs, np.nan) if best is None else best
+    own, best_objective = verified.outcomes.objective, np.full(task.verify.runs, np.nan) if best is None else best
     mean, error = mean_and_error(own)
     with np.errstate(invalid="ignore"):
         loss, loss_error = mean_and_error(own - best_objective)
@@ -227,7 +227,7 @@ class _Search:
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
             gains = self.axis.gain(np.array(list(new.values())))
-            note_work(f"searching the best gain on the loop, {len(self.tried)} gains simulated")
+            note_work(f"searching the best gain on the loop; {len(self.tried)} gains were simulated")
             for place, gain, o in zip(new, gains.tolist(), self.problem.appraise_each(gains), strict=True):
                 self.tried[place] = _Tried(gain, o.mean, o.standing, o.whole_share, o.is_kept)
         of = (self.tried[round(u, _DIGITS)] for u in coordinate.tolist())

@@ -1,4 +1,4 @@
-"""Report sections on improvements: the change that helps most, all tried changes, and the best gain."""
+"""Build the report sections on improvements: the best gain, and all changes that were tried."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ Row = tuple[Cell, ...]
 
 _KEPT: Final = 1 - 1e-12
 _HELPS: Final = (
-    " A change helps if it improves the status (limits, effect and gain margin), if the most missed limit is missed "
+    " A change helps if it improves the status by limits, effect and gain margin, if the most missed limit is missed "
     "significantly less often, or if the objective falls significantly and by at least 1 %, with nothing missed more "
     "often and a gain margin of 2. A change that makes the loop unstable never helps. Objective: mean change with its "
     "standard error. Limits met: whether every limit is met as often as required, contact happens and is softer than "
-    "without mitigation, and the loop is stable; the percentage is that of the most missed limit."
+    "without mitigation, and the loop is stable; the percentage is that of the most missed limit. Prediction, sensor "
+    "speed and calibration are not checked for a change."
 )
 
 
@@ -36,14 +37,34 @@ def best_change_section(v: Verdict) -> PageSection | None:
     best, rate = v.best_change, _rate_in_words(v)
     if best is None:
         text = (
-            "None of the tried changes improves the status, or lowers the objective significantly and by at least 1 %."
-            f" {rate}"
+            "No change that was tried improves the status, or lowers the objective significantly and by at least "
+            f"1 %. {rate}"
         ).strip()
         return PageSection(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
-    title = "What would help most" + ("" if best.standing >= _KEPT else " (not enough alone)")
+    open_reasons = _reasons_not_checked(v)
+    enough = "" if best.standing >= _KEPT else " (not enough alone)"
+    title = "What would help most" + (" (not fully checked)" if open_reasons and not enough else enough)
     effects = PageTable(head=("", "now", "with the change"), rows=tuple(_effects(v, best)))
-    advice = Paragraph(text=f"{best.sentence} {rate}".strip(), brief=True)
+    unchecked = f"Not checked with this change: whether {' and '.join(open_reasons)}." if open_reasons else ""
+    advice = Paragraph(text=" ".join(text for text in (best.sentence, rate, unchecked) if text), brief=True)
     return PageSection(title=title, titled=True, blocks=(advice, effects))
+
+
+def _reasons_not_checked(v: Verdict) -> list[str]:
+    """Return what stands against the gain and is not computed for a change, as clauses that follow "whether"."""
+    effect, speed, calibration = v.effect, v.sensor_speed, v.calibration_check
+    excess = None if effect is None else effect.excess
+    report = v.design.problem.task.calibration
+    clauses = (
+        (excess is not None and excess > v.speed_tolerance, "contact is still faster than predicted"),
+        (speed is not None and not speed.is_fast_enough, "the sensor is still too slow"),
+        (
+            (calibration is not None and not calibration.is_good_enough)
+            or (report is not None and report.verdict != "usable"),
+            "the calibration is good enough",
+        ),
+    )
+    return [clause for applies, clause in clauses if applies]
 
 
 def _rate_in_words(v: Verdict) -> str:
@@ -53,10 +74,10 @@ def _rate_in_words(v: Verdict) -> str:
     enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= USUAL_MARGIN)
     if check is None or check.margin >= USUAL_MARGIN or enough:
         return ""
-    gain = f"With {v.law.number.equals(v.gain or 0.0)}"
+    gain = v.law.number.equals(v.gain or 0.0)
     if math.isfinite(check.lowest_rate_for_margin_2):
-        return f"{gain} a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
-    text = f"{gain} no sensor rate results in a gain margin of 2: latency, filters or robot are too slow"
+        return f"With {gain}, a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
+    text = f"With {gain}, no sensor rate results in a gain margin of 2, because latency, filters or robot are too slow"
     if math.isfinite(check.lowest_rate):
         text += f"; stability needs {check.lowest_rate:.3g} Hz"
     return f"{text}."
@@ -96,11 +117,12 @@ def changes_section(v: Verdict) -> PageSection | None:
     if not v.changes:
         return None
     n = v.compared_runs
-    note = f"Each change was simulated on the same {n} run{'' if n == 1 else 's'}, with the same encounters and noise"
-    note += f", the first of the {v.runs}; another gain was simulated on all {v.runs}" if n < v.runs else ""
+    note = f"Each change was simulated on the same {n} run{'' if n == 1 else 's'}, with the same encounters and noise."
+    if n < v.runs:
+        note += f" These are the first of all {v.runs} runs. Another gain was simulated on all {v.runs} runs."
     head = ("change", "objective", "limits met", "gain margin", "what to do")
     rows = (*_rows_as_it_is(v), *map(_change_row, v.changes))
-    table = PageTable(head=head, rows=rows, note=f"{note}.{_HELPS}", wraps=True, brief=True)
+    table = PageTable(head=head, rows=rows, note=note + _HELPS, wraps=True, brief=True)
     return PageSection(title="Tried changes", titled=True, blocks=(table,))
 
 
@@ -158,9 +180,8 @@ def gain_section(v: Verdict) -> PageSection:
     name = "Objective over the gain, in continuous time and on the loop"
     known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
     picture = Picture(figure="verdict_gain", of=v, name=name, caption=caption)
-    terms = PageTable(
-        head=("term of the objective", "typical value", "weight"), rows=tuple(objective_rows(v.definition))
-    )
+    rows = tuple(objective_rows(v.definition, v.law.number))
+    terms = PageTable(head=("term of the objective", "typical value", "weight"), rows=rows)
     shown = picture if any(np.isfinite(objective).any() for objective in known) else None
     title = "The objective over the gain" if v.gain is None else "The gain on this loop"
     return PageSection(title=title, blocks=(*_gain_blocks(v), shown, terms))
@@ -181,17 +202,18 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
         return "No gain was found that meets every limit on this loop."
     best = f"the {best}, {v.law.number.text(loss.loop_gain)}"
     if loss.loss is None or loss.loop_objective is None:
-        return f"A run ends without contact, so the objective cannot be compared with that of {best}."
+        return f"A run ends without contact, so the objectives of the verified gain and of {best} cannot be compared."
     share, error = 100 * loss.loss / loss.loop_objective, 100 * (loss.loss_error or 0.0) / loss.loop_objective
     apart = _percent_with_error(share, error)
     if share > max(SIGNIFICANT * error, 0.0):
-        return f"The objective of the verified gain is {share:.3g} % worse ({apart}) than that of {best}."
+        return f"The objective of the verified gain is {share:.3g} % worse ({apart}) than the objective of {best}."
     lacks = _lacks_in_words(v) if share < -SIGNIFICANT * error else ""
     if lacks:
         return (
-            f"The objective of the verified gain is {-share:.3g} % better ({apart}) than that of {best}, but {lacks}."
+            f"The objective of the verified gain is {-share:.3g} % better ({apart}) than the objective of "
+            f"{best}, but {lacks}."
         )
-    return f"The objective of the verified gain is not significantly worse ({apart}) than that of {best}."
+    return f"The objective of the verified gain is not significantly worse ({apart}) than the objective of {best}."
 
 
 def _best_gain_in_words(loss: Loss) -> str:
@@ -199,7 +221,7 @@ def _best_gain_in_words(loss: Loss) -> str:
     if loss.sought_margin is None:
         return "best gain on this loop"
     if loss.sought_margin >= USUAL_MARGIN:
-        return f"best gain on this loop with a gain margin of {loss.sought_margin:g}"
+        return f"best gain on this loop that has a gain margin of {loss.sought_margin:g}"
     return "best stable gain on this loop (none within the bounds has a gain margin of 2)"
 
 

@@ -1,4 +1,4 @@
-"""Report page of a verdict: status, reasons, improvements, comparisons and assumptions."""
+"""Build the report of a verification: status, reasons, improvements, comparisons and assumptions."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, Pa
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.motion import LawNumber
-from pretouch.motion.page_sections import inputs_section, method_section
+from pretouch.motion.page_sections import RECEDING, inputs_section, method_section
 from pretouch.simulation.closed_loop import loop_section
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from .effect import VerdictStatus
 from .improvement_page import best_change_section, changes_section, gain_section
+from .reasons import runs_advised
 from .result import Comparison, LimitCheck, RunSpread, Verdict
-from .stability import StabilityCheck
+from .stability import StabilityCheck, rounded_up
 
 Row = tuple[Cell, ...]
 
@@ -135,19 +136,38 @@ def _findings(v: Verdict) -> Iterator[str]:
 
 
 def _next_step(v: Verdict) -> str:
-    if v.scenario.relative_velocity > 0:
-        return "give the obstacle a negative velocity: this object moves away"
+    if v.scenario.relative_velocity > 0 and not (v.reached is not None and v.reached.simulated):
+        return RECEDING
     if v.gain is None:
-        return "relax a limit, widen the bounds of the gain, or detect the object earlier"
+        return _next_step_without_gain(v)
     if v.calibration_check is not None and not v.calibration_check.is_good_enough:
         return v.calibration_check.remedy
-    if v.best_change is not None:
-        sentence = v.best_change.sentence
-        return f"{sentence[0].lower()}{sentence[1:].removesuffix('.')}"
+    if change := _next_change(v):
+        return change
     report = v.design.problem.task.calibration
     if v.reasons and report is not None and report.reasons and report.verdict != "usable":
         return f"improve the calibration: {report.reasons[0].removesuffix('.')}"
     return "none of the tried changes helps; see the report for the causes" if v.changes and v.reasons else ""
+
+
+def _next_change(v: Verdict) -> str:
+    """Return more runs if too few are the only reason, else the change that helps most; empty if there is none."""
+    runs = runs_advised(v)
+    if runs is not None:
+        return f"simulate {runs} runs"
+    if v.best_change is None:
+        return ""
+    sentence = v.best_change.sentence
+    return f"{sentence[0].lower()}{sentence[1:].removesuffix('.')}"
+
+
+def _next_step_without_gain(v: Verdict) -> str:
+    """Return what makes a gain feasible."""
+    if v.needed_rate is None:
+        return "relax a limit, widen the bounds of the gain, or detect the object earlier"
+    if math.isinf(v.needed_rate):
+        return "shorten latency and filters, or relax a limit: no sensor rate gives the optimum its gain margin"
+    return f"read the sensor at {rounded_up(v.needed_rate):g} Hz instead of {v.loop.chain.rate:g} Hz, or relax a limit"
 
 
 def _strongest(check: StabilityCheck, number: LawNumber) -> str:
@@ -165,14 +185,16 @@ def _list_chapter(title: str, sentences: tuple[str, ...]) -> PageSection | None:
 def _reasons(v: Verdict) -> PageSection | None:
     if v.gain is not None or not v.reasons:
         return _list_chapter(_WHY.get(v.status, ""), v.reasons)
-    tried = (
-        "Nothing was simulated. Relax a limit, widen the range of gains, detect the object earlier, or change the "
-        "admittance."
-    )
-    unit = v.law.number.unit
-    head = ("limit", "at most", "best value of any gain", f"at {v.law.number.symbol}")
+    step = _next_step(v)
+    tried = f"Nothing was simulated. {step[:1].upper()}{step[1:]}."
+    n = v.law.number
+    head = ("limit", "at most", "best value of any gain", f"at {n.symbol}")
     rows: tuple[Row, ...] = tuple(
-        (words_for(c.quantity), *(Measured(x, c.unit) for x in (c.limit, c.best_value)), Measured(c.best_gain, unit))
+        (
+            n.entry(c.quantity).words,
+            *(Measured(x, c.unit) for x in (c.limit, c.best_value)),
+            Measured(c.best_gain, n.unit),
+        )
         for c in v.design.constraints
     )
     limits = PageTable(head=head, rows=rows) if rows else None
@@ -229,13 +251,17 @@ def _reached(v: Verdict) -> str:
     """Return a sentence on how many runs end in contact."""
     if v.reached is None:
         return ""
-    text = f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and happens in "
-    text += f"{share_in_words(v.reached.simulated)} of the {_runs(v)}"
-    text += f"; {v.reached.missing} end without the predicted contact" if v.reached.missing else ""
+    text = (
+        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and occurs in "
+        f"{share_in_words(v.reached.simulated)} of the {_runs(v)}"
+    )
+    text += f"; {v.reached.missing} end without the predicted contact." if v.reached.missing else "."
     if v.reached.low is not None:
-        text += f". A predicted contact happens with a probability of at least {share_in_words(v.reached.low)} "
-        text += f"({100 * v.confidence:g} % confidence)"
-    return f"{text}."
+        text += (
+            f" A predicted contact occurs with a probability of at least {share_in_words(v.reached.low)} "
+            f"({100 * v.confidence:g} % confidence)."
+        )
+    return text
 
 
 def _limits(v: Verdict) -> PageSection | None:

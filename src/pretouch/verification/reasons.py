@@ -1,17 +1,21 @@
-"""Judge a gain on a loop: the status of its verdict, and the reasons for it."""
+"""Decide whether a gain passes verification on a loop, and list the reasons."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
 from pretouch._core.units import format_quantity
+from pretouch.design import GainDesign
+from pretouch.design.robust.required import runs_to_show
 from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN
 from .effect import OFTEN, Effect, VerdictStatus, chase_in_words
-from .encounter_parts import percent
+from .encounter_parts import faster_in_words
 from .result import LimitCheck, Verdict
+from .stability import rounded_up
 
 _ROUNDING: Final = 1e-9  # relative rounding error of a speed
 
@@ -24,6 +28,20 @@ def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
     return VerdictStatus.HOLDS_NARROWLY if narrow else VerdictStatus.HOLDS, tuple(narrow)
 
 
+def no_gain_with_margin(design: GainDesign, rate: float) -> str:
+    """Return that only the required gain margin leaves no gain, and the sensor rate at which the optimum has it."""
+    task, free = design.problem.task, design.without_margin
+    optimum = design.number.equals(0.0 if free is None else free.gain)
+    if math.isinf(rate):
+        needed = "no sensor rate gives it this margin, because latency, filters or robot are too slow"
+    else:
+        needed = f"it has this margin from a sensor rate of {rounded_up(rate):g} Hz on"
+    return (
+        f"at a sensor rate of {task.loop.chain.rate:g} Hz, no gain with a gain margin of {task.stability_margin:g} "
+        f"meets every limit; without this margin, {optimum} is optimal; {needed}"
+    )
+
+
 def _failures(v: Verdict) -> Iterator[str]:
     """Yield the reasons why a gain does not hold on the loop, most serious first."""
     stability, reached, calibration = v.stability, v.reached, v.calibration_check
@@ -34,9 +52,9 @@ def _failures(v: Verdict) -> Iterator[str]:
         else:
             strongest = format_quantity(stability.strongest, v.law.number.unit)
             place = format_quantity(stability.critical_distance, "m")
-            yield f"the loop is unstable: {strongest} is the strongest stable gain, at a distance of {place}"
+            yield f"the loop is unstable, because the strongest stable gain is {strongest} at a distance of {place}"
     if reached is not None and reached.missing:
-        yield f"{reached.missing} of {v.runs} runs end without the predicted contact"
+        yield f"{reached.missing} of {v.runs} runs end without contact, although contact was predicted"
     yield from _harm_reasons(v)
     yield from (_limit_missed(check, v.runs) for check in v.limits if not check.is_met)
     if calibration is not None and not calibration.is_good_enough:
@@ -49,10 +67,13 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
     if effect is not None and effect.is_harder:
         yield f"contact is harder than without mitigation{_harder(effect)}"
     elif quiet is not None and quiet.is_harder:
-        yield f"contact is harder than without mitigation even without noise{_harder(quiet)}"
+        yield f"even without sensor noise, contact is harder than without mitigation{_harder(quiet)}"
     elif effect is not None and effect.is_absent:
         speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
-        yield f"the gain has no effect: contact is at {speed} on average, and at {free} without mitigation"
+        yield (
+            f"the gain has no effect: the contact speed is {speed} on average with the gain, and {free} without "
+            "mitigation"
+        )
     predicted, free_end = v.predicted, v.design.no_mitigation
     if predicted is None or not predicted.reached.all():
         return
@@ -61,7 +82,8 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
         before = abs(float(free_end.end.relative_velocity))
     if own > before * (1 + _ROUNDING):
         yield (
-            f"contact is predicted to be harder than without mitigation: {format_quantity(own, 'm/s')} instead of "
+            "the prediction itself is harder than without mitigation: the contact speed is "
+            f"{format_quantity(own, 'm/s')} instead of "
             f"{format_quantity(before, 'm/s') if before else 'no contact'}"
         )
 
@@ -95,10 +117,12 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
         yield f"the gain margin is {stability.margin:.3g} (2 is usual)"
     for check in (check for check in v.limits if check.is_met):
         p = check.required.probability
-        if check.low < p < 1:  # no bound can reach 1; a requirement of 1 applies only to the simulated runs
+        if _is_unshown(check):
+            needed = _runs_to_show(check, v.confidence)
+            advice = "" if needed is None else f"; {needed} runs would show it if the share stays the same"
             yield (
                 f"{check.statement} is met in {share_in_words(check.held)} of {v.runs} runs; this shows only "
-                f"{share_in_words(check.low)} with {100 * v.confidence:g} % confidence ({100 * p:g} % required)"
+                f"{share_in_words(check.low)} with {100 * v.confidence:g} % confidence ({100 * p:g} % required){advice}"
             )
         # The gain itself is chosen, not drawn at random, so a gain exactly at its limit is no reason.
         elif check.name != "gain" and check.margin is not None and check.margin < ROOM * check.limit:
@@ -111,6 +135,24 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
         yield f"no contact is predicted with this gain, but {share} of the runs end in contact"
 
 
+def _is_unshown(check: LimitCheck) -> bool:
+    """Return whether a limit is met as often as required, but in too few runs to show it."""
+    # No bound can reach 1; a requirement of 1 applies only to the simulated runs.
+    return check.is_met and check.low < check.required.probability < 1
+
+
+def _runs_to_show(check: LimitCheck, confidence: float) -> int | None:
+    return runs_to_show(check.held, check.required.probability, confidence)
+
+
+def runs_advised(v: Verdict) -> int | None:
+    """Return how many runs would show every limit, if too few runs are the only reason; None if no number would."""
+    needed = [_runs_to_show(check, v.confidence) for check in v.limits if _is_unshown(check)]
+    if not needed or len(needed) != len(v.reasons) or None in needed:
+        return None
+    return max(count for count in needed if count is not None)
+
+
 def _harder_than_promised(v: Verdict) -> Iterator[str]:
     """Yield reasons for a verdict if contact is harder than predicted, or not clearly softer."""
     # Contact may also be harder than with a faster sensor.
@@ -118,21 +160,18 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
     if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:
         reached, predicted = (format_quantity(x or 0.0, "m/s") for x in (effect.reached, effect.predicted))
         yield (
-            f"contact is {percent(effect.excess)} harder than predicted: {reached} on average instead of "
+            f"contact is {faster_in_words(effect.excess, 'predicted')}: {reached} on average instead of "
             f"{predicted} ({allowed:.3g} % allowed)"
         )
     if sensor is not None and not sensor.is_fast_enough:
-        yield (
-            f"the sensor is too slow: contact is {sensor.harder_in_words} than with an infinitely fast sensor "
-            f"({allowed:.3g} % allowed)"
-        )
+        yield f"the sensor is too slow: {sensor.excess_in_words}"
     if effect is None or effect.is_harder or effect.is_absent:
         return
     if not effect.is_softer:
         yield (
-            f"contact is not shown to be softer than without mitigation: difference {effect.difference:.2g} +- "
-            f"{effect.standard_error:.1g} m/s over {effect.runs} runs"
+            "contact is not significantly softer than without mitigation: the difference is "
+            f"{effect.difference:.2g} +- {effect.standard_error:.1g} m/s over {effect.runs} runs"
         )
     if effect.harder_count > OFTEN * effect.runs:
         share = share_in_words(effect.harder_count / effect.runs)
-        yield f"in {share} of the runs contact is harder than without mitigation"
+        yield f"in {share} of the runs, contact is harder than without mitigation"

@@ -1,4 +1,4 @@
-"""Results of `verify_gain`: the verdict, with its comparisons, limits and spread over runs."""
+"""Define the result of `verify_gain`: the status, comparisons, limits and scatter over the runs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pretouch._core.blocks import Described
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch._core.vocabulary import words_for
+from pretouch._core.vocabulary import Entry
 from pretouch.design import GainDesign, Objective
 from pretouch.design.robust import Required
 from pretouch.motion import ContactResult, ContinuousLaw, Scenario
@@ -78,6 +78,7 @@ class LimitCheck(Value):
 
     Args:
         required: the constraint and the probability with which it must be met; 1 for every run.
+        limited: words, symbol and unit of the limited quantity.
         predicted: |quantity| of the nominal encounter in continuous time, SI; None without contact.
         held: share of the runs that meet the limit.
         low: one-sided lower confidence bound (Clopper-Pearson) of the probability that the limit is met.
@@ -87,6 +88,7 @@ class LimitCheck(Value):
     """
 
     required: Required
+    limited: Entry
     predicted: float | None
     held: float
     low: float
@@ -107,7 +109,7 @@ class LimitCheck(Value):
     @property
     def unit(self) -> str:
         """The SI unit of the limit."""
-        return self.required.constraint.unit
+        return self.limited.unit
 
     @property
     def is_met(self) -> bool:
@@ -117,7 +119,7 @@ class LimitCheck(Value):
     @property
     def label(self) -> str:
         """The limited quantity in words."""
-        return words_for(self.required.constraint.quantity)
+        return self.limited.words
 
     @property
     def statement(self) -> str:
@@ -186,6 +188,8 @@ class Verdict(Described, Value):
         warnings: sentences to read before relying on the verdict.
         runs: number of runs.
         compared_runs: number of runs on which changes are compared.
+        needed_rate: if only the required gain margin leaves no gain, the sensor rate at which the optimum without it
+            has this margin [Hz]; infinite if no rate is high enough; else None.
         seed: seed of encounters and noise.
         confidence: confidence level of the bounds.
         scenario: the nominal encounter.
@@ -219,6 +223,7 @@ class Verdict(Described, Value):
     warnings: tuple[str, ...] = ()
     runs: int
     compared_runs: int
+    needed_rate: float | None = None
     seed: int
     confidence: float
     scenario: Scenario
@@ -245,7 +250,8 @@ class Verdict(Described, Value):
     def headline(self) -> str:
         """The verdict in one sentence."""
         if self.gain is None:
-            return f"There is no gain to verify: {self.design.headline.removesuffix('.')}."
+            headline = self.design.headline
+            return f"There is no gain to verify: {headline[:1].lower()}{headline[1:]}"
         status = _HOLDS[self.status]
         if self.reasons:
             others = len(self.reasons) - 1
@@ -261,7 +267,7 @@ class Verdict(Described, Value):
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict as one JSON object with numbers in SI units and None for missing numbers."""
         names = (
-            *("status", "headline", "gain", "reasons", "runs", "compared_runs", "seed", "confidence"),
+            *("status", "headline", "gain", "reasons", "runs", "compared_runs", "needed_rate", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
             *("sensor_speed", "noiseless_effect", "speed_tolerance"),
             *("calibration_check", "loss", "changes", "unchanged", "assumptions", "warnings"),

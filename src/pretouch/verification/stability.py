@@ -1,4 +1,4 @@
-"""Check the stability of a loop, find the sensor rate that a gain needs, and propose loops with one change."""
+"""Check the stability of a loop, find the sensor rate that a gain needs, and propose changes of the loop."""
 
 from __future__ import annotations
 
@@ -84,28 +84,28 @@ class StabilityCheck(Value):
         if math.isinf(self.margin) and math.isfinite(self.strongest):
             n = self.limit.law.number
             strongest = n.text(self.strongest)
-            return f"With a {n.name} of 0 the loop cannot oscillate; the strongest stable {n.name} is {strongest}."
+            return f"A {n.name} of 0 cannot make the loop oscillate; the strongest stable {n.name} is {strongest}."
         if math.isinf(self.margin):
             return "No gain makes this loop unstable."
         if self.strongest == 0:
             return (
-                f"No gain is stable on this loop, however weak. The loop itself oscillates at {self.frequency:.3g} Hz "
-                "without damping, and the virtual force acts too late to damp it."
+                f"No gain is stable on this loop, however weak. The loop oscillates at {self.frequency:.3g} Hz "
+                "even without a virtual force, which acts too late to damp the oscillation."
             )
         stable = "unstable" if self.margin < 1 else "stable, with a small margin" if self.margin < 2 else "stable"
         phase = ", at the worst phase between sensor and controller" if self.has_unknown_phase else ""
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
         return (
-            f"The loop is {stable}: gain margin {self.margin:.3g}{phase}. It oscillates{frequency} if the "
-            f"{self.limit.law.number.name} is stronger than {self.limit.law.number.text(self.strongest)}, first at a "
-            f"distance of {format_quantity(self.critical_distance, 'm')}. {self._rates}."
+            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. It oscillates{frequency} if "
+            f"the {self.limit.law.number.name} is stronger than {self.limit.law.number.text(self.strongest)}, "
+            f"first at a distance of {format_quantity(self.critical_distance, 'm')}. {self._rates}."
         )
 
     @property
     def _rates(self) -> str:
         if math.isinf(self.lowest_rate):
             return "No sensor rate makes this gain stable: latency, filters or robot are too slow"
-        text = f"This gain is stable at every sensor rate from {self.lowest_rate:.3g} Hz"
+        text = f"This gain is stable at every sensor rate above {self.lowest_rate:.3g} Hz"
         if self.margin >= 1 and self.lowest_rate > self.rate:
             text += " (at lower rates, as here, stability depends on the exact rate and phase)"
         if math.isinf(self.lowest_rate_for_margin_2):
@@ -154,16 +154,7 @@ def check_stability(
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
 
-    def timing_at(rate: float) -> LoopTiming:
-        changed: Any = loop_at(loop, rate)
-        return timing_of(changed.chain, changed.law, worst_ratio=True)
-
-    encounter: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": limit.law}
-    encounter |= {"timing_at": timing_at, "plant": loop.plant}
-    least = [
-        lowest_rate(sensor, _virtual_admittance(law), gain, margin=factor, **encounter) if gain else 0.0
-        for factor in (1.0, 2.0)
-    ]
+    least = [rate_for_margin(loop, sensor, passed, gain, factor) for factor in (1.0, 2.0)]
     return StabilityCheck(
         limit=limit,
         margin=margin,
@@ -172,6 +163,27 @@ def check_stability(
         lowest_rate_for_margin_2=least[1],
         has_unknown_phase=timing_of(loop.chain, law).delay_range > 0,
     )
+
+
+def rate_for_margin(loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, margin: float) -> float:
+    """Return the sensor rate above which a gain has a gain margin [Hz]; infinite if none is high enough."""
+    law: Any = loop.law
+    if not gain:
+        return 0.0
+
+    def timing_at(rate: float) -> LoopTiming:
+        changed: Any = loop_at(loop, rate)
+        return timing_of(changed.chain, changed.law, worst_ratio=True)
+
+    encounter: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": loop.continuous}
+    encounter |= {"timing_at": timing_at, "plant": loop.plant}
+    return lowest_rate(sensor, _virtual_admittance(law), gain, margin=margin, **encounter)
+
+
+def rounded_up(rate: float) -> float:
+    """Return a rate rounded up to two digits, so that it is never below the rate that is needed [Hz]."""
+    step = 10.0 ** (math.floor(math.log10(rate)) - 1)
+    return float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
 
 
 def _virtual_admittance(law: Controller) -> Admittance:
@@ -229,12 +241,8 @@ def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float
     """Return loops with one change each, such as a faster sensor or less noise."""
     # |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that of ln xi.
     # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
-    rate, candidates = wanted, []
-    if rate is None:
-        rate = _FASTER * loop.chain.rate
-    else:  # rounded up to two digits: never below the rate that is needed
-        step = 10.0 ** (math.floor(math.log10(rate)) - 1)
-        rate = float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
+    candidates: list[Candidate] = []
+    rate = _FASTER * loop.chain.rate if wanted is None else rounded_up(wanted)
     changes: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
     for name, sentence, make in (*changes, *_of_controller(loop, quickest, noise)):
         try:
@@ -277,13 +285,13 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
         if chain.distance_noise:
             noises = (half["distance_noise"], chain.distance_noise)
             parts.append(" instead of ".join(format_quantity(noise, "m") for noise in noises))
-        text = f"Halve the noise of the sensor to a standard deviation of {' and '.join(parts)}."
+        text = f"Halve the sensor noise to a standard deviation of {' and '.join(parts)}."
         yield "noise", text, partial(_with, loop, chain=half)
     if chain.misfit > 0:
         text = (
-            f"Calibrate again, with a misfit of the curve of {50 * chain.misfit:.3g} % of xi instead of "
-            f"{100 * chain.misfit:.3g} %: record more distances, set the distances more exactly, or recess the sensor "
-            "to where its curve fits better."
+            f"Calibrate again to reduce the misfit of the curve from {100 * chain.misfit:.3g} % to "
+            f"{50 * chain.misfit:.3g} % of the signal: record more distances, set the distances more exactly, or "
+            "recess the sensor to where its curve fits better."
         )
         yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
 
@@ -292,13 +300,14 @@ def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
     plant = loop.plant
     if isinstance(plant, PositionPlant | ImpedancePlant) and plant.bandwidth < math.inf:
         new, present = (format_quantity(bandwidth, "Hz") for bandwidth in (_FASTER * plant.bandwidth, plant.bandwidth))
-        text = f"Raise the bandwidth of the robot's controller to {new} from {present}."
+        text = f"Raise the bandwidth of the robot's controller from {present} to {new}."
         yield "robot-bandwidth", text, partial(_with, loop, plant={"bandwidth": _FASTER * plant.bandwidth})
     if isinstance(plant, ImpedancePlant):
         stiffness, damping = 2 * plant.stiffness, 2**0.5 * plant.damping
         text = (
-            f"Raise the stiffness of the robot's impedance controller to {format_quantity(stiffness, 'N/m')} from "
-            f"{format_quantity(plant.stiffness, 'N/m')}, and its damping to {format_quantity(damping, 'N*s/m')}."
+            "Raise the stiffness of the robot's impedance controller from "
+            f"{format_quantity(plant.stiffness, 'N/m')} to {format_quantity(stiffness, 'N/m')}, and its damping "
+            f"to {format_quantity(damping, 'N*s/m')}."
         )
         yield "robot-stiffness", text, partial(_with, loop, plant={"stiffness": stiffness, "damping": damping})
 
@@ -326,13 +335,16 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
     yield "controller-rate", text, lambda: replace(loop, law=controller_at(law, told_period(law), period))
     pedestal, configured = loop.chain.offset + loop.chain.crosstalk, c.offset
     if pedestal != configured or loop.chain.drift:
-        text = f"Subtract the exact offset, {pedestal:.4g} (unit of the readings)"
+        text = f"Subtract the exact offset of the sensor, {pedestal:.4g} (unit of the readings)"
         text += f" instead of {configured:.4g}" if pedestal != configured else ""
         text += ", and track its drift." if loop.chain.drift else "."
         yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
     # The limit rejects a reading only if neither the fastest approach nor noise can explain it.
     rate = _ROOM * quickest + _DEVIATIONS * noise * loop.chain.rate
     if c.largest_rate is None and rate > 0:
-        text = f"Set largest_rate to {format_quantity(rate, '1/s')}: twice the largest |d ln xi / dt| of an approach"
+        text = (
+            f"Set largest_rate to {format_quantity(rate, '1/s')}, which is twice the largest rate |d ln xi / dt| "
+            "of an approach"
+        )
         text += f"{' plus noise' if noisy else ''}."
         yield "largest-rate", text, partial(_with, loop, conditioning={"largest_rate": rate})

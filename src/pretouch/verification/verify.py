@@ -26,9 +26,9 @@ from .checks import assumptions_of, cautions_of, check_limits, check_reached, co
 from .effect import VerdictStatus, compare_with_fast_sensor, effect_of, without_noise
 from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
-from .reasons import judge
+from .reasons import judge, no_gain_with_margin
 from .result import Verdict
-from .stability import check_stability, limit_of, stability_margin
+from .stability import check_stability, limit_of, rate_for_margin, stability_margin
 
 _NO_LOOP: Final = (
     "loop: found none, expected the sampled loop, loop=ClosedLoop(...); in a file [chain] and [controller], such as "
@@ -46,8 +46,8 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
     Args:
         task: the nominal encounter with the loop, the objective, and the bounds of the ideal design and of the best
             gain on the loop. Optional: the gain (default: designed by the effect of a drag, or the ideal design),
-                constraints, impact (default: the contact of the loop), uncertainty of encounter and sensor, runs,
-            confidence, stability margin, calibration, method and horizon.
+                constraints, impact (default: the contact of the loop), uncertainty of encounter and sensor, the options
+            `verify`, stability margin, calibration, method and horizon.
         changes: whether to search for the best gain on the loop and the change that helps most.
 
     Returns:
@@ -59,6 +59,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.simulation import ClosedLoop, SensorChain
+        >>> from pretouch.verification import VerifyOptions
         >>> virtual = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
         >>> conditioning = Conditioning(floor=1e-3, sensor_period=4e-3)
         >>> law = Controller(period=1e-3, conditioning=conditioning, law=VirtualDamper(gain=0.0), admittance=virtual)
@@ -71,24 +72,25 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         ...     loop=ClosedLoop(law=law, chain=chain),
         ...     bounds=(-10.0, -0.01),
         ...     constraints=[Constraint(name="relative_velocity", limit=0.1)],
-        ...     runs=100,
+        ...     verify=VerifyOptions(runs=100),
         ... )
         >>> verdict = verify_gain(task, changes=False)
         >>> verdict.status.value, round(verdict.gain, 4), round(verdict.stability.margin, 1)
         ('holds', -0.7463, 6.3)
     """
-    task = _check_task(task)
-    design = design_gain(task.replace(impact=foreseen_impact(task)))
-    chosen = design.gain if task.effect is None else designed_number(task)
+    requested, task = task, _check_task(task)
+    design = design_gain(requested.replace(impact=foreseen_impact(task), evaluate=None))
+    chosen = design.gain if task.drag_effect is None else designed_number(task)
     if task.gain is not None:
         chosen = float(finite(task.gain, "gain", task.law.number.unit))
-    same = ("runs", "confidence", "scenario", "sensor", "loop", "uncertainty")
-    fields: dict[str, Any] = {name: getattr(task, name) for name in same}
-    fields |= {"speed_tolerance": task.speed_tolerance}
+    fields: dict[str, Any] = {name: getattr(task.verify, name) for name in ("runs", "confidence", "speed_tolerance")}
+    fields |= {name: getattr(task, name) for name in ("scenario", "sensor", "loop", "uncertainty")}
     fields |= {"seed": task.loop.seed, "definition": task.goal, "gain": chosen, "design": design}
     if chosen is None:
-        reason = f"the ideal design is {design.status.value}"
-        return Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,), compared_runs=0)
+        reason, rate = f"the ideal design is {design.status.value}", _rate_needed(design)
+        if rate is not None:
+            reason = no_gain_with_margin(design, rate)
+        return Verdict(**fields, status=VerdictStatus.NO_GAIN, reasons=(reason,), needed_rate=rate, compared_runs=0)
     verdict = Verdict(
         **fields, status=VerdictStatus.HOLDS, reasons=(), **_verdict_fields(task, design, chosen, changes)
     )
@@ -102,7 +104,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
     draws = draw_encounters(task)
-    note_work(f"simulating {task.runs} encounters without and with the gain")
+    note_work(f"simulating {task.verify.runs} encounters without and with the gain")
     unmitigated = draws.run(loop, 0.0)
     foreseen = draws.predicted(gain)
     problem = LoopProblem(draws=draws, predicted=np.isfinite(foreseen), unmitigated=unmitigated)
@@ -111,7 +113,9 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     outcomes = replace(problem.appraise(loop, gain), margin=stability_margin(limit, gain))
     effect = effect_of(outcomes.result, unmitigated, foreseen)
     quiet = draws.run(without_noise(loop), gain, draws.compared)
-    fast = compare_with_fast_sensor(loop, lambda one: draws.run(one, gain, draws.compared), quiet, task.speed_tolerance)
+    fast = compare_with_fast_sensor(
+        loop, lambda one: draws.run(one, gain, draws.compared), quiet, task.verify.speed_tolerance
+    )
     note_work("computing the stability of the loop")
     stability = check_stability(loop, sensor, passed, gain, limit)
     runs = outcomes.result, unmitigated
@@ -119,7 +123,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     verified = Verified(gain, predicted, outcomes, design, stability, limit, passed)
     loss, tried, unchanged = find_improvements(problem, verified) if changes else (None, (), ())
     return {
-        "reached": check_reached(outcomes.result, problem.predicted, task.confidence),
+        "reached": check_reached(outcomes.result, problem.predicted, task.verify.confidence),
         "effect": effect,
         "noiseless_effect": effect_of(quiet, unmitigated),
         "limits": check_limits(task, outcomes, predicted, gain),
@@ -140,30 +144,31 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     }
 
 
+def _rate_needed(design: GainDesign) -> float | None:
+    """Return the sensor rate at which the optimum has the required gain margin, if that margin leaves no gain [Hz]."""
+    task, free = design.problem.task, design.without_margin
+    if free is None or task.stability_margin is None:
+        return None
+    passed = passage(task.law, task.scenario, task.sensor, free.gain, float(task.scenario.distance))
+    return rate_for_margin(task.loop, task.sensor, passed, free.gain, task.stability_margin)
+
+
 def _check_task(task: Task) -> Task:
     """Check the task of a verification, and narrow its bounds to gains with the required gain margin."""
     if task.scenario.shape != ():
-        raise InvalidInputError(f"scenario: found encounters of shape {task.scenario.shape}, expected one")
+        raise InvalidInputError(
+            f"scenario: found an array of encounters of shape {task.scenario.shape}, expected a single encounter"
+        )
     law: Any = _loop_of(task).law
     if not isinstance(law, TunableLaw):
         raise InvalidInputError(
-            f"loop: found a law ({type(law).__name__}) without the method with_value, which sets its gain"
+            f"loop: the law {type(law).__name__} has no method with_value, which must return the law with another gain"
         )
-    if not finite(task.speed_tolerance, "speed_tolerance") >= 0:
+    refuse_too_many_runs(task.verify.runs)
+    if task.drag_effect is not None and (task.objective is None or task.bounds is None):
         raise InvalidInputError(
-            f"speed_tolerance: found {task.speed_tolerance:g}, expected 0 or more, such as 0.1 for 10 %"
-        )
-    if type(task.runs) is not int or task.runs < 1:
-        raise InvalidInputError(f"runs: found {task.runs!r}, expected a positive whole number")
-    refuse_too_many_runs(task.runs)
-    if not 0 < finite(task.confidence, "confidence") < 1:
-        raise InvalidInputError(
-            f"confidence: found {task.confidence:g}, expected a number between 0 and 1, such as 0.95"
-        )
-    if task.effect is not None and (task.objective is None or task.bounds is None):
-        raise InvalidInputError(
-            "effect: found no objective or no bounds with it, expected both, because a verdict compares the drag with "
-            "the best one; in a file, add [objective] and [gain]"
+            "drag_effect: found no objective or no bounds with it, expected both, because a verdict compares the drag "
+            "with the best one; in a file, add [objective] and [gain]"
         )
     return task.replace(bounds=task.stable_bounds(), stability_margin=None, evaluate=None)
 
@@ -175,14 +180,11 @@ def _loop_of(task: Task) -> ClosedLoop:
     if not isinstance(task.loop, ClosedLoop):
         raise InvalidInputError(f"loop: found {type(task.loop).__name__}, expected a ClosedLoop")
     law = task.loop.continuous
-    if law is None and "law" not in vars(task):
-        raise InvalidInputError(
-            f"loop: found a law ({type(getattr(task.loop.law, 'law', task.loop.law)).__name__}) without a law in "
-            'continuous time for the prediction; set its `continuous`, such as "virtual-damper" or a CustomLaw, or '
-            "set the law of the task"
-        )
     if law is not None and law != task.law:
-        raise InvalidInputError(f"law: found {task.law.kind}, but the controller of the loop is a {law.kind}")
+        raise InvalidInputError(
+            f"law: the task has the law {task.law.kind}, but the controller of the loop has the law {law.kind}; use "
+            "the same law"
+        )
     return task.loop
 
 
@@ -190,7 +192,7 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
     """Raise an error if simulated runs would end before the predicted contact."""
     if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
         raise InvalidInputError(
-            f"loop horizon: found {loop.horizon:g} s, but contact is predicted after "
+            f"loop horizon: found {loop.horizon:g} s, but contact is predicted only after "
             f"{float(predicted.end.time):.4g} s; set a longer horizon"
         )
 
@@ -198,8 +200,8 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
 def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
     """Return a sentence on why the stability of a gain is not assessed."""
     if known:
-        return f"Stability is not assessed: {task.law.number.equals(gain)} does not mitigate."
-    return f"The stability of the loop is not known: damping and timing of the law {task.law.kind} are unknown."
+        return f"Stability is not assessed, because {task.law.number.equals(gain)} does not mitigate the impact."
+    return f"The stability of the loop is unknown, because damping and timing of the law {task.law.kind} are unknown."
 
 
 @check_arguments
@@ -239,7 +241,8 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
     scenario, sensor, loop = task.scenario, task.sensor, _loop_of(task)
     if scenario.shape:
         raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {scenario.shape}, expected one; ClosedLoop.run takes many"
+            f"scenario: found an array of encounters of shape {scenario.shape}, expected a single encounter; use "
+            "ClosedLoop.run for many encounters"
         )
     gain = finite(_gain_of(task), "gain", task.law.number.unit)
     if not isinstance(gain, float):
@@ -260,13 +263,13 @@ def _gain_of(task: Task) -> float:
     """Return the gain of the task, or the designed gain if the task has none."""
     if task.gain is not None:
         return task.gain
-    designed = designed_number(task) if task.effect or not task.scenario.obstacle.course else None
+    designed = designed_number(task) if task.drag_effect or not task.scenario.obstacle.course else None
     if designed is None:
         course = task.scenario.obstacle.course
         status = "" if course else design_gain(task.replace(evaluate=None)).status.value
         why = "an ideal design does not support an obstacle with a course" if course else f"the design is {status}"
         raise InvalidInputError(
-            f'gain: {why}, so there is none to simulate; set one: gain = "-0.7 N*s" in [controller], the option '
-            "--gain, or gain=-0.7 in Python"
+            f'gain: there is no gain to simulate, because {why}. Set gain = "-0.7 N*s" in [controller], the '
+            "option --gain, or gain=-0.7 in Python"
         )
     return designed

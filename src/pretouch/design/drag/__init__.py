@@ -1,4 +1,4 @@
-"""Design of the virtual drag: prediction of its effects, and choice of its number phi."""
+"""Design the virtual drag: predict its effects, and choose its coefficient phi."""
 
 from .design import design_drag, drag_by, drag_trade_off
 from .limits import DragEffect

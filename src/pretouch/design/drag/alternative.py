@@ -1,4 +1,4 @@
-"""Report section that compares an optimal gain with a virtual drag of the same excursion."""
+"""Compare an optimal gain with the virtual drag that needs the same excursion."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ def drag_alternative(design: GainDesign) -> PageSection | None:
     runs = (with_drag, run)
     accelerations = [pretty_unit(format_quantity(float(r.end.largest_acceleration), "m/s^2")) for r in runs]
     text = (
-        f"A virtual drag {DRAG.number.equals(drag)} would make contact at {format_quantity(after, 'm/s')} instead of "
-        f"{format_quantity(before, 'm/s')}, after the same excursion. Its largest acceleration is {accelerations[0]} "
-        f"instead of {accelerations[1]}."
+        f"With a virtual drag {DRAG.number.equals(drag)}, the contact speed would be "
+        f"{format_quantity(after, 'm/s')} instead of {format_quantity(before, 'm/s')}, after the same excursion. "
+        f"The largest acceleration would be {accelerations[0]} instead of {accelerations[1]}."
     )
     if not push:
-        text += f" At every approach speed, {100 * after / speed:.3g} % of the speed remains."
+        text += f" The drag reduces every approach speed to {100 * after / speed:.3g} % of its value."
     table = LazyBlock(make=lambda: _comparison(design, run, drag, with_drag))
     return PageSection(title="Comparison with the virtual drag", blocks=(Paragraph(text=text, brief=True), table))
 

@@ -1,4 +1,4 @@
-"""Choice of the virtual drag phi by the ratio of contact speed to approach speed, or by a limit on one of its effects.
+"""Choose the virtual drag phi from a required ratio of contact speed to approach speed, or from a limit.
 
 No optimization is needed: ratio and excursion trade off along one curve, and each limit selects one point of it.
 """
@@ -101,7 +101,7 @@ def design_drag(task: Task) -> DragDesign:
     """Choose the virtual drag that has the effect required by a task.
 
     Args:
-        task: the encounter, which starts at the detection distance, the sensor, and `effect`. The default of the
+        task: the encounter, which starts at the detection distance, the sensor, and `drag_effect`. The default of the
             effect's largest speed is the speed of the encounter. With an objective, the page also shows the letter's
             optimal gain for comparison.
 
@@ -121,18 +121,18 @@ def design_drag(task: Task) -> DragDesign:
         ...             obstacle=Obstacle(position=0.0422, velocity=-0.3),
         ...         ),
         ...         InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
-        ...         effect=DragEffect(ratio=0.15),
+        ...         drag_effect=DragEffect(ratio=0.15),
         ...     )
         ... )
         >>> round(design.drag, 6), round(design.result.contact.relative_velocity, 6)
         (0.014372, -0.045)
     """
-    if task.effect is None:
+    if task.drag_effect is None:
         raise InvalidInputError(
-            "effect: found none, expected the effect by which the drag is chosen, such as DragEffect(ratio=0.15)"
+            "drag_effect: found none, expected the effect by which the drag is chosen, such as DragEffect(ratio=0.15)"
         )
     if reason := why_no_drag(task.scenario):
         raise InvalidInputError(f"scenario: {reason}")
-    drag, kept = chosen_drag(task, task.effect)
+    drag, kept = chosen_drag(task, task.drag_effect)
     mass, distance = float(task.scenario.admittance.mass), float(task.scenario.distance)
     return predict_drag(task.sensor, distance, mass, drag, largest_speed=kept, task=task)

@@ -1,4 +1,4 @@
-"""Report page of a drag design."""
+"""Build the report of a design of the virtual drag."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ import numpy as np
 from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, PageTable, Picture
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
-from pretouch._core.vocabulary import unit_of, words_for
+from pretouch._core.vocabulary import unit_of
 from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
 from pretouch.motion.page_sections import inputs_section, method_section
 
 from ..front.physical_bound import find_physical_bound, why_no_bound
 from ..gain import GainDesign, design_gain
 from ..impact import ImpactModel, impact_rows
+from ..page_sentences import limit_in_words, verify_step
 from ..quantities import quantity_of
 from .limits import DragEffect
 from .result import ROUNDING, DragDesign
@@ -60,14 +61,14 @@ def drag_page(design: DragDesign) -> Page:
     warnings = []
     if acceleration:
         warnings.append(
-            "the drag was chosen by its effect on an object in uniform motion, but this object accelerates "
-            f"{'toward' if acceleration > 0 else 'away from'} the plant by "
+            "the drag was chosen for an object in uniform motion, but this object accelerates "
+            f"{'toward' if acceleration > 0 else 'away from'} the robot by "
             f"{pretty_unit(format_quantity(abs(acceleration), 'm/s^2'))}"
         )
     if -float(design.scenario.relative_velocity) > design.largest_speed:
         warnings.append(
-            f"this object is faster than {format_quantity(design.largest_speed, 'm/s')}, the largest speed for which "
-            "the drag was chosen"
+            f"the drag was chosen for approach speeds up to {format_quantity(design.largest_speed, 'm/s')}, but "
+            "this object is faster"
         )
     return Page(
         kind="Drag of preemptive impact mitigation",
@@ -77,7 +78,7 @@ def drag_page(design: DragDesign) -> Page:
         key_figures=tuple(_key_figures(design, run)),
         warnings=tuple(warnings),
         findings=tuple(_findings(design, run)),
-        next_step="describe sensor chain and controller, then run `pretouch verify` to check it on the sampled loop",
+        next_step=verify_step(task),
         lead="drag",
         blocks=(
             _contact(design, run),
@@ -87,7 +88,7 @@ def drag_page(design: DragDesign) -> Page:
             _guarantee(design),
             _detection(design),
             inputs_section(design.scenario, design.sensor, _chosen_by(design), *impact_rows(task.impact)),
-            method_section(run.method),
+            method_section(run.method, design.sensor),
         ),
     )
 
@@ -96,9 +97,8 @@ def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
     """Yield a sentence about each limit of the task, with its value."""
     for c in design.designed_task.limits:
         value = abs(float(c.magnitude(run.end, design.designed_task.impact)))
-        state = "met" if value <= c.limit * (1 + ROUNDING) else "exceeded"
-        reached, limit = (format_quantity(x, c.unit, 3) for x in (value, c.limit))
-        yield f"{words_for(c.quantity)} {reached}, limit {limit}: {state}"
+        entry = design.law.number.entry(c.quantity)
+        yield limit_in_words(entry.words, value, c.limit, entry.unit, met=value <= c.limit * (1 + ROUNDING))
 
 
 def letters_optimum(design: DragDesign) -> GainDesign | None:
@@ -299,6 +299,6 @@ def _detection(design: DragDesign) -> PageSection:
 
 
 def _chosen_by(design: DragDesign) -> Row:
-    name, value, unit = (design.designed_task.effect or DragEffect(ratio=design.ratio)).chosen
+    name, value, unit = (design.designed_task.drag_effect or DragEffect(ratio=design.ratio)).chosen
     up_to = f", up to {format_quantity(design.largest_speed, 'm/s')}" if math.isfinite(design.largest_speed) else ""
     return f"the drag is chosen by its {name.replace('_', ' ')}", Measured(float(value), unit, suffix=up_to)

@@ -1,1 +1,1 @@
-"""Pareto fronts of contact quantities, and the physical bound that holds for every controller."""
+"""Compute Pareto fronts of contact quantities, and the physical limit that no controller can exceed."""

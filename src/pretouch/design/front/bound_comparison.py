@@ -1,4 +1,4 @@
-"""Comparison of encounters with the physical bound."""
+"""Compare excursion and contact speed of encounters with the best values that any controller can reach."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pareto front over the gain alone: a search along the curve of all gains."""
+"""Find the Pareto front if the gain is the only free parameter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pareto dominance: points that are not dominated, and the error of a front."""
+"""Find Pareto-optimal points among many points, and estimate the error of a Pareto front."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Report page of a Pareto front: knee, ends, the user's choice and the physical bound."""
+"""Build the report of a Pareto front: knee, ends, the user's choice, and the physical limit of any robot."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from pretouch._core.blocks import (
     Paragraph,
     Picture,
     named,
+    named_entry,
 )
 from pretouch._core.units import format_quantity, format_range, pretty_unit
-from pretouch._core.vocabulary import in_short, unit_of, words_for
+from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion.page_sections import inputs_section, method_section
 
 from ..impact import impact_rows
@@ -75,7 +76,7 @@ def _key_figures(front: ParetoFront) -> Iterator[tuple[str, Cell]]:
     for point in front.marked[:1]:
         yield f"{front.number.label} at the {point.name}", Measured(point.gain, front.number.unit)
         for name, value in point.values.items():
-            yield words_for(name), Measured(value, unit_of(name), 3)
+            yield front.number.entry(name).words, Measured(value, front.number.entry(name).unit, 3)
         if point.bound is not None and math.isfinite(point.bound.ratio):
             yield "relative to the smallest possible excursion", Measured(float(point.bound.ratio), "", 3)
 
@@ -96,7 +97,7 @@ def _points(front: ParetoFront) -> PageSection:
         title="The Pareto front",
         blocks=(
             Picture(figure="pareto", of=front, name=name, caption=caption),
-            PageTable(head=("", *map(_title, points)), rows=rows, note=note, brief=True),
+            PageTable(head=("", *(_title(front, point) for point in points)), rows=rows, note=note, brief=True),
             Listing(items=sentences, brief=True) if sentences else None,
             Paragraph(text=_KNEE, quiet=True),
             Paragraph(text=_BOUND, quiet=True),
@@ -104,9 +105,9 @@ def _points(front: ParetoFront) -> PageSection:
     )
 
 
-def _title(point: FrontPoint) -> str:
+def _title(front: ParetoFront, point: FrontPoint) -> str:
     kind, _, quantity = point.name.partition(" ")
-    return f"{kind} {in_short(quantity)}".strip()
+    return f"{kind} {front.number.entry(quantity).short}" if quantity else kind
 
 
 def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measured]]:
@@ -116,7 +117,7 @@ def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measu
     for name in front.free[1:]:
         yield words_for(name), Measured(getattr(point, name), front.free_units[name])
     for name, value in point.values.items():
-        yield named(name, magnitude=True), Measured(value, unit_of(name))
+        yield named_entry(n.entry(name), magnitude=True), Measured(value, n.entry(name).unit)
     if front.comparison is None:
         return
     names = ("acceleration", "excursion", "least_excursion", "ratio", "least_acceleration")
@@ -140,8 +141,8 @@ def _sentences(front: ParetoFront) -> Iterator[str]:
         limit = pretty_unit(format_quantity(float(front.bound.acceleration_limit), "m/s^2"))
         after = format_quantity(float(front.bound.excursion(least)), "m")
         yield (
-            f"The smallest contact speed of any robot with an acceleration limit of {limit} is "
-            f"{format_quantity(least, 'm/s')}, with an excursion of {after}."
+            f"With an acceleration limit of {limit}, the smallest contact speed of any robot is "
+            f"{format_quantity(least, 'm/s')}, at an excursion of {after}."
         )
 
 
@@ -151,15 +152,16 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     if not choice.distance_to_front > _BEHIND:
         return "The choice lies on the Pareto front."
     text = (
-        f"In every quantity, the front is better than the choice by "
-        f"{100 * choice.distance_to_front:.2g} % of its extent"
+        f"In every quantity, the front is better than the choice by {100 * choice.distance_to_front:.2g} % of "
+        "the front's range."
     )
     if len(front.quantities) == 2:
         first, second = front.quantities
+        one, other = front.number.entry(first), front.number.entry(second)
         best = front.of(first)[front.meets(**{second: choice.values[second]})].min()
-        least, chosen = (format_quantity(float(value), unit_of(first)) for value in (best, choice.values[first]))
-        text += f": with the same {in_short(second)}, the {in_short(first)} can be {least} instead of {chosen}"
-    return f"{text}."
+        least, chosen = (format_quantity(float(value), one.unit) for value in (best, choice.values[first]))
+        text += f" With the same {other.short}, the {one.short} can be {least} instead of {chosen}."
+    return text
 
 
 def _evidence(front: ParetoFront) -> PageSection:
@@ -169,8 +171,8 @@ def _evidence(front: ParetoFront) -> PageSection:
         ("Pareto front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
         (
             "largest error",
-            f"{100 * front.approximation_error:.2g} % of the front's extent: no other encounter, searched or "
-            "between the points, is better by more in every quantity",
+            f"{100 * front.approximation_error:.2g} % of the front's range: no searched design, and none between "
+            "the points, beats the front by more in every quantity",
         ),
     )
     return PageSection(title="Evidence", titled=True, blocks=(PageTable(rows=rows, wraps=True, brief=True),))
@@ -189,5 +191,6 @@ def _settings(front: ParetoFront) -> Iterator[Row]:
             label = gain_name if name == "gain" else words_for(name)
             yield f"{label}: bounds", format_range(bounds, front.free_units[name])
     for constraint in front.constraints:
-        yield f"limit of {words_for(constraint.quantity)}", Measured(constraint.limit, constraint.unit)
+        limited = front.number.entry(constraint.quantity)
+        yield f"limit of {limited.words}", Measured(constraint.limit, limited.unit)
     yield from impact_rows(front.impact)

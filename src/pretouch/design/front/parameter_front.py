@@ -1,4 +1,4 @@
-"""Pareto front over several free parameters, by local searches from a grid."""
+"""Find the Pareto front over several free parameters by local searches that start on a grid."""
 
 from __future__ import annotations
 

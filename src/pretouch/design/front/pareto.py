@@ -1,9 +1,8 @@
-"""Pareto front of contact quantities, with its knee, its ends and the user's choice."""
+"""Compute a Pareto front of contact quantities, with its knee, its ends and the user's choice."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -14,13 +13,13 @@ from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario
 
 from ..gain import GainDesign
+from ..options import Choice
 from ..problem import GainProblem, magnitude
-from ..quantities import QUANTITY_UNITS
 from ..search import refine
 from ..search.freedom import make_freedom
 from ..search.local import descend
 from ..search.trials import Trials
-from ..task import Choice, Task, with_file_location
+from ..task import Task, with_file_location
 from .bound_comparison import compare_with_bound
 from .curve_front import trace_front
 from .dominance import FoundFront, extent_of, shortfall
@@ -74,14 +73,15 @@ def pareto_front(task: Task) -> ParetoFront:
     every controller (`PhysicalBound`).
 
     Args:
-        task: one encounter, the bounds and the quantities; optionally bounds of natural frequency and damping ratio,
-            constraints, impact, the user's choice, method, horizon and `evaluate`. With an objective and without a
-            choice, the optimal gain of the unchanged admittance is marked.
+        task: one encounter, the bounds and the quantities (`pareto`); optionally bounds of natural frequency and
+            damping ratio, constraints, impact, the user's choice (`pareto`), method, horizon and `evaluate`. With an
+            objective and without a choice, the optimal gain of the unchanged admittance is marked.
 
     Returns:
         The front; infeasible and no-contact are statuses, not errors.
 
     Examples:
+        >>> from pretouch.design import ParetoOptions
         >>> from pretouch.motion import Admittance, Obstacle
         >>> from pretouch.sensors import ExponentialFirstOrder
         >>> task = Task(
@@ -91,7 +91,7 @@ def pareto_front(task: Task) -> ParetoFront:
         ...     ),
         ...     ExponentialFirstOrder(scale=0.458, rate=-61.0),
         ...     bounds=(-10.0, -0.01),
-        ...     choice=-0.8,
+        ...     pareto=ParetoOptions(choice=-0.8),
         ... )
         >>> front = pareto_front(task)
         >>> round(front.knee.gain, 3), round(front.knee.values["relative_velocity"], 4)
@@ -99,26 +99,16 @@ def pareto_front(task: Task) -> ParetoFront:
         >>> abs(front.choice.distance_to_front) < 0.01
         True
     """
-    names = _quantities(task.quantities)
+    names = tuple(task.pareto.quantities)
     free = task.natural_frequency, task.damping_ratio
     freedom = make_freedom(task.scenario, task.stable_bounds(), *free, law=task.law)
-    problem, choice = GainProblem(task=task, axis=freedom.axis), task.choice
+    problem, choice = GainProblem(task=task, axis=freedom.axis), task.pareto.choice
     if choice is None and task.objective is not None:
         choice = GainDesign.of(problem)
     measures = tuple(magnitude(name, task.impact) for name in names)
     trials = Trials(freedom=freedom, encounters=problem, measures=measures)
     front = find_front(trials) if freedom.size > 1 else trace_front(lambda u: trials.values(u[:, None]))
     return _assemble(trials, names, front, choice)
-
-
-def _quantities(quantities: Sequence[str]) -> tuple[str, ...]:
-    names = (quantities,) if isinstance(quantities, str) else tuple(quantities)
-    for name in names:
-        if name not in QUANTITY_UNITS:
-            raise InvalidInputError(f"quantities: found {name!r}, expected some of {', '.join(QUANTITY_UNITS)}")
-    if len(names) not in {2, 3} or len(set(names)) < len(names):
-        raise InvalidInputError(f"quantities: found {', '.join(names) or 'none'}, expected two or three different ones")
-    return names
 
 
 def _assemble(trials: Trials, names: tuple[str, ...], front: FoundFront, choice: float | Choice | None) -> ParetoFront:

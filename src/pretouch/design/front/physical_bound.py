@@ -1,4 +1,4 @@
-"""Physical bound: the smallest excursion and contact speed that any controller can reach."""
+"""Compute the smallest excursion and contact speed that any controller can reach with limited acceleration."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class PhysicalBound(Value):
         positive(self.distance, "distance", "m")
         if not finite(self.velocity, "velocity", "m/s") < 0:
             raise InvalidInputError(
-                f"velocity: found {self.velocity:g} m/s, expected a negative number: the obstacle must approach"
+                f"velocity: found {self.velocity:g} m/s, expected a negative number, because the obstacle must approach"
             )
         finite(self.acceleration, "acceleration", "m/s^2")
         object.__setattr__(self, "acceleration_limit", positive(self.acceleration_limit, "acceleration_limit", "m/s^2"))

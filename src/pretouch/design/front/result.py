@@ -1,4 +1,4 @@
-"""Result of a Pareto front: points, knee, ends, the user's choice and the comparison with the physical bound."""
+"""Define the result of a Pareto front: points, knee, ends, the user's choice, and the limit of any robot."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from pretouch._core.files import plain
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch._core.vocabulary import in_short, unit_of
 from pretouch.motion.contact import ContactResult
 
 from ..constraints import Constraint
@@ -138,7 +137,7 @@ class ParetoFront(Answer):
     @property
     def units(self) -> tuple[str, ...]:
         """The SI unit of each quantity of the Pareto front."""
-        return tuple(map(unit_of, self.quantities))
+        return tuple(self.number.entry(name).unit for name in self.quantities)
 
     def of(self, quantity: str) -> FloatArray:
         """Return the magnitudes of one quantity along the Pareto front, in SI units."""
@@ -156,10 +155,13 @@ class ParetoFront(Answer):
     @property
     def headline(self) -> str:
         """The result of the search in one sentence."""
-        names = [in_short(name) for name in self.quantities]
+        names = [self.number.entry(name).short for name in self.quantities]
         traded = f"{', '.join(names[:-1])} and {names[-1]}"
         if self.status is FrontStatus.INFEASIBLE:
-            return f"Infeasible: no point within the bounds meets every constraint, so {traded} have no Pareto front."
+            return (
+                "Infeasible: nothing within the bounds meets every constraint, so there is no Pareto front of "
+                f"{traded}."
+            )
         if self.status is FrontStatus.NO_CONTACT:
             return "No point within the bounds ends in contact."
         if len(self.gain) == 1:
@@ -206,7 +208,10 @@ class ParetoFront(Answer):
                     "natural_frequency": self.natural_frequency_bounds,
                     "damping_ratio": self.damping_ratio_bounds,
                 },
-                "constraints": [{"name": c.name, "unit": c.unit, "limit": c.limit} for c in self.constraints],
+                "constraints": [
+                    {"name": c.name, "unit": self.number.entry(c.quantity).unit, "limit": c.limit}
+                    for c in self.constraints
+                ],
                 "front": {**columns, **traded, **({} if self.comparison is None else self.comparison.to_dict())},
                 "physical_bound": least,
                 "no_bound": self.no_bound or None,

@@ -1,4 +1,4 @@
-"""Robust gain design for uncertain inputs: distributions, measures of the objective, chance constraints."""
+"""Design one gain for uncertain inputs, from their probability distributions or intervals."""
 
 from pretouch.uncertainty import (
     CorrelatedNormal,
@@ -13,6 +13,7 @@ from pretouch.uncertainty import (
     sample_inputs,
 )
 
+from ..options import RobustOptions
 from .design import design_robust_gain
 from .measures import ConditionalValueAtRisk, Expected, Measure, Quantile, WorstCase
 from .required import Required
@@ -31,6 +32,7 @@ __all__ = [
     "Quantile",
     "Required",
     "RobustDesign",
+    "RobustOptions",
     "TruncatedNormal",
     "Uniform",
     "WorstCase",

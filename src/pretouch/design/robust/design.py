@@ -1,7 +1,8 @@
-"""Robust gain design: minimize a measure of the objective over uncertain encounters."""
+"""Find the gain that minimizes, for example, the mean or a quantile of the objective over uncertain encounters."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from pretouch._core.arguments import check_arguments
@@ -49,8 +50,8 @@ def design_robust_gain(task: Task) -> RobustDesign:
 
     Args:
         task: the encounter with every input at its likeliest value, the objective, the bounds and the uncertainty,
-            which may be empty with `evaluate` (then only the noise varies); optionally measure, constraints, impact,
-            samples, validation, seed, confidence, sampling, method, horizon and `evaluate`.
+            which may be empty with `evaluate` (then only the noise varies); optionally the options `robust`,
+            constraints, impact, method, horizon and `evaluate`.
 
     Returns:
         The design; infeasible and no-contact are statuses, not errors.
@@ -75,16 +76,17 @@ def design_robust_gain(task: Task) -> RobustDesign:
         -0.778
     """
     axis, task = GainAxis.between(task.stable_bounds(), task.law.number), _with_defaults(task)
-    samples, validation, seed, evaluate = task.samples or 0, task.validation or 0, task.seed or 0, task.evaluate
+    options, evaluate = task.robust, task.evaluate
+    samples, validation, seed = options.samples or 0, options.validation or 0, options.seed
     nominal = GainDesign.of(GainProblem(task=task.replace(evaluate=None), axis=axis)).gain
     unseen = _draw(task, validation, seed + _FRESH, "random")
     later = None if evaluate is None else with_noise_after(evaluate, samples)
     fresh = RobustProblem.over(task, axis, unseen, count=validation, evaluate=later)
     worst: WorstEncounter | None = None
-    if isinstance(task.measure, WorstCase):
+    if isinstance(options.measure, WorstCase):
         problem, searched, minima, worst = search_worst_case(task, axis)
     else:
-        problem = RobustProblem.over(task, axis, _draw(task, samples, seed, task.sampling), count=samples)
+        problem = RobustProblem.over(task, axis, _draw(task, samples, seed, options.sampling), count=samples)
         effort = EXACT if evaluate is None else SAMPLED
         searched, minima = search_axis(problem.landscape, problem.lowest_needed(), axis.span[1], effort)
     local_minima = tuple((float(axis.gain(m.coordinate)), m.value) for m in minima)
@@ -103,19 +105,16 @@ def design_robust_gain(task: Task) -> RobustDesign:
 
 def _with_defaults(task: Task) -> Task:
     """Check a robust design task and fill in the default values of its options."""
-    measure = checked_measure(Expected() if task.measure is None else task.measure)
+    options = task.robust
+    measure = checked_measure(Expected() if options.measure is None else options.measure)
     limits = limits_of(task.constraints)
     _check(task, measure, limits)
     default = _SAMPLES if task.evaluate is None else _SAMPLES_OF_EVALUATOR
-    samples = default if task.samples is None else task.samples
+    samples = default if options.samples is None else options.samples
     fresh = _SAMPLES if task.evaluate is None else 4 * samples
-    return task.replace(
-        measure=measure,
-        constraints=limits,
-        samples=samples,
-        validation=fresh if task.validation is None else task.validation,
-        seed=task.seed or 0,
-    )
+    validation = fresh if options.validation is None else options.validation
+    options = replace(options, measure=measure, samples=samples, validation=validation)
+    return task.replace(constraints=limits, robust=options)
 
 
 def _draw(task: Task, count: int, seed: int, sampling: str) -> dict[str, FloatArray]:
@@ -127,9 +126,6 @@ def _draw(task: Task, count: int, seed: int, sampling: str) -> dict[str, FloatAr
 
 
 def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
-    confidence = task.confidence
-    if not 0 < confidence < 1:
-        raise InvalidInputError(f"confidence: found {confidence:g}, expected a number between 0 and 1, such as 0.95")
     if not task.uncertainty and task.evaluate is None:
         raise InvalidInputError(NOTHING_UNCERTAIN)
     if isinstance(measure, WorstCase):
@@ -141,13 +137,14 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
         for limit in limits:
             if limit.probability < 1:
                 raise InvalidInputError(
-                    f"constraint {limit.constraint.name}: found a probability of {limit.probability:g} with a worst "
-                    "case, which has no probabilities; pass the Constraint without a probability"
+                    f"constraint {limit.constraint.name}: found a probability of {limit.probability:g}, but a "
+                    "worst-case design has no probabilities; pass the Constraint without a probability"
                 )
         return
     for name, distribution in task.uncertainty.items():
         if type(distribution) is Interval:
             raise InvalidInputError(
-                f"uncertainty {name}: found an interval, which has no probabilities, for the measure "
-                f"{measure.label!r}; use Uniform if all values are equally likely, or the measure WorstCase"
+                f"uncertainty {name}: found an interval, which has no probabilities, but the measure "
+                f"{measure.label!r} needs probabilities; use Uniform if all values are equally likely, or the "
+                "measure WorstCase"
             )

@@ -1,4 +1,4 @@
-"""Importance of the uncertain inputs: their shares in the variance of the objective (Sobol indices)."""
+"""Compute how much each uncertain input contributes to the variance of the objective (Sobol indices)."""
 
 from __future__ import annotations
 
@@ -59,10 +59,10 @@ def rank_uncertain_inputs(problem: RobustProblem, gain: float) -> tuple[InputImp
     task, uncertainty = problem.task, problem.task.uncertainty
     if not uncertainty:
         return ()
-    samples = max(task.samples or 0, _FEWEST)
+    samples = max(task.robust.samples or 0, _FEWEST)
     noise_a = task.evaluate
     noise_b = None if noise_a is None else with_noise_after(noise_a, samples)
-    both = _two_sets(uncertainty, samples, task.seed or 0)
+    both = _two_sets(uncertainty, samples, task.robust.seed)
     set_a, set_b = ({name: values[:, k] for name, values in both.items()} for k in (0, 1))
 
     def values(inputs: Mapping[str, FloatArray], noise: Evaluator | None = noise_a) -> FloatArray:

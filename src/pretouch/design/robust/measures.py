@@ -1,4 +1,4 @@
-"""Measures that reduce the objectives of all encounters to one number: mean, quantile, tail mean, worst case."""
+"""Reduce the objectives of many encounters to one number: mean, quantile, tail mean or worst case."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
 from pretouch._core.files import with_kind
-from pretouch._core.numbers import FloatArray, finite, float_or_array
+from pretouch._core.numbers import FloatArray, checked_probability, float_or_array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,19 +55,20 @@ def checked_measure(measure: Any) -> Measure:
     """Return a risk measure after checking that its class defines value, label and estimate together."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
-            f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a Measure"
+            f"measure: found {measure!r}, but a measure must be Expected, Quantile, ConditionalValueAtRisk, "
+            "WorstCase or a class derived from Measure"
         )
     home = {name: next(c for c in type(measure).__mro__ if name in vars(c)) for name in ("of", "label", "estimate")}
     for name in ("label", "estimate"):
         if not issubclass(home[name], home["of"]):
             raise InvalidInputError(
-                f"measure: found {type(measure).__name__}, which overrides `of` but inherits `{name}` from "
-                f"{home[name].__name__}; override `{name}`, too"
+                f"measure: the class {type(measure).__name__} overrides `of` but inherits `{name}` from "
+                f"{home[name].__name__}; override `{name}` as well"
             )
     if isinstance(measure, WorstCase) and home["of"] is not WorstCase:
         raise InvalidInputError(
-            f"measure: found {type(measure).__name__}, a worst case that overrides `of`, expected WorstCase itself: "
-            "the worst encounter is found by a search, not by `of`"
+            f"measure: the class {type(measure).__name__} overrides `of` of WorstCase, but the worst encounter "
+            "is found by a search that ignores `of`; use WorstCase itself"
         )
     return measure
 
@@ -107,14 +108,6 @@ class Expected(Measure):
         if not np.isfinite(differences).all() or len(differences) < 2:
             return float(np.mean(others) - np.mean(values)), math.nan
         return float(differences.mean()), float(differences.std(ddof=1)) / math.sqrt(len(differences))
-
-
-def checked_probability(value: Any) -> float:
-    """Return a probability between 0 and 1, both excluded; raise an error for other numbers."""
-    p = float(finite(value, "probability"))
-    if not 0 < p < 1:
-        raise InvalidInputError(f"probability: found {p:g}, expected a number between 0 and 1, such as 0.95")
-    return p
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Outcomes of a gain in uncertain encounters, and the measure over the gain."""
+"""Evaluate gains in uncertain encounters, and the mean, quantile or worst case of their objective."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pretouch._core.values import Value
 from pretouch.motion import ContactState
 
 from ..impact import ImpactModel
-from ..quantities import quantity_of
+from ..quantities import quantity_of, size_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -37,7 +37,7 @@ class RobustOutcomes(Value):
 
     def magnitude(self, quantity: str) -> FloatArray:
         """Return the magnitude of a quantity in each encounter, in SI units; infinite without contact."""
-        values = np.abs(np.asarray(quantity_of(quantity, self.state, self.impact)))
+        values = np.asarray(size_of(quantity, quantity_of(quantity, self.state, self.impact)))
         return np.where(self.reached, np.broadcast_to(values, self.reached.shape), np.inf)
 
     def reaches(self, quantity: str, share: float) -> float:

@@ -1,4 +1,4 @@
-"""Report page of a robust design: gain, validation on fresh samples, and importance of the uncertain inputs."""
+"""Build the report of a robust design: its gain, validation and the importance of the uncertain inputs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,17 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, LazyBlock, Measured, Page, PageSection, PageTable, Paragraph, Picture, named
+from pretouch._core.blocks import (
+    Cell,
+    LazyBlock,
+    Measured,
+    Page,
+    PageSection,
+    PageTable,
+    Paragraph,
+    Picture,
+    named_entry,
+)
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion.page_sections import inputs_section, method_section, solved_on
@@ -19,6 +29,7 @@ from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 from ..certificate import DesignStatus
 from ..impact import impact_rows
 from ..page import objective_rows
+from ..page_sentences import verify_step
 from .importance import InputImportance
 from .price import Price
 from .result import RobustDesign
@@ -94,9 +105,6 @@ _ADVICE: Final = {
 }
 
 
-_VERIFY: Final = (
-    "describe sensor chain and controller, then run `pretouch verify` to check the gain on the sampled loop"
-)
 _NEXT: Final = {
     DesignStatus.INFEASIBLE: "try a smaller probability, a relaxed limit, a wider range of gains, or earlier detection",
     DesignStatus.NO_CONTACT: "use a quantile, or restrict the inputs to values with contact",
@@ -108,8 +116,10 @@ def _findings(v: Validation) -> Iterator[str]:
     for outcome in v.limits:
         c, p = outcome.required.constraint, outcome.required.probability
         required = "always" if p == 1 else f"{100 * p:g} %"
-        label, limit = words_for(c.quantity), format_quantity(c.limit, c.unit)
-        yield f"{label} within {limit} in {share_in_words(outcome.held)} of fresh samples ({required} required)"
+        label, limit = outcome.limited.words, format_quantity(c.limit, outcome.limited.unit)
+        yield (
+            f"{label} stays within {limit} in {share_in_words(outcome.held)} of the fresh samples ({required} required)"
+        )
 
 
 def robust_page(design: RobustDesign) -> Page:
@@ -127,7 +137,7 @@ def robust_page(design: RobustDesign) -> Page:
         good=design.status is DesignStatus.OPTIMAL,
         key_figures=() if v is None else tuple(_key_figures(design, v)),
         findings=() if v is None else tuple(_findings(v)),
-        next_step=_NEXT.get(design.status, _VERIFY),
+        next_step=_NEXT.get(design.status) or verify_step(design.problem.task),
         lead="outcome",
         warnings=design.warnings,
         blocks=(
@@ -147,7 +157,7 @@ def robust_page(design: RobustDesign) -> Page:
                 (f"{design.number.name}: bounds", format_range(design.bounds, design.number.unit)),
                 *impact_rows(design.impact),
             ),
-            method_section(design.method, solved_on=solved_on(design), others=(premise,)),
+            method_section(design.method, design.sensor, solved_on=solved_on(design), others=(premise,)),
         ),
     )
 
@@ -179,8 +189,9 @@ def _loss(v: Validation) -> str:
 def _outcome(design: RobustDesign, v: Validation) -> PageSection:
     ideal = ", in continuous time and without noise" if design.on_evaluator else ""
     note = (
-        f"{v.samples} fresh encounters, independent of the design. The {design.nominal_name} is optimal if every input "
-        f"has its given value{ideal}. Its loss is a paired comparison over these encounters. Predicted, not measured."
+        f"The results come from {v.samples} fresh encounters that the design did not use. The "
+        f"{design.nominal_name} is optimal if every input has its given value{ideal}. Its loss compares both "
+        "gains in the same encounters. All numbers are predicted, not measured."
     )
     head = (f"on {v.samples} fresh samples ({100 * v.confidence:g} % confidence)", *design.compared)
     return _section("Results on fresh samples", head, _outcome_rows(design, v), note)
@@ -205,25 +216,25 @@ def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
 
 def _constraints(v: Validation) -> PageSection:
     note = (
-        '"At least" is the exact lower confidence bound (Clopper and Pearson) of the probability that the limit is '
-        f'met, with a confidence of {100 * v.confidence:g} %. "Demonstrated": this bound is at least the required '
-        'probability. "Within chance": the result is compatible with the required probability. An optimal design '
-        "often lies on a constraint, so that fresh samples meet it about as often as required and cannot demonstrate "
-        "it: require a slightly larger probability."
+        '"At least" is a lower bound of the probability that the limit is met, with a confidence of '
+        f'{100 * v.confidence:g} % (Clopper and Pearson). "Demonstrated" means that this bound reaches the '
+        'required probability. "Within chance" means that the result is compatible with the required '
+        "probability. If an optimal design lies on a constraint, fresh samples often cannot demonstrate it: "
+        "require a slightly larger probability."
     )
     head = ("constraint", "limit", "required in", "met in", "at least", "quantile at the required share", "state")
     return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note)
 
 
 def _limit_row(outcome: LimitOutcome, v: Validation) -> Row:
-    required, constraint = outcome.required, outcome.required.constraint
+    required, unit = outcome.required, outcome.limited.unit
     return (
-        named(constraint.quantity, magnitude=True),
-        Measured(constraint.limit, constraint.unit),
+        named_entry(outcome.limited, magnitude=True),
+        Measured(required.constraint.limit, unit),
         "every sample" if required.probability == 1 else f"{100 * required.probability:g} %",
         share_in_words(outcome.held),
         share_in_words(outcome.low),
-        Measured(outcome.magnitude, constraint.unit),
+        Measured(outcome.magnitude, unit),
         v.state_of(outcome),
     )
 
@@ -262,12 +273,12 @@ def _uncertain(design: RobustDesign) -> PageSection:
 
 def _measure(design: RobustDesign) -> PageSection:
     caption = (
-        f"Left: the {design.measure.label} of the objective over the samples of the design, and the objective of the "
-        f"{'ideal' if design.on_evaluator else 'nominal'} encounter. Thin and grey: gains that violate a constraint. "
-        "Right: cumulative distribution of the objective over the fresh encounters."
+        f"The left plot shows the {design.measure.label} of the objective, and the objective of the "
+        f"{'ideal' if design.on_evaluator else 'nominal'} encounter. Thin grey lines are gains that violate a "
+        "constraint. The right plot shows the cumulative distribution of the objective over the fresh encounters."
     )
     name = "Measure of the objective over the gain, and distribution of the objective"
-    rows = tuple(objective_rows(design.definition))
+    rows = tuple(objective_rows(design.definition, design.number))
     terms = PageTable(head=("term of the objective", "typical value", "weight"), rows=rows)
     picture = Picture(figure="robust", of=design, name=name, caption=caption)
     return PageSection(title="The measure over the gain", blocks=(picture, terms))
@@ -301,7 +312,7 @@ def _evidence_rows(design: RobustDesign) -> Iterator[Row]:
     yield "scan", f"{design.scanned} gains, each over the same {design.samples} encounters"
     if design.on_evaluator:
         evaluator = "the sampled loop" if design.method == "loop" else f"{design.method}, by the user-defined evaluator"
-        text = f"{evaluator}, with the same noise for every gain; the ideal design is in continuous time"
+        text = f"{evaluator}, with the same noise for every gain. The ideal design assumes continuous time."
         yield "encounters solved by", text
     yield "local minima found and refined", str(len(design.local_minima))
     yield "seed", str(design.seed)

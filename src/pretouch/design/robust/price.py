@@ -1,4 +1,4 @@
-"""Loss of a robust gain compared with the optimal gain for each exactly known value of an input."""
+"""Compute what a robust gain loses compared with the optimal gain for an exactly known input."""
 
 from __future__ import annotations
 
@@ -93,4 +93,6 @@ def _distribution_of(uncertainty: Uncertainty, name: str) -> tuple[JointDistribu
     for key, joint in uncertainty.items():
         if name in joint.inputs(key):
             return joint, joint.inputs(key)
-    raise InvalidInputError(f"price: found {name!r}, expected an uncertain input: {', '.join(names_of(uncertainty))}")
+    raise InvalidInputError(
+        f"price: found {name!r}, expected the name of an uncertain input: {', '.join(names_of(uncertainty))}"
+    )

@@ -1,4 +1,4 @@
-"""Robust gain problem: a task that is evaluated over many encounters."""
+"""Define the robust gain problem: a design task that is evaluated over many sampled encounters."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class RobustProblem(GainProblem):
     @property
     def measure(self) -> Measure:
         """The risk measure of the objective over all encounters."""
-        return Expected() if self.task.measure is None else self.task.measure
+        return self.task.robust.measure or Expected()
 
     @property
     def limits(self) -> tuple[Required, ...]:

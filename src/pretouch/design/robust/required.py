@@ -1,18 +1,21 @@
-"""Chance constraints: constraints that must hold with a probability."""
+"""Define chance constraints, which must be met with a given probability."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.fields import check_types
-from pretouch._core.numbers import float_or_array
+from pretouch._core.numbers import checked_probability, float_or_array
 
 from ..constraints import Constraint
-from .measures import checked_probability, sample_quantile
+from .measures import sample_quantile
+
+_ROUNDING: Final = 1e-9  # a share times the number of runs may be just below a whole number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +51,31 @@ class Required:
 def limits_of(constraints: Iterable[Constraint | Required]) -> tuple[Required, ...]:
     """Return constraints as chance constraints; a plain `Constraint` must hold in every encounter."""
     return tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
+
+
+_MOST_RUNS: Final = 1_000_000  # more runs are not advised
+
+
+def runs_to_show(share: float, probability: float, confidence: float) -> int | None:
+    """Return how many runs show a probability if a share of them meets the limit; None if no feasible number does.
+
+    Examples:
+        >>> runs_to_show(1.0, 0.99, 0.95), runs_to_show(0.95, 0.95, 0.95)
+        (299, None)
+    """
+
+    def shows(count: int) -> bool:
+        return least_probability(math.floor(share * count + _ROUNDING), count, confidence) >= probability
+
+    few, many = 0, 1
+    while not shows(many):
+        few, many = many, 2 * many
+        if many > _MOST_RUNS:
+            return None
+    while many - few > 1:
+        middle = (few + many) // 2
+        few, many = (few, middle) if shows(middle) else (middle, many)
+    return many
 
 
 def least_probability(held: int, count: int, confidence: float) -> float:

@@ -1,4 +1,4 @@
-"""Result of a robust design: gain, measure, validation, worst encounter and importance of the inputs."""
+"""Define the result of a robust design: its gain, validation, worst encounter and important inputs."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class RobustDesign(Answer):
     @property
     def seed(self) -> int:
         """The seed of the random samples."""
-        return self.problem.task.seed or 0
+        return self.problem.task.robust.seed
 
     @property
     def scanned(self) -> int:
@@ -242,7 +242,8 @@ class RobustDesign(Answer):
         v = self.validation
         if self.gain is None:
             no_contact = (
-                f"No gain within the bounds ends in contact as often as the measure requires ({self.measure.label})."
+                "With every gain within the bounds, too few encounters end in contact to compute the "
+                f"{self.measure.label} of the objective."
             )
             return no_contact if self.status is DesignStatus.NO_CONTACT else f"Infeasible: {_conflict(self)}."
         text = f"Robust {self.number.name} {self.number.equals(self.gain)}: {self.measure.label} of the objective "
@@ -251,7 +252,7 @@ class RobustDesign(Answer):
             return text
         nominal = f"the {self.nominal_name} {self.number.text(self.nominal_gain)}"
         if not math.isfinite(v.nominal):
-            return f"{text} With {nominal}, too many encounters end without contact."
+            return f"{text} With {nominal}, too many encounters end without contact to compare the objectives."
         change = 100 * (v.nominal / v.value - 1)
         worse, conjunction = ("worse", "and") if change >= 0 else ("better", "but")
         violated = " and ".join(v.nominal_breaks)
@@ -286,13 +287,17 @@ def _conflict(design: RobustDesign) -> str:
     reasons = []
     for required, magnitude, gain in design.reachable:
         c, p = required.constraint, required.probability
+        unit = design.number.entry(c.quantity).unit
         if magnitude > c.limit:
             reasons.append(
-                f"{c.name} cannot be limited to {format_quantity(c.limit, c.unit)} "
-                f"{'in every sample' if p == 1 else f'in {100 * p:g} %'}: the nearest achievable value is "
-                f"{format_quantity(magnitude, c.unit)}, at {design.number.equals(gain)}"
+                f"the {c.name} cannot be limited to {format_quantity(c.limit, unit)} "
+                f"{'in every sample' if p == 1 else f'in {100 * p:g} % of the samples'}; the nearest achievable "
+                f"value is {format_quantity(magnitude, unit)}, reached at {design.number.equals(gain)}"
             )
-    return "; ".join(reasons) or "each constraint can be met with its probability, but no gain meets all of them"
+    if reasons:
+        return "; ".join(reasons)
+    names = " and ".join(required.constraint.name for required, *_ in design.reachable)
+    return f"{names} can each be met with the required probability, but no gain meets all of them"
 
 
 def _warnings(design: RobustDesign) -> Iterator[str]:
@@ -302,18 +307,18 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
         return
     if v.reached < 1:
         yield (
-            f"{100 * (1 - v.reached):.3g} % of the fresh encounters end without contact: the measure excludes them or "
-            "is infinite"
+            f"{100 * (1 - v.reached):.3g} % of the fresh encounters end without contact, so the "
+            f"{design.measure.label} of the objective excludes these encounters or is infinite"
         )
     for o in v.limits:
         if not v.may_hold(o):
             yield (
-                f"the fresh samples meet {o.required.constraint.name} in only {share_in_words(o.held)}, less often "
-                f"than the required {100 * o.required.probability:g} %: use more samples, or require a slightly larger "
-                "probability"
+                f"the limit of the {o.required.constraint.name} is met in only {share_in_words(o.held)} of the "
+                f"fresh samples, but {100 * o.required.probability:g} % are required; use more samples, or "
+                "require a slightly larger probability"
             )
     if design.gain in design.bounds:
         yield (
-            f"the optimum lies on the bound {design.number.text(design.gain)}: a wider range of gains may contain a "
-            "better one"
+            f"the optimum lies on the bound {design.number.text(design.gain)}; a wider range may contain a "
+            f"better {design.number.name}"
         )

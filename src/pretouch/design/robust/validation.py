@@ -1,4 +1,4 @@
-"""Validation of a robust gain on fresh samples."""
+"""Validate a robust gain on new random samples that the design has not used."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
+from pretouch._core.vocabulary import Entry
 
 from .problem import RobustProblem
 from .required import Required, least_probability
@@ -22,20 +23,22 @@ class LimitOutcome(Value):
 
     Args:
         required: the constraint and the probability with which it must hold.
+        limited: words, symbol and unit of the limited quantity.
         held: the share of the fresh samples in which it holds.
         low: exact (Clopper-Pearson) one-sided lower confidence bound of the probability that it holds.
         magnitude: quantile of |quantity| at the required probability (the maximum for a probability of 1), in SI.
     """
 
     required: Required
+    limited: Entry
     held: float
     low: float
     magnitude: float
 
     def to_dict(self) -> dict[str, Any]:
         """Return the outcome of the constraint as one JSON object, in SI units."""
-        c = self.required.constraint
-        constraint = {"name": c.name, "limit": c.limit, "unit": c.unit, "probability": self.required.probability}
+        c, p = self.required.constraint, self.required.probability
+        constraint = {"name": c.name, "limit": c.limit, "unit": self.limited.unit, "probability": p}
         return {**constraint, "held": self.held, "held_at_least": self.low, "magnitude": self.magnitude}
 
 
@@ -102,7 +105,7 @@ class Validation(Value):
 
 def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Validation:
     """Validate the robust gain and the nominal gain on encounters that the design did not use."""
-    confidence = problem.task.confidence
+    confidence, number = problem.task.robust.confidence, problem.task.law.number
     objective, ratios = problem.values(gain)
     value, low, high = problem.measure.estimate(objective, confidence)
     nominal_value, loss = None, None
@@ -125,15 +128,19 @@ def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Vali
         nominal=nominal_value,
         loss=loss,
         nominal_breaks=violated,
-        limits=tuple(_limit(r, ratio, confidence) for r, ratio in zip(problem.limits, ratios, strict=True)),
+        limits=tuple(
+            _limit(r, number.entry(r.constraint.quantity), ratio, confidence)
+            for r, ratio in zip(problem.limits, ratios, strict=True)
+        ),
         reached=float(np.isfinite(objective).mean()),
     )
 
 
-def _limit(required: Required, ratio: FloatArray, confidence: float) -> LimitOutcome:
+def _limit(required: Required, limited: Entry, ratio: FloatArray, confidence: float) -> LimitOutcome:
     count = int((ratio <= 1 + _ROUNDING).sum())
     return LimitOutcome(
         required=required,
+        limited=limited,
         held=count / len(ratio),
         low=least_probability(count, len(ratio), confidence),
         magnitude=float(required.share(ratio)) * required.constraint.limit,

@@ -1,4 +1,4 @@
-"""Gain with the best worst case over a box of inputs, with a certificate."""
+"""Find the gain with the best worst case if each uncertain input lies within an interval."""
 
 from __future__ import annotations
 
@@ -55,16 +55,16 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
     """Return the range of each uncertain input; raise an error for unbounded or too many inputs."""
     if len(uncertainty) > _MOST_INPUTS:
         raise InvalidInputError(
-            f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}: "
-            "the search evaluates 2^n corners"
+            f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}, "
+            "because the search evaluates 2^n corners"
         )
     box = {}
     for name, distribution in uncertainty.items():
         support = distribution.support if isinstance(distribution, Distribution) else (-np.inf, np.inf)
         if not np.isfinite(support).all():
             raise InvalidInputError(
-                f"uncertainty {name}: found {type(distribution).__name__}, which has no bounds, expected bounds for a "
-                "worst case; use an Interval, or a TruncatedNormal with both bounds"
+                f"uncertainty {name}: found {type(distribution).__name__}, which has no bounds, but a worst case "
+                "needs bounds; use an Interval, or a TruncatedNormal with two bounds"
             )
         box[name] = support
     return box

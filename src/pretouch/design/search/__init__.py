@@ -1,4 +1,4 @@
-"""Global search for gains: scan and refinement along one axis, local search over several parameters, certificates.
+"""Search for globally optimal gains, alone or together with other parameters, with evidence of optimality.
 
 `search_axis` scans one coordinate and refines each minimum. Compiled code solves the problems that it supports
 (`compiled`), and families of encounters that differ in one input are interpolated (`family`); arrays of other

@@ -1,4 +1,4 @@
-"""Certified maximum of a smooth function on a box, by branch and bound with gradients.
+"""Find the maximum of a smooth function on a box, by branch and bound with gradients.
 
 Each box is evaluated at its middle and its corners. The only assumption: in a box, the gradient changes at most by its
 change between these points, increased by half. The smaller the box, the better this assumption holds. Then

@@ -1,4 +1,4 @@
-"""Search for optimal gains of encounters in compiled code."""
+"""Search for the optimal gains of encounters in compiled code."""
 
 from __future__ import annotations
 

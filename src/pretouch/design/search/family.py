@@ -1,4 +1,4 @@
-"""Optimal gains of many encounters that differ in one input, interpolated from a few designs.
+"""Interpolate the optimal gains of many encounters that differ in one input from a few designs.
 
 The optimum depends smoothly on the input, unless another minimum becomes the lowest, a bound is reached, or contact is
 lost. So gain and objective are designed at Chebyshev nodes and interpolated. The interval of the input is halved until

@@ -1,4 +1,4 @@
-"""Free parameters of a search: gain, natural frequency and damping ratio, with their coordinates."""
+"""Define the free parameters of a search: gain, natural frequency and damping ratio."""
 
 from __future__ import annotations
 
@@ -122,12 +122,13 @@ def make_freedom(
     axis = GainAxis.between(bounds, law.number)
     if law == DRAG and not (natural_frequency is None and damping_ratio is None):
         raise InvalidInputError(
-            f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: found bounds with a virtual "
-            "drag, which suspends the admittance: stiffness and damping do not change the encounter; remove the bounds"
+            f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: remove these bounds, "
+            "because a virtual drag suspends the admittance: stiffness and damping do not affect the encounter"
         )
     if scenario.shape:
         raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {scenario.shape}, expected one; call this for each one"
+            f"scenario: found an array of encounters of shape {scenario.shape}, expected a single encounter; "
+            "call the function for each encounter"
         )
     stiffness = scenario.admittance.stiffness
     if natural_frequency is not None and damping_ratio is None and stiffness == 0:

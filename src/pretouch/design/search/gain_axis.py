@@ -1,4 +1,4 @@
-"""Search coordinate of the gain: logarithmic far from zero, linear around it."""
+"""Scale the gain for a search: logarithmically far from zero, and linearly around zero."""
 
 from __future__ import annotations
 

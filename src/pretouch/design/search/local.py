@@ -1,4 +1,4 @@
-"""Local search by SciPy's sequential quadratic programming (SLSQP), and the residual of the optimality conditions."""
+"""Improve a design locally by sequential quadratic programming (SLSQP of SciPy), and test its optimality."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Optimal gains of an array of encounters, by one scan for all of them.
+"""Find the optimal gain of every encounter of an array by one common scan.
 
 Every encounter is scanned at the same gains. A minimum inside the bounds is refined by a polynomial through the nodes
 of its bracket. An encounter without a certain result, by the criteria of the single design, is designed individually.

@@ -1,4 +1,4 @@
-"""Refinement of the local minima of a scanned function."""
+"""Refine the local minima of a function that was scanned on a grid."""
 
 from __future__ import annotations
 

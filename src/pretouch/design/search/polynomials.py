@@ -1,4 +1,4 @@
-"""Minimization of smooth functions by Chebyshev polynomials."""
+"""Minimize smooth functions by approximating them with Chebyshev polynomials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Adaptive scan of a function along one axis."""
+"""Scan a function along one axis with an adaptive step."""
 
 from __future__ import annotations
 

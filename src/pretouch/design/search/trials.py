@@ -1,4 +1,4 @@
-"""Evaluation of encounters over the free parameters: measures, constraints and their derivatives."""
+"""Evaluate objective, constraints and their derivatives over the free parameters of a design."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameter sweeps: contacts or designs over grids of inputs, as datasets; parallel, distributed and resumable."""
+"""Compute contacts or designs over grids of inputs; sweeps run in parallel, resume, and return datasets."""
 
 from .axes import Axes, Axis
 from .executors import Progress

@@ -1,4 +1,4 @@
-"""Make the dataset of a sweep, with units and provenance in its attributes; write and open NetCDF files."""
+"""Build the dataset of a sweep with units and provenance, and write or open NetCDF files."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from pretouch._core.files import as_json, temporary_path
 from pretouch._core.numbers import FloatArray
 from pretouch.design import ImpactModel, Objective
 from pretouch.design.custom_objectives import CustomObjective
+from pretouch.design.quantities import QUANTITY_KINDS
 from pretouch.motion import DAMPER, ContactState
 from pretouch.sensors import SensorModel
 
@@ -101,11 +102,13 @@ def _sensor(sensor: SensorModel) -> dict[str, Any]:
 
 def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, Any]:
     """Return the terms of an objective, or the name of a custom objective and a hash of its values."""
-    if not isinstance(objective, CustomObjective):
+    custom = isinstance(objective, CustomObjective)
+    if not custom and all(term.quantity in QUANTITY_KINDS.built_in() for term in objective.terms):
         return asdict(objective)
     with np.errstate(all="ignore"):
         values = objective.value(ContactState(_Probes()), np.full(_PROBES, 0.3), impact)
-    return {"name": objective.name, "values": hashlib.sha256(values.tobytes()).hexdigest()}
+    terms = {} if custom else asdict(objective)
+    return {**terms, "name": objective.name, "values": hashlib.sha256(values.tobytes()).hexdigest()}
 
 
 class _Probes:
@@ -173,8 +176,8 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
         temporary.replace(path)
     except OSError as error:
         raise InvalidInputError(
-            f"{path}: cannot be written ({error.strerror or error}); the computed results are kept; run the same "
-            "command again to resume"
+            f"{path}: the file cannot be written ({error.strerror or error}), but the computed results are kept; "
+            "run the same command again to resume"
         ) from None
     finally:
         temporary.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Run an encounter in MuJoCo, to check `simulate` against another integrator and another contact model.
+"""Simulate an encounter in MuJoCo, as an independent check of the function `simulate`.
 
 MuJoCo's contact is a soft constraint. With the impedance d and a direct `solref` = (-k', -c'), the depth delta has the
 acceleration a_1 = (1 - d) a_0 - k' delta - c' delta', where a_0 is the acceleration without contact. That is a force of
@@ -17,19 +17,15 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError, require
-from pretouch._core.numbers import FloatArray, nonnegative, positive
-from pretouch._core.values import Value
+from pretouch._core.numbers import FloatArray
 from pretouch.control import Sample
 from pretouch.control.laws import as_step
 from pretouch.motion import ContactStatus, Scenario
 from pretouch.sensors import SensorModel
+from pretouch.simulation.law import SampledLaw
+from pretouch.simulation.result import FOLLOW, HORIZON
+from pretouch.simulation.robot import PlantModel, SpringDamper
 
-from .law import SampledLaw
-from .result import FOLLOW, HORIZON
-from .robot import ContactModel, PlantModel, SpringDamper
-
-_TIME_STEP: Final = 2e-5
 _COARSEST: Final = 0.2  # largest step of the first-order method, in shortest time scales
 _DRIVEN: Final = 1e9  # mass of a driven obstacle that does not yield, in masses of the robot
 _IMPEDANCE: Final = 1e-4  # mjMINIMP
@@ -58,11 +54,9 @@ _MODEL: Final = """
 # with an obstacle of 1e9 times the robot's mass, the default 1e-8 stops it early, with errors of 0.2 % in the force.
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class WitnessTrace(Value):
-    """Time series of one encounter that was simulated in MuJoCo.
-
-    Each array has one element per step of MuJoCo, shape (n,).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WitnessTrace:
+    """Time series of one encounter in MuJoCo, one element per step of MuJoCo; each array has the shape (n,).
 
     Args:
         time: t [s].
@@ -84,15 +78,10 @@ class WitnessTrace(Value):
     drive_force: FloatArray
     contact_force: FloatArray
 
-    def __repr__(self) -> str:
-        return f"<WitnessTrace: {len(self.time)} steps to {self.time[-1]:.4g} s>"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WitnessResult(Value):
-    """Result of `witness_encounter`: one encounter simulated in MuJoCo.
-
-    The quantities are those of `SimulationResult`.
+class WitnessResult:
+    """What `witness_encounter` returns; the quantities are those of `SimulationResult`.
 
     Args:
         status: contact, horizon, or unresolved if MuJoCo warned.
@@ -125,8 +114,8 @@ def witness_encounter(
     law: SampledLaw,
     *,
     plant: PlantModel,
-    contact: ContactModel,
-    time_step: float = _TIME_STEP,
+    contact: SpringDamper,
+    time_step: float = 2e-5,
     horizon: float = HORIZON,
     follow_time: float = FOLLOW,
 ) -> WitnessResult:
@@ -137,7 +126,7 @@ def witness_encounter(
     The model has two bodies, each on a slide, without gravity and friction between them. MuJoCo integrates it by its
     semi-implicit Euler method, with its own contact. The sensor is ideal: it is read at each step of the law, without
     noise and delay. Motion and contact share no code with `simulate`; differences are of the first order in the time
-    step. Needs the extra `mujoco`.
+    step.
 
     Args:
         scenario: one encounter.
@@ -153,21 +142,14 @@ def witness_encounter(
         The first contact, the largest forces, and the time series.
 
     Raises:
-        InvalidInputError: an array of encounters, a plant without mass, another contact, or a step that is too long.
+        ValueError: an array of encounters, a plant without mass, another contact, or a step that is too long.
     """
     coefficients = plant.coefficients()
-    if scenario.shape:
-        raise InvalidInputError(f"scenario: found encounters of the shape {scenario.shape}, expected one")
-    if coefficients[0] == 0:
-        raise InvalidInputError("plant: an ideal plant has no mass; choose an ImpedancePlant or a PositionPlant")
-    if not isinstance(contact, SpringDamper):
-        raise InvalidInputError(f"contact: found {type(contact).__name__}, expected a SpringDamper, as in MuJoCo")
-    step = positive(time_step, "time_step", "s")
-    parts = round(law.period / step)
-    if parts < 1 or abs(law.period / step - parts) > 1e-9 * parts:
-        raise InvalidInputError(
-            f"time_step: found {step:g} s, expected an integer fraction of the law's period of {law.period:g} s"
-        )
+    if scenario.shape or coefficients[0] == 0 or plant.system() is not None or not isinstance(contact, SpringDamper):
+        raise ValueError("expected one encounter, a plant with mass that is no state space, and a SpringDamper")
+    parts = round(law.period / time_step)
+    if abs(law.period / time_step - parts) > 1e-9 * parts:
+        raise ValueError(f"time_step: found {time_step:g} s, expected an integer fraction of {law.period:g} s")
     slides = _Slides(
         scenario=scenario,
         law=law,
@@ -175,8 +157,8 @@ def witness_encounter(
         contact=contact,
         reading=_reading_of(sensor),
         parts=parts,
-        horizon=positive(horizon, "horizon", "s"),
-        follow_time=nonnegative(follow_time, "follow_time", "s"),
+        horizon=horizon,
+        follow_time=follow_time,
     )
     _check_step(slides)
     return _result(*_run(slides), slides)
@@ -227,7 +209,7 @@ def _check_step(slides: _Slides) -> None:
     drive = max(math.sqrt(stiffness / mass), damping / mass, servo, coulomb / speed / mass)
     fastest = max(drive, math.sqrt(contact.stiffness / reduced), contact.damping / reduced)
     if slides.step * fastest > _COARSEST:
-        raise InvalidInputError(
+        raise ValueError(
             f"time_step: found {slides.step:g} s, too long for the shortest time scale of robot and contact, "
             f"{1 / fastest:.3g} s; use at most {_COARSEST / fastest:.3g} s"
         )
@@ -272,9 +254,9 @@ def _result(rows: FloatArray, warned: bool, slides: _Slides) -> WitnessResult:
 
 
 def _run(slides: _Slides) -> tuple[FloatArray, bool]:
-    """Simulate an encounter in MuJoCo; return a row per time step, and whether MuJoCo warned."""
-    # The rows have the columns of `WitnessTrace`.
-    mujoco = require("mujoco", extra="mujoco")
+    """Return a row per step of MuJoCo, with the columns of `WitnessTrace`, and whether MuJoCo warned."""
+    import mujoco
+
     e, law, model = slides, slides.law, mujoco.MjModel.from_xml_string(slides.text)
     data = mujoco.MjData(model)
     plant, obstacle, reference = e.scenario.plant, e.scenario.obstacle, e.scenario.reference

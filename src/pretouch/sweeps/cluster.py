@@ -1,4 +1,4 @@
-"""Compute the blocks of a sweep on the workers of a Dask scheduler, which write to the Zarr folder."""
+"""Distribute the blocks of a sweep to Dask workers, which write their results to a Zarr folder."""
 
 from __future__ import annotations
 
@@ -92,5 +92,5 @@ def _run(store: ZarrStore, block: int) -> BlockRecord:
 def _check_folder(path: Path) -> None:
     if not (path / "zarr.json").is_file():
         raise InvalidInputError(
-            f"{path}: found no such sweep on a worker, expected a folder that all workers can access at this path"
+            f"{path}: a Dask worker cannot find this sweep; choose a folder that all workers can access at this path"
         )

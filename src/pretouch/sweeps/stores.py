@@ -1,4 +1,4 @@
-"""Store the results of a sweep, in memory or in a Zarr folder, with a ledger of finished blocks.
+"""Store the results of a sweep in memory or in a Zarr folder, and record the finished blocks.
 
 The data of a block are written first, each chunk atomically as a file. Then its entry in the ledger is written, a file
 of one byte. If the process is killed, only unfinished blocks are lost. A block with damaged data is computed
@@ -50,9 +50,9 @@ def refuse_beyond_memory(plan: Plan) -> None:
     bytes_each = 1 + 8 * len(plan.results)
     if plan.size * bytes_each > _MOST_BYTES:
         raise InvalidInputError(
-            f"axes: found {plan.size:,} encounters, whose results need {plan.size * bytes_each / 1e9:,.0f} GB, "
-            f"expected at most {_MOST_BYTES // bytes_each:,} in memory: write to a folder, output='NAME.zarr', or take "
-            "fewer values"
+            f"axes: the results of {plan.size:,} encounters need {plan.size * bytes_each / 1e9:,.0f} GB, but at "
+            f"most {_MOST_BYTES // bytes_each:,} encounters fit in memory. Write to a folder with "
+            "output='NAME.zarr', or use fewer values"
         )
 
 
@@ -125,12 +125,14 @@ class ZarrStore(Store):
         attributes = _attributes(self.path)
         if attributes is None:
             raise OutputExistsError(
-                f"{path}: is not a sweep of pretouch and is not overwritten; choose another name for the output"
+                f"{path}: this path is not a sweep of pretouch and is not overwritten; choose another name for "
+                "the output"
             )
         if attributes.get(DIGEST) != attributes_of(plan)[DIGEST]:
             raise OutputExistsError(
-                f"{path}: is another sweep (other {differing_parts(attributes, plan)}) and is not overwritten; "
-                "choose another name with --output, or replace it with --force (overwrite=True in Python)"
+                f"{path}: this folder holds a different sweep (different {differing_parts(attributes, plan)}) "
+                "and is not overwritten; choose another name with --output, or replace the sweep with --force "
+                "(overwrite=True in Python)"
             )
         zarr = require("zarr")
         try:
@@ -149,7 +151,7 @@ class ZarrStore(Store):
         except Exception as error:  # the parsers of zarr raise many kinds of exceptions
             raise OutputExistsError(
                 f"{path}: this sweep is damaged ({' '.join(str(error).split())[:200]}); choose another name with "
-                "--output, or replace it with --force (overwrite=True in Python)"
+                "--output, or replace the sweep with --force (overwrite=True in Python)"
             ) from None
         super().__init__(plan, per_block, arrays)
 
@@ -196,8 +198,8 @@ class ZarrStore(Store):
             yield
         except OSError as error:
             raise InvalidInputError(
-                f"{self.path}: cannot be written ({error.strerror or error}); finished blocks are kept; run the same "
-                "command again to resume"
+                f"{self.path}: the folder cannot be written ({error.strerror or error}), but finished blocks are "
+                "kept; run the same command again to resume"
             ) from None
 
     @classmethod
@@ -284,10 +286,12 @@ def replace_sweep(path: Path) -> None:
     """Remove a stored sweep; raise an error if the path holds something else or is being written to."""
     if not is_sweep(path):
         raise OutputExistsError(
-            f"{path}: is not a sweep of pretouch and is not removed; choose another name for the output"
+            f"{path}: this path is not a sweep of pretouch and is not removed; choose another name for the output"
         )
     if not remove_unused(path):
-        raise OutputExistsError(f"{path}: another process writes to this sweep; wait for it, or choose another name")
+        raise OutputExistsError(
+            f"{path}: another process is writing to this sweep; wait until it has finished, or choose another name"
+        )
 
 
 def remove_unused(path: Path) -> bool:

@@ -1,4 +1,4 @@
-"""Compute chunks and blocks of a sweep by calls of the solvers with arrays, and measure progress."""
+"""Compute parts of a sweep by calling the solvers with arrays of encounters, and record the progress."""
 
 from __future__ import annotations
 

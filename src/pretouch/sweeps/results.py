@@ -1,4 +1,4 @@
-"""Results of a sweep: their names and attributes, and a summary as text or as an object for JSON."""
+"""Define the result variables of a sweep, and summarize a sweep as text or JSON."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from pretouch._core.blocks import aligned
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import QUANTITIES, unit_of, words_for
-from pretouch.design import DesignStatus, ImpactModel, quantity_of
+from pretouch.design import QUANTITY_UNITS, DesignStatus, ImpactModel, quantity_of
+from pretouch.design.quantities import QUANTITY_KINDS, find_quantity
 from pretouch.motion import DAMPER, ContactResult, ContactState, ContactStatus, ContinuousLaw
 
 if TYPE_CHECKING:
@@ -22,22 +23,17 @@ if TYPE_CHECKING:
 STATUS: Final = "status"
 """The result that every sweep has."""
 
-_PHYSICAL: Final = ("drive_force", "impact_force")
 ALWAYS: Final = (
     "closest_distance",
     "settling_distance",
     "impulse_residual",
 )  # results that have values for runs without contact, too
 
-_OF_CONTACTS: Final = (*ContactState.names(), *_PHYSICAL, *ALWAYS)
 OF_DESIGNS: Final = ("gain", "objective")
 """The results that only designs have."""
 
 DESIGN_CODES: Final[dict[str, int]] = {status.value: code for code, status in enumerate(DesignStatus)}
 """The number of each status of a design, 0 for optimal."""
-
-WHOLE_MOTION: Final = frozenset(name for name in _OF_CONTACTS if QUANTITIES[name].whole)
-"""Quantities of the whole motion, which take longer to compute than those at its end."""
 
 _DEFAULT_CONTACTS: Final = ("time", "relative_velocity", "displacement")
 _DEFAULT_DESIGNS: Final = ("gain", "objective", "relative_velocity")
@@ -49,15 +45,25 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
     if results is None:
         return _DEFAULT_DESIGNS if designs else _DEFAULT_CONTACTS
     names = (results,) if isinstance(results, str) else tuple(results)
-    allowed = (*(OF_DESIGNS if designs else ()), *_OF_CONTACTS)
     for name in names:
         if name in OF_DESIGNS and not designs:
-            raise InvalidInputError(f"results: found {name!r}, which needs designs; add an objective and bounds")
-        if name not in allowed and name != STATUS:
+            raise InvalidInputError(
+                f"results: the result {name!r} needs designs; add an objective and the bounds of the gain"
+            )
+        if name not in {STATUS, *OF_DESIGNS, *ALWAYS, *ContactState.names()} and find_quantity(name) is None:
+            of_contacts = (*ContactState.names(), *QUANTITY_UNITS, *QUANTITY_KINDS.installed(), *ALWAYS)
+            allowed = dict.fromkeys((*(OF_DESIGNS if designs else ()), *of_contacts))
             raise InvalidInputError(f"results: found {name!r}, expected one of {', '.join(allowed)}")
-        if name in _PHYSICAL and impact is None:
-            raise InvalidInputError(f"results: found {name!r} without an impact model; add one with the robot's mass")
+        if name != STATUS and QUANTITIES[name].needs_impact and impact is None:
+            raise InvalidInputError(
+                f"results: the result {name!r} needs an impact model; add one with the robot's mass"
+            )
     return tuple(dict.fromkeys(name for name in names if name != STATUS))
+
+
+def is_of_whole_motion(name: str) -> bool:
+    """Return whether a result depends on the whole motion, and so takes longer to compute than those at its end."""
+    return name not in OF_DESIGNS and name in QUANTITIES and QUANTITIES[name].whole
 
 
 def read(name: str, result: ContactResult, impact: Any) -> Any:

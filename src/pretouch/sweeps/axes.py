@@ -1,4 +1,4 @@
-"""Inputs of a task that can be swept, and the axes of a sweep."""
+"""Define the axes of a sweep, and which inputs of a task they can vary."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import read_quantity
 from pretouch._core.values import Value
-from pretouch.design import QUANTITY_UNITS, Constraint, Task
+from pretouch.design import Constraint, Task
 from pretouch.motion.scenario import SCENARIO_INPUTS, sensor_inputs, sensor_with
 
 ENCOUNTER_INPUTS: Final = {"gain", *SCENARIO_INPUTS}
@@ -31,10 +31,11 @@ def inputs_of(task: Task) -> dict[str, str]:
         units |= {f"impact.{f.name}": _IMPACT_UNITS.get(f.name, "") for f in fields(task.impact)}
     if task.objective is not None:
         del units["gain"]
-        units |= {f"constraint.{c.name}": c.unit for c in task.limits}
+        number = task.law.number
+        units |= {f"constraint.{c.name}": number.entry(c.quantity).unit for c in task.limits}
         for term in task.goal.terms:
             units[f"objective.{term.quantity}.weight"] = ""
-            units[f"objective.{term.quantity}.scale"] = QUANTITY_UNITS[term.quantity]
+            units[f"objective.{term.quantity}.scale"] = number.entry(term.quantity).unit
     return units
 
 
@@ -110,7 +111,9 @@ def make_axes(axes: Axes, task: Task) -> tuple[Axis, ...]:
     names = [name for axis in checked for name in axis.columns]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise InvalidInputError(f"axes: found {twice} twice, expected each input only once")
+        raise InvalidInputError(
+            f"axes: the input {twice} occurs twice, but each input can have only one axis; remove one of the two"
+        )
     return checked
 
 
@@ -118,19 +121,25 @@ def _axis(name: str, values: Any, units: Mapping[str, str]) -> Axis:
     if not isinstance(values, Mapping):
         return Axis(name=name, columns={name: _values(name, values, units)})
     if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in units:
-        raise InvalidInputError(f"axes: found {name!r} for paired inputs, expected a custom name such as 'sample'")
+        raise InvalidInputError(
+            f"axes: found the name {name!r} for an axis of paired inputs, expected a name of your own such as 'sample'"
+        )
     columns = {str(member): _values(str(member), column, units) for member, column in values.items()}
     lengths = {member: len(column) for member, column in columns.items()}
     if not columns or len(set(lengths.values())) > 1:
         listed = ", ".join(f"{n} values of {member}" for member, n in lengths.items()) or "no input"
-        raise InvalidInputError(f"axes: found {listed} along {name}, expected the same number of values for each input")
+        raise InvalidInputError(
+            f"axes: found {listed} along {name}, but all inputs of one axis need the same number of values"
+        )
     return Axis(name=name, columns=columns, zipped=True)
 
 
 def _values(name: str, values: Any, units: Mapping[str, str]) -> FloatArray:
     column = np.atleast_1d(finite(values, name, _unit(name, units, "axes")))
     if column.ndim != 1 or not len(column):
-        raise InvalidInputError(f"{name}: found values of shape {column.shape}, expected a row of at least one value")
+        raise InvalidInputError(
+            f"{name}: found an array of shape {column.shape}, expected a list of one or more values"
+        )
     column.setflags(write=False)
     return column
 
@@ -141,7 +150,7 @@ def _unit(name: str, units: Mapping[str, str], option: str) -> str:
         similar = [key for key in units if key.rpartition(".")[2] == name]
         near = sorted(similar, key=lambda n: not n.startswith("obstacle.")) or get_close_matches(name, units, n=1)
         hint = f"did you mean {' or '.join(near)}?" if near else f"expected one of {', '.join(units)}"
-        raise InvalidInputError(f"{option}: found {name!r}, which is not an input of this sweep; {hint}")
+        raise InvalidInputError(f"{option}: the name {name!r} is not an input of this sweep; {hint}")
     return units[name]
 
 
@@ -179,12 +188,12 @@ def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
     count = int(parts[2]) if parts[2].isdecimal() and len(parts[2]) < _DIGITS else 0
     if not 1 <= count <= _MOST:
         raise InvalidInputError(
-            f"--axis: found {parts[2]!r} values of {name}, expected a whole number from 1 to {_MOST:,}"
+            f"--axis: found {parts[2]!r} as the number of values of {name}, expected a whole number from 1 to {_MOST:,}"
         )
     if not parts[3:]:
         return name, np.linspace(start, stop, count)
     if not start * stop > 0:
         raise InvalidInputError(
-            f"--axis: found {text!r}, expected ends of the same sign, not zero, for logarithmic spacing"
+            f"--axis: found {text!r}, but logarithmic spacing needs two ends of the same sign that are not zero"
         )
     return name, np.geomspace(start, stop, count)

@@ -1,4 +1,4 @@
-"""The function `sweep`: compute a grid of encounters, in memory, as a Zarr folder or as a NetCDF file."""
+"""Define the function `sweep`, which computes a grid of encounters in memory or writes it to disk."""
 
 from __future__ import annotations
 
@@ -117,7 +117,9 @@ def sweep(
     if target.suffix in _NETCDF:
         return _to_netcdf(plan, target, overwrite=overwrite, dask=dask, progress=progress)
     if target.suffix != _ZARR:
-        raise InvalidInputError(f"output: found {str(target)!r}, expected a name that ends in {_ZARR} or {_NETCDF[0]}")
+        raise InvalidInputError(
+            f"output: found {str(target)!r}, expected a file name that ends in {_ZARR} or {_NETCDF[0]}"
+        )
     return _to_zarr(plan, target, overwrite=overwrite, dask=dask, progress=progress).dataset()
 
 
@@ -137,8 +139,8 @@ def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
     moving = [name for name in names if name.startswith(_MOVE_THE_LIMIT)]
     if moving and task.stability_margin is not None:
         raise InvalidInputError(
-            f"stability_margin: found a margin in a sweep over {moving[0]}, which changes the stability limit, "
-            "expected none; remove the margin, or sweep with a given gain"
+            f"stability_margin: this sweep varies {moving[0]}, which changes the stability limit, so it cannot "
+            "keep a gain margin; remove the margin, or sweep with a given gain"
         )
     return task.stable_bounds()
 
@@ -258,12 +260,13 @@ def _finished(plan: Plan, target: Path, *, overwrite: bool) -> xr.Dataset | None
     if dataset is not None:
         dataset.close()
     if not overwrite or dataset is None:
-        what = (
-            "is not a sweep" if dataset is None else f"is another sweep (other {differing_parts(dataset.attrs, plan)})"
-        )
-        what = "this sweep is damaged" if equal else what
+        if dataset is None:
+            raise OutputExistsError(
+                f"{target}: this file is not a sweep and is not overwritten; choose another name with --output"
+            )
+        what = "is damaged" if equal else f"is a different sweep (different {differing_parts(dataset.attrs, plan)})"
         raise OutputExistsError(
-            f"{target}: {what} and is not overwritten; choose another name with "
-            f"--output{', or replace it with --force (overwrite=True in Python)' if dataset else ''}"
+            f"{target}: this file {what} and is not overwritten; choose another name with --output, or replace the "
+            "file with --force (overwrite=True in Python)"
         )
     return None

@@ -1,4 +1,4 @@
-"""Plan a sweep: check the request, and divide its grid into chunks that do not depend on the machine."""
+"""Plan a sweep: check the request, and divide its grid into chunks in the same way on every machine."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pretouch.design.custom_objectives import CustomObjective
 from pretouch.motion.scenario import scenario_with
 
 from .axes import ENCOUNTER_INPUTS, Axes, Axis, make_axes, with_input
-from .results import STATUS, WHOLE_MOTION, check_results
+from .results import STATUS, check_results, is_of_whole_motion
 
 Region: TypeAlias = tuple[slice, ...]
 """A part of the grid: one slice per axis."""
@@ -110,8 +110,8 @@ def make_plan(
     # `chunk_size` is the largest number of encounters of a chunk; None for a default size.
     if task.scenario.shape != ():
         raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {task.scenario.shape}, expected one encounter; pass "
-            "arrays as axes"
+            f"scenario: found an array of encounters of shape {task.scenario.shape}, expected a single "
+            "encounter; pass arrays as axes of the sweep"
         )
     checked = make_axes(axes, task)
     designs = task.objective is not None
@@ -119,12 +119,15 @@ def make_plan(
     if not designs and (task.gain is None) == (not gains):
         what = "a gain and an axis of gains" if gains else "neither gain nor objective"
         raise InvalidInputError(
-            f"gain: found {what}, expected one of: gain=..., an axis 'gain', or objective=... with bounds=..."
+            f"gain: found {what}, but a sweep needs exactly one of gain=..., an axis 'gain', or objective=... "
+            "with bounds=..."
         )
     names = check_results(results, designs=designs, impact=task.impact)
     clash = next((axis.name for axis in checked if axis.name in (*names, STATUS)), None)
     if clash is not None:
-        raise InvalidInputError(f"axes: found {clash!r}, which is the name of a result; choose another name")
+        raise InvalidInputError(
+            f"axes: the name {clash!r} is already the name of a result; choose another name for the axis"
+        )
     finite(0.0 if task.gain is None else task.gain, "gain", task.law.number.unit)
     positive(task.horizon, "horizon", "s")
     most = chunk_size or _chunk_size(task, names)
@@ -139,7 +142,7 @@ def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
     if task.objective is not None:
         quantities |= {term.quantity for term in task.goal.terms} | {c.quantity for c in task.limits}
     curved = task.sensor.constant_log_slope is None or task.method == "integration"
-    whole = bool(quantities & WHOLE_MOTION) or isinstance(
+    whole = any(map(is_of_whole_motion, quantities)) or isinstance(
         task.objective, CustomObjective
     )  # which may read any quantity
     return _CHUNK[task.objective is not None, curved, whole]
@@ -185,7 +188,10 @@ def _check_values(plan: Plan) -> None:
     moving = bool(scenario.obstacle.velocity != 0 if velocities is None else np.all(velocities != 0))
     terms = plan.task.goal.terms if plan.designs else ()
     if not moving and any(term.scale == OBSTACLE_SPEED for term in terms):
-        raise InvalidInputError(f"scale: {OBSTACLE_SPEED!r} cannot scale the speed of an obstacle at rest")
+        raise InvalidInputError(
+            f"scale: found {OBSTACLE_SPEED!r}, which cannot scale the speed of an obstacle at rest, because it "
+            "is 0; use a number in m/s"
+        )
 
 
 def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
@@ -218,8 +224,9 @@ def _check_distances(plan: Plan) -> None:
         for distance in (low + shift, high + shift):
             if not (distance > 0 and nearest <= distance <= farthest):
                 raise OutOfRangeError(
-                    f"obstacle position: found an encounter that starts at a distance of {distance:g} m, expected more "
-                    f"than 0 m, and {nearest:g} m to {farthest:g} m, the range of the {plan.task.sensor.name} curve"
+                    f"obstacle position: an encounter starts at a distance of {distance:g} m, expected more than "
+                    f"0 m and from {nearest:g} m to {farthest:g} m, where the {plan.task.sensor.name} curve is "
+                    "valid"
                 )
 
 

@@ -1,0 +1,115 @@
+"""Find classes and values that installed packages offer by entry points, such as a sensor curve or a law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from typing import TYPE_CHECKING, Any
+
+from .errors import InvalidInputError
+from .messages import short_repr
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extensions:
+    """What may be named in a file: the built-in kinds of pretouch, and those that installed packages offer.
+
+    Entry points are read when a name is not built in, so that they cost no time otherwise. A package cannot replace a
+    built-in kind.
+
+    Args:
+        group: the group of entry points, such as "pretouch.laws".
+        built_in: returns the built-in classes or values by name.
+        problem: returns what is wrong with an object under a name, as in "is an int, expected ..."; empty if nothing.
+    """
+
+    group: str
+    built_in: Callable[[], Mapping[str, Any]]
+    problem: Callable[[str, Any], str]
+
+    def find(self, name: str) -> Any:
+        """Return a built-in kind or import an installed one; None if there is neither.
+
+        Raises:
+            InvalidInputError: an entry point is broken, or its name is used twice.
+        """
+        built_in = self.built_in()
+        if name in built_in:
+            return built_in[name]
+        found = None
+        for entry in self._entries():
+            if entry.name in built_in:
+                raise InvalidInputError(f"{self._label(entry)} has the name of a built-in kind; rename it")
+            if entry.name == name:
+                if found is not None:
+                    other = _package(found)
+                    raise InvalidInputError(f"{self._label(entry)} is also in the package {other}; uninstall one")
+                found = entry
+        return None if found is None else self._load(found)
+
+    def names(self) -> tuple[str, ...]:
+        """Return all names that may be used, the built-in ones first."""
+        return (*self.built_in(), *self.installed())
+
+    def installed(self) -> tuple[str, ...]:
+        """Return the names that installed packages add."""
+        return tuple(sorted({entry.name for entry in self._entries()} - set(self.built_in())))
+
+    def _entries(self) -> list[EntryPoint]:
+        from importlib.metadata import entry_points  # noqa: PLC0415 - slow to import
+
+        return list(entry_points(group=self.group))
+
+    def _load(self, entry: EntryPoint) -> Any:
+        try:
+            value = entry.load()
+        except Exception as error:  # whatever a foreign module raises
+            text = " ".join(f"{type(error).__name__}: {error}".split())
+            raise InvalidInputError(
+                f"{self._label(entry)} cannot be imported from {entry.value} ({text}); repair or uninstall the package"
+            ) from error
+        problem = self.problem(entry.name, value) or _incomplete(value)
+        if problem:
+            raise InvalidInputError(f"{self._label(entry)} {problem}")
+        return value
+
+    def _label(self, entry: EntryPoint) -> str:
+        return f'the entry point "{entry.name}" of {self.group} in the package {_package(entry)}'
+
+
+def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
+    """Make a check that an object is a class of a kind.
+
+    Args:
+        base: the base class; its attribute `kind`, or `name`, must be the name of the entry point, if it has one.
+        of: the public name of the base class, for messages.
+
+    Returns:
+        The check, for `Extensions`.
+    """
+
+    def problem(name: str, value: Any) -> str:
+        if not (isinstance(value, type) and issubclass(value, base)):
+            return f"is {short_repr(value)}, expected a subclass of {of}"
+        kind = getattr(value, "kind", getattr(value, "name", name))
+        return "" if kind == name else f'is a class of the kind "{kind}"; both names must be equal'
+
+    return problem
+
+
+def _incomplete(value: Any) -> str:
+    """Return why a class cannot be made from the keys of a file; empty if it can."""
+    missing = ", ".join(sorted(getattr(value, "__abstractmethods__", ())))
+    if missing:
+        return f"is a class without the methods {missing}"
+    for f in fields(value) if isinstance(value, type) and is_dataclass(value) else ():
+        if f.init and not f.metadata and f.default is MISSING and f.default_factory is MISSING:
+            return f"has the field {f.name}, which a file cannot set; declare it by pretouch.fields.quantity"
+    return ""
+
+
+def _package(entry: EntryPoint) -> str:
+    return "of an unknown name" if entry.dist is None else entry.dist.name

@@ -1,0 +1,146 @@
+"""Options of a task that only one verb reads: the Pareto front, the robust design and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_declared, check_types, count, quantity
+from pretouch._core.numbers import checked_probability
+from pretouch._core.values import Value
+from pretouch.motion import Scenario
+
+from .quantities import QUANTITY_UNITS
+
+if TYPE_CHECKING:
+    from .robust.measures import Measure
+
+
+class ExplainsNames:
+    """Base class of dataclasses that explain a misspelled name, or one that belongs in the value of another field."""
+
+    __slots__ = ()
+
+    def __new__(cls, *_: Any, **values: Any) -> Self:
+        """Refuse unknown names with the place where they belong."""
+        for name in values:
+            if name not in cls.__dataclass_fields__:  # type: ignore[attr-defined]
+                raise TypeError(f"{cls.__name__}: found an unknown name {name!r}{_hint(cls, name)}")
+        return super().__new__(cls)
+
+
+def _hint(cls: Any, name: str) -> str:
+    """Return where an unknown name belongs, or else the most similar name; empty if there is none."""
+    places: dict[str, list[str]] = {}
+    for f in fields(cls):
+        places.setdefault(f.name, []).append(f.name)
+        if isinstance(f.default, ExplainsNames):
+            options: Any = f.default
+            for inner in fields(options):
+                place = f"{f.name}={type(options).__name__}({inner.name}=...)"
+                places.setdefault(inner.name, []).append(place)
+    if name in places:
+        return f"; it belongs in {' or '.join(places[name])}"
+    similar = [known for known in places if len(name) > 2 and name in known] or get_close_matches(name, places, n=1)
+    return f"; did you mean {' or '.join(places[similar[0]])}?" if similar else ""
+
+
+class Choice(Protocol):
+    """A design that can be marked as the user's choice on a Pareto front."""
+
+    @property
+    def gain(self) -> Any:
+        """The gain of the design, such as D_p [N s]."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The encounter with its admittance."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParetoOptions(ExplainsNames, Value):
+    """Options of `pareto_front`; in a scenario file the section [pareto].
+
+    Args:
+        quantities: the quantities of the front: two or three names of QUANTITY_UNITS; magnitudes are minimized.
+        choice: the user's choice, which is marked on the front: a gain with the admittance of the scenario, or a
+            design.
+
+    Examples:
+        >>> ParetoOptions(quantities=("time", "excursion")).choice is None
+        True
+    """
+
+    quantities: Sequence[str] = ("displacement", "relative_velocity")
+    choice: float | Choice | None = None
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        names = tuple(self.quantities)
+        for name in names:
+            if name not in QUANTITY_UNITS:
+                raise InvalidInputError(f"quantities: found {name!r}, expected some of {', '.join(QUANTITY_UNITS)}")
+        if len(names) not in {2, 3} or len(set(names)) < len(names):
+            listed = ", ".join(names) or "none"
+            raise InvalidInputError(f"quantities: found {listed}, expected two or three different ones")
+        object.__setattr__(self, "quantities", names)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobustOptions(ExplainsNames, Value):
+    """Options of `design_robust_gain`; in a scenario file the section [robust].
+
+    Args:
+        measure: the measure that a robust gain minimizes, of the objective over all encounters: Quantile,
+            ConditionalValueAtRisk, WorstCase or Expected() (the default, None).
+        samples: number of encounters of the measure; None for 4096, or 256 with `evaluate`.
+        validation: number of fresh encounters on which the gain is validated; None for 4096, or four times the
+            samples with `evaluate`.
+        seed: seed of all samples; runs on a loop have the seed of the loop.
+        sampling: sampling method, as in `sample_inputs`.
+        confidence: confidence level of the intervals, between 0 and 1.
+
+    Examples:
+        >>> RobustOptions(samples=512, seed=1).confidence
+        0.95
+    """
+
+    measure: Measure | None = None
+    samples: int | None = None
+    validation: int | None = None
+    seed: int = 0
+    sampling: str = "sobol"
+    confidence: float = 0.95
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        checked_probability(self.confidence, "confidence")
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerifyOptions(ExplainsNames, Value):
+    """Options of `verify_gain`; in a scenario file the section [verify].
+
+    Args:
+        runs: number of simulated runs, 1 or more.
+        confidence: confidence level of the lower bounds of probabilities, between 0 and 1.
+        speed_tolerance: the verdict reports contact that is faster than predicted, or than with an infinitely fast
+            sensor, by more than this share.
+
+    Examples:
+        >>> VerifyOptions(runs=500).speed_tolerance
+        0.1
+    """
+
+    runs: int = count(1, 1000, "1000")
+    confidence: float = 0.95
+    speed_tolerance: float = quantity("", 0.1, sign="nonnegative", example="0.1")
+
+    def __post_init__(self) -> None:
+        check_declared(self)
+        checked_probability(self.confidence, "confidence")
+        if self.runs < 1:
+            raise InvalidInputError(f"runs: found {self.runs}, expected a positive whole number")

@@ -1,0 +1,43 @@
+"""Every error that pretouch raises on purpose.
+
+The tree:
+
+    PretouchError
+    ├── InvalidInputError (also a ValueError)    a request that is invalid
+    │   ├── UnitError                            text that is not a quantity, or has another dimension
+    │   ├── OutOfRangeError                      a distance outside a sensor's valid range
+    │   ├── CalibrationDataError                 a calibration file or table that cannot be read
+    │   ├── ScenarioFileError                    a scenario file with a mistake in it
+    │   └── OutputExistsError                    an output file that exists and must not be overwritten
+    ├── MissingExtraError                        a library of an optional extra that is not installed
+    ├── BrokenCoreError (also an ImportError)    the compiled core is missing, damaged or of another version
+    └── ResultUnavailableError                   a part of a result that does not exist, such as a missing contact
+
+A run without the desired outcome (no contact, infeasible constraints) is not an error: it is a result with a status.
+"""
+
+from ._core.errors import (
+    BrokenCoreError,
+    CalibrationDataError,
+    InvalidInputError,
+    MissingExtraError,
+    OutOfRangeError,
+    OutputExistsError,
+    PretouchError,
+    ResultUnavailableError,
+    ScenarioFileError,
+    UnitError,
+)
+
+__all__ = [
+    "BrokenCoreError",
+    "CalibrationDataError",
+    "InvalidInputError",
+    "MissingExtraError",
+    "OutOfRangeError",
+    "OutputExistsError",
+    "PretouchError",
+    "ResultUnavailableError",
+    "ScenarioFileError",
+    "UnitError",
+]

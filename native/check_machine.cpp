@@ -34,9 +34,10 @@ int main(void) {
     pretouch_solve_series(VALUES, N, INPUTS + 8 * N, &curve, 30.0, rows, ended, nullptr, 0, nullptr);
     failed |= compare("guaranteed", rows, EXPECTED_SERIES, 15 * N, 1e-8);
     const double term[4] = {4.0, 1.0, 2.0, 0.0}, other[4] = {1.0, 25.0, 2.0, 0.0};
+    const double limit[3] = {6.0, 1.0 / 0.06, 1.0};  // an excursion of at most 6 cm
     double terms[8];
     for (int i = 0; i < 4; i++) terms[i] = term[i], terms[4 + i] = other[i];
-    pretouch_find_gains(DESIGN_INPUTS, N, SLOPE, &curves, 1, 30.0, terms, 2, 0.05, asinh(-10.0 / 0.05),
+    pretouch_find_gains(DESIGN_INPUTS, N, SLOPE, &curves, &curve, 0.0, INFINITY, 1, 30.0, terms, 2, limit, 1, 0.05, asinh(-10.0 / 0.05),
                         asinh(-0.01 / 0.05), -10.0, -0.01, designs);
     failed |= compare("designs", designs, EXPECTED_DESIGNS, 3 * N, 1e-6);
     return failed;

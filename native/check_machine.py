@@ -21,7 +21,7 @@ import pretouch as pt
 from pretouch._core.native import address
 from pretouch.design.search.compiled import find_gains
 from pretouch.motion.curve import curve_pieces, curve_windows, shared_curve
-from pretouch.motion.kernels import contact_times, find_contacts, of_core, solve_series
+from pretouch.motion.kernels import contact_times, find_contacts, of_core, pieces_of_core, solve_series
 
 NATIVE = Path(__file__).resolve().parent
 N = 203
@@ -50,9 +50,10 @@ def cases() -> dict[str, Any]:
     solve_series(values, gain, pieces, (30.0, True, False), rows, ended)
     terms, designs, of_all = np.array([[4.0, 1, 2, 0], [1, 25, 2, 0]]), np.empty((3, N)), np.stack(columns)
     ends = (0.05, float(np.arcsinh(-10 / 0.05)), float(np.arcsinh(-0.01 / 0.05)), -10.0, -0.01)
-    find_gains(
-        address(of_all), N, slope, byref(of_core(curves, 1)), 1, 30.0, address(terms), 2, *ends, address(designs)
-    )
+    limit = np.array([[6.0, 1.0 / 0.06, 1.0]])
+    curve = (slope, byref(of_core(curves, 1)), byref(pieces_of_core(pieces, True, False)), 0.0, np.inf, 1)
+    request = (*curve, 30.0, address(terms), 2, address(limit), 1, *ends)
+    find_gains(address(of_all), N, *request, address(designs))
     table, starts, curve_of = curves
     return {
         "N": N,

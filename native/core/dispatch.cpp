@@ -84,10 +84,11 @@ void pretouch_follow_gradients(const double *values, int64_t n, const double *ga
 
 // ---- designs ----
 
-void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves, int falling,
-                         double horizon, const double *terms, int64_t k, double scale, double strong, double weak,
-                         double low, double high, double *out) {
-    CHOSEN(find_gains)(inputs, n, slope, curves, falling, horizon, terms, k, scale, strong, weak, low, high, out);
+void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves,
+                         const pretouch_pieces *pieces, double nearest, double farthest, int falling, double horizon, const double *terms, int64_t k, const double *limits, int64_t limit_count,
+                         double scale, double strong, double weak, double low, double high, double *out) {
+    CHOSEN(find_gains)(inputs, n, slope, curves, pieces, nearest, farthest, falling, horizon, terms, k, limits, limit_count,
+                       scale, strong, weak, low, high, out);
 }
 
 void pretouch_interpolate(const double *place, int64_t n, double low, double high, const double *coefficients,

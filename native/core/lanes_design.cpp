@@ -4,12 +4,18 @@
 // interpolation between the other gains predicts every second objective. If there is then one minimum inside the scan, the
 // objective is interpolated at eight nodes close to it.
 //
+// With limits, each gap between neighboring gains is feasible, infeasible, crossed once by a limit, or open. The second
+// differences of a ratio |quantity| / limit bound how far it can leave the range of its two ends inside a gap; this holds
+// for corners as well, where another peak becomes the largest. The edge of a crossed gap is found as a root. If the
+// objective falls toward an edge or toward an end of the axis, the optimum lies there.
+//
 // When a scan may end: if g < 0, D^2 >= 4 M K, v < 0, a <= 0 and -D v - K x_0 >= sigma (u_0 - v) > 0, with sigma the
 // smaller root of sigma^2 - D sigma + M K, then l falls until contact for every mitigating gain, and of two gains the
 // stronger touches later (proved in docs/developers/fast-designs.md). A term of the objective that grows with the time of
-// contact is therefore a lower bound for all stronger gains. Such terms are the time itself, and the displacement at
-// contact, p + v t + a t^2 / 2, once it is negative. If this bound exceeds the best objective so far, no stronger gain
-// can be the optimum, and none is solved.
+// contact is therefore a lower bound for all stronger gains. Such terms are the time itself, and the displacement at contact,
+// p + v t + a t^2 / 2, once it is negative. If this bound exceeds the best objective so far, no stronger gain can be the
+// optimum, and none is solved. The same holds for limits: the time, and the displacement at contact as a lower bound of
+// the excursion. If they exceed their limits, so they do for all stronger gains.
 
 
 #include <math.h>
@@ -22,8 +28,9 @@ namespace PRETOUCH_VARIANT {
 namespace {
 
 enum { MASS, DAMPING, STIFFNESS, X0, U0, P, V, A, OWN_V, OWN_A, INPUTS };
-enum { TIME, DISPLACEMENT, VELOCITY, ACCELERATION, RELATIVE_VELOCITY, FORCE };  // quantities of the terms
-constexpr int STATES = 6;
+// Quantities of terms and limits: at contact, then the largest of the whole motion.
+enum { TIME, DISPLACEMENT, VELOCITY, ACCELERATION, RELATIVE_VELOCITY, FORCE, EXCURSION };
+constexpr int STATES = 6, QUANTITIES = 11;
 
 constexpr int FIRST = 17;  // gains of the first scan
 constexpr int LARGEST = 129;
@@ -31,22 +38,44 @@ constexpr double WIDEST = 0.5;  // largest spacing in u
 constexpr int PART = 2;  // gains per call if the next ones may not be needed
 constexpr double HALF = 0.05;  // initial half width in u around the minimum
 constexpr int MOVES = 8;
+constexpr int MOST_LIMITS = 16;
+constexpr double HELD = 1 - 1e-11;  // the largest used share of a limit, as in design/search/scan.py
+constexpr double CLOSE = 1e-12;  // an edge is found if its share of the limit is that close to HELD
+constexpr double LARGEST_START = 8796093022208.0;  // [m]: 2^43, as in motion/curve.py
+constexpr int PASSES = 8;  // calls of eight gains to find an edge
+constexpr int SAMPLES = 33;  // places at which the slope of the objective is read between edges
 
 // factor * |quantity|^exponent, divided by the obstacle's squared speed if the term is relative to it
 struct Term {
     double quantity, factor, exponent, follows;
 };
 
+// factor * |quantity|^exponent <= 1
+struct Limit {
+    double quantity, factor, exponent;
+};
+
+inline double power_of(double value, double exponent) {
+    return exponent == 2.0 ? value * value : exponent == 1.0 ? fabs(value) : pow(fabs(value), exponent);
+}
+
 // The allowed gains, as fractions of the range from the weakest to the strongest.
 struct Axis {
     double scale, strong, weak, low, high;
 
     double gain_at(double part) const {
+        if (part <= 0.0 || part >= 1.0) return part <= 0.0 ? high : low;  // the bounds themselves
         return fmin(fmax(scale * sinh(weak + (strong - weak) * part), low), high);
     }
 };
 
-// One encounter and its objective.
+// Objective and ratios |quantity| / limit at gains in order.
+struct Values {
+    double f[LARGEST];
+    double r[MOST_LIMITS][LARGEST];
+};
+
+// One encounter, its objective and its limits.
 struct Encounter {
     double inputs[INPUTS];
     double slope;  // g at l = 0, or everywhere if there are no curves
@@ -54,50 +83,110 @@ struct Encounter {
     double horizon;
     const Term *terms;
     int64_t count;
-    double states[STATES * LARGEST];  // of the gains that were solved last, LARGEST per row
+    const Limit *limits;
+    int64_t limit_count;
+    bool peaks;  // whether a term or a limit needs the whole motion
+    const pretouch_pieces *pieces;  // the curve for encounters that the lanes leave open; null if it is not needed
+    double nearest, farthest;  // valid distances of a constant slope
+    double states[QUANTITIES * LARGEST];  // of the gains that were solved last
     int64_t solved;
 
     // Solve it for some gains; return the number of proved contacts before the first open one.
     int64_t solve(const double *gains, int64_t n) {
-        pretouch_column columns[9];
+        pretouch_column columns[11];
         for (int i = 0; i < 8; i++) columns[i] = {inputs + i, 0};
         columns[8] = {gains, 1};
+        columns[9] = {inputs + OWN_V, 0};
+        columns[10] = {inputs + OWN_A, 0};
         int8_t status[LARGEST];
-        const pretouch_linear wanted = {states, status, false, nullptr, {states + n, n}, {}, {}};
+        double *largest = peaks ? states + STATES * n : nullptr;
+        const pretouch_linear wanted = {states, status, false, nullptr, {states + n, n}, {}, {largest, n}};
         solved = n;
         if (curves)
-            series_contacts(columns, nullptr, n, curves, horizon, states, nullptr, nullptr, status);
+            series_contacts(columns, peaks ? columns + 9 : nullptr, n, curves, horizon, states, nullptr, largest, status);
         else
             linear_contacts(columns, n, slope, horizon, &wanted);
         for (int64_t i = 0; i < n; i++)
-            if (status[i] != 0) return i;
+            if ((status[i] != 0 || (peaks && !has_peaks(i))) && !solve_alone(gains[i], i)) return i;
         return n;
     }
 
-    // The objective of the i-th gain that was solved last, or its part that grows with the time of contact.
+    bool has_peaks(int64_t i) const {
+        double sum = 0.0;
+        for (int row = EXCURSION; row < QUANTITIES; row++) sum += states[row * solved + i];
+        return sum < INFINITY;
+    }
+
+    // Solve the i-th gain by the method that finds or excludes every contact; return whether it ends in contact.
+    bool solve_alone(double gain, int64_t i) {
+        constexpr int COLUMNS = 15, CONTACT = 0;  // of motion/layout.py
+        constexpr int COLUMN_OF[QUANTITIES] = {0, 2, 3, 4, 5, 14, 7, 8, 9, 10, 11};
+        double row[COLUMNS] = {};
+        int64_t status = -1;
+        if (curves && !(pieces && inputs[P] - inputs[X0] <= LARGEST_START)) return false;
+        if (curves)
+            solve_series(inputs, 1, &gain, pieces, horizon, row, &status, nullptr, 0, nullptr);
+        else
+            pretouch_solve_linear(inputs, 1, slope, &gain, horizon, nearest, farthest, row, &status);
+        for (int k = 0; k < (peaks ? QUANTITIES : STATES); k++) states[k * solved + i] = row[COLUMN_OF[k]];
+        return status == CONTACT;
+    }
+
+    // A quantity of the i-th gain that was solved last.
+    double quantity(int kind, int64_t i, double gain) const {
+        double value = states[(kind == FORCE ? RELATIVE_VELOCITY : kind) * solved + i];
+        if (kind == FORCE) value *= gain * slope;
+        if (kind == VELOCITY) value += inputs[OWN_V] + inputs[OWN_A] * states[i];
+        if (kind == ACCELERATION) value += inputs[OWN_A];
+        return value;
+    }
+
+    // Its objective, or the part of it that grows with the time of contact.
     double weigh(int64_t i, double gain, bool growing) const {
-        const double time = states[i], displacement = states[solved + i];
+        const double displacement = states[solved + i];
         double total = 0.0;
         for (const Term *term = terms; term < terms + count; term++) {
             const int kind = (int)term->quantity;
             if (growing && !(kind == TIME || (kind == DISPLACEMENT && displacement <= 0.0))) continue;
-            double value = states[(kind == FORCE ? RELATIVE_VELOCITY : kind) * solved + i];
-            if (kind == FORCE) value *= gain * slope;
-            if (kind == VELOCITY) value += inputs[OWN_V] + inputs[OWN_A] * time;
-            if (kind == ACCELERATION) value += inputs[OWN_A];
-            double power = term->exponent == 2.0 ? value * value : pow(fabs(value), term->exponent);
+            double power = power_of(quantity(kind, i, gain), term->exponent);
             if (term->follows != 0.0) power /= (inputs[V] + inputs[OWN_V]) * (inputs[V] + inputs[OWN_V]);
             total += term->factor * power;
         }
         return total;
     }
 
-    // Fill f with the objective of some gains; return the number of proved contacts before the first open one.
-    int64_t appraise(const double *gains, int64_t n, double *f) {
+    // Whether a limit is exceeded by this gain and, by the proof above, by all stronger ones.
+    bool exceeds_for_good(int64_t i) const {
+        const double displacement = states[solved + i];
+        for (const Limit *limit = limits; limit < limits + limit_count; limit++) {
+            const int kind = (int)limit->quantity;
+            const double value = kind == TIME ? states[i] : kind == EXCURSION && displacement <= 0.0 ? displacement : 0.0;
+            if (limit->factor * power_of(value, limit->exponent) > 1.0) return true;
+        }
+        return false;
+    }
+
+    // Fill the values of some gains, from the `to`-th on; return the number of certain ones before the first open one.
+    int64_t appraise(const double *gains, int64_t n, Values &values, int to) {
         const int64_t proved = solve(gains, n);
-        // solve filled what is weighed: NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage)
-        for (int64_t i = 0; i < proved; i++) f[i] = weigh(i, gains[i], false);
+        for (int64_t i = 0; i < proved; i++) {
+            // solve filled what is weighed: NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage)
+            values.f[to + i] = weigh(i, gains[i], false);
+            double sum = values.f[to + i];
+            for (int64_t j = 0; j < limit_count; j++) {
+                const Limit &limit = limits[j];
+                const double value = quantity((int)limit.quantity, i, gains[i]);
+                sum += values.r[j][to + i] = limit.factor * power_of(value, limit.exponent);
+            }
+            if (!(fabs(sum) < INFINITY)) return i;  // a peak is not determined
+        }
         return proved;
+    }
+
+    double worst(const Values &values, int i) const {
+        double most = 0.0;
+        for (int64_t j = 0; j < limit_count; j++) most = fmax(most, values.r[j][i]);
+        return most;
     }
 
     // Whether stronger gains touch later, by the proof above.
@@ -110,23 +199,44 @@ struct Encounter {
     }
 };
 
-// A scan of the axis: the gains in order, and their objectives.
+// How a function of the gain may behave between two neighboring gains of a scan.
+struct Gap {
+    double least, most;  // bounds of its values
+    bool monotone;
+};
+
+// The gap from the i-th gain, to the next one or, for every second gain, to the one after that.
+inline Gap gap_of(const double *r, int i, int used, int stride = 1) {
+    const int next = i + stride;
+    const double step = r[next] - r[i], low = fmin(r[i], r[next]), high = fmax(r[i], r[next]);
+    const double before = i >= stride ? fabs(step - (r[i] - r[i - stride])) : 0.0;
+    const double after = next + stride < used ? fabs(r[next + stride] - r[next] - step) : 0.0;
+    const double bend = fmax(before, after);
+    if (fabs(step) > bend) return {low, high, true};
+    return {low - 0.5 * bend, high + 0.5 * bend, false};
+}
+
+enum class Kind { FEASIBLE, INFEASIBLE, CROSSED, OPEN };
+
+// A scan of the axis: the gains in order, and their values.
 struct Scan {
     Encounter &encounter;
     const Axis &axis;
     int count = FIRST;  // number of gains on the whole axis
     int used = 0;  // number of needed gains
-    double f[LARGEST];
+    Values at;
 
     Scan(Encounter &of, const Axis &along) : encounter(of), axis(along) {}
+
+    bool is_feasible(int i) const { return encounter.worst(at, i) <= HELD; }
 
     // After how many gains the scan may end, an odd number; 0 if it must continue. Gains from `start` on were solved last.
     int last_needed(const double *gains, int start, int reached) const {
         double lowest = INFINITY;
         for (int i = 0; i < reached; i++) {
-            lowest = fmin(lowest, f[i]);
+            if (is_feasible(i)) lowest = fmin(lowest, at.f[i]);
             if (i < start || i < LEAST - 1 || i % 2 == 1 || gains[i] >= 0.0) continue;
-            if (encounter.weigh(i - start, gains[i], true) > lowest) return i + 1;
+            if (encounter.weigh(i - start, gains[i], true) > lowest || encounter.exceeds_for_good(i - start)) return i + 1;
         }
         return 0;
     }
@@ -144,7 +254,7 @@ struct Scan {
                 following = reached + (reached ? PART : LEAST);
                 if (following > count) following = count;
             }
-            reached += (int)encounter.appraise(gains + start, following - start, f + start);
+            reached += (int)encounter.appraise(gains + start, following - start, at, start);
             if (early && (used = last_needed(gains, start, reached)) > 0) return true;
             if (reached < following) return false;
         }
@@ -157,70 +267,253 @@ struct Scan {
         count = 2 * count - 1;
         const int gaps = used - 1;
         if (2 * used - 1 > LARGEST) return false;
-        double gains[LARGEST], between[LARGEST];
+        double gains[LARGEST];
+        Values between;
         for (int i = 0; i < gaps; i++) gains[i] = axis.gain_at((double)(2 * i + 1) / (count - 1));
-        for (int i = gaps; i > 0; i--) f[2 * i] = f[i];
-        const int64_t proved = encounter.appraise(gains, gaps, between);
-        for (int i = 0; i < proved; i++) f[2 * i + 1] = between[i];
+        const int64_t proved = encounter.appraise(gains, gaps, between, 0);
+        spread(at.f, between.f, gaps);
+        for (int64_t j = 0; j < encounter.limit_count; j++) spread(at.r[j], between.r[j], gaps);
         used = 2 * used - 1;
         return proved == gaps;
     }
+
+    static void spread(double *row, const double *between, int gaps) {
+        for (int i = gaps; i > 0; i--) row[2 * i] = row[i];
+        for (int i = 0; i < gaps; i++) row[2 * i + 1] = between[i];
+    }
+
+    Kind kind_of(int i) const {
+        bool all_met = true, simple = true;
+        for (int64_t j = 0; j < encounter.limit_count; j++) {
+            const Gap gap = gap_of(at.r[j], i, used);
+            if (gap.least > HELD) return Kind::INFEASIBLE;
+            all_met = all_met && gap.most <= HELD;
+            simple = simple && (gap.most <= HELD || gap.monotone);
+        }
+        if (all_met) return Kind::FEASIBLE;
+        return simple && is_feasible(i) != is_feasible(i + 1) ? Kind::CROSSED : Kind::OPEN;
+    }
+
+    // Whether the bounds of every ratio hold for every second gain, as predicted from the other gains.
+    bool is_bounded() const {
+        for (int64_t j = 0; j < encounter.limit_count; j++)
+            for (int i = 0; i + 2 < used; i += 2) {
+                const Gap gap = gap_of(at.r[j], i, used, 2);
+                if (!(gap.least <= at.r[j][i + 1] && at.r[j][i + 1] <= gap.most)) return false;
+            }
+        return true;
+    }
+
+    // Whether the objective is resolved at the gains that may be feasible.
+    bool is_objective_resolved() const {
+        for (int i = 1; i < used - 1; i += 2) {
+            if (is_predicted(at.f, used, i)) continue;
+            if (kind_of(i - 1) != Kind::INFEASIBLE || kind_of(i) != Kind::INFEASIBLE) return false;
+        }
+        return true;
+    }
+
+    bool is_infeasible() const {
+        for (int i = 0; i + 1 < used; i++)
+            if (kind_of(i) != Kind::INFEASIBLE) return false;
+        return true;
+    }
+
+    // Whether no feasible gain of a gap, except an edge that is found, can have an objective below a value.
+    bool is_above(int i, double value) const { return gap_of(at.f, i, used).least > value; }
 };
 
 struct Optimum {
     double gain, objective;
-    bool certain;
+    double outcome;  // 1: optimal, 2: no gain is feasible, 0: not certain
 };
 
-// Interpolate the objective near the best node of a scan.
-Optimum polish(Encounter &encounter, const Scan &scan, int best) {
-    const Axis &axis = scan.axis;
-    const double range = axis.strong - axis.weak, step = range / (scan.count - 1);
-    const double first = axis.weak + step * (best + 1), last = axis.weak + step * (best - 1);
-    double center = axis.weak + step * guess_minimum(scan.f, best, scan.used), half = HALF;
+constexpr Optimum UNCERTAIN = {NAN, NAN, 0.0}, INFEASIBLE = {NAN, NAN, 2.0};
+
+// Interpolate the objective near a guess between two coordinates; `first` and `last` are coordinates u.
+Optimum polish(Encounter &encounter, const Axis &axis, double center, double first, double last, double half) {
+    const double range = axis.strong - axis.weak;
     for (int move = 0; move < MOVES; move++) {
-        double nodes[NODES], values[NODES];
+        double nodes[NODES];
+        Values values;
         for (int i = 0; i < NODES; i++) nodes[i] = axis.gain_at((center + half * AT[i] - axis.weak) / range);
-        if (encounter.appraise(nodes, NODES, values) < NODES) break;
-        const Bottom bottom = bottom_between(values);
+        if (encounter.appraise(nodes, NODES, values, 0) < NODES) break;
+        const Bottom bottom = bottom_between(values.f);
         const double u = center + half * bottom.z;
         const bool inside = fabs(bottom.z) <= 0.9;
         if (inside && bottom.fits) {
             if (!(first <= u && u <= last)) break;
-            return {axis.gain_at((u - axis.weak) / range), bottom.value, true};
+            return {axis.gain_at((u - axis.weak) / range), bottom.value, 1.0};
         }
         center = fmin(fmax(u, first), last);
         if (inside) half *= 0.5;
     }
-    return {NAN, NAN, false};
+    return UNCERTAIN;
+}
+
+// An end of the feasible gains around the best gain of a scan: its part of the axis, and its objective.
+struct Edge {
+    double part, objective;
+    bool known, proper;  // found; and an edge of a limit or of the axis, not only a neighboring gain
+};
+
+// Find where a limit is met exactly, between a feasible gain and an infeasible one.
+Edge find_edge(const Scan &scan, int inside, int outside) {
+    Encounter &encounter = scan.encounter;
+    double a = (double)inside / (scan.count - 1), b = (double)outside / (scan.count - 1);
+    double at_a = encounter.worst(scan.at, inside) - HELD, at_b = encounter.worst(scan.at, outside) - HELD;
+    double objective = scan.at.f[inside];
+    double guess = 0.5, spread = 1.0;  // shares of [a, b]; in the first pass the gains are equally spaced
+    for (int pass = 0; pass < PASSES && at_a < -CLOSE; pass++) {
+        constexpr double OFFSETS[NODES] = {-1.0, -1e-2, -1e-4, -1e-6, 1e-6, 1e-4, 1e-2, 1.0};
+        double parts[NODES], gains[NODES];
+        Values values;
+        for (int k = 0; k < NODES; k++) {
+            const double share = pass ? guess + spread * OFFSETS[k] : (k + 1.0) / (NODES + 1);
+            parts[k] = a + (b - a) * fmin(fmax(share, 0.0), 1.0);
+            gains[k] = scan.axis.gain_at(parts[k]);
+        }
+        if (encounter.appraise(gains, NODES, values, 0) < NODES) return {a, objective, false, true};
+        for (int k = 0; k < NODES; k++) {
+            const double found = encounter.worst(values, k) - HELD;
+            const bool closer_a = fabs(parts[k] - b) < fabs(a - b), closer_b = fabs(parts[k] - a) < fabs(b - a);
+            if (found <= 0.0 && closer_a) a = parts[k], at_a = found, objective = values.f[k];
+            if (found > 0.0 && closer_b) b = parts[k], at_b = found;
+            if (found > 0.0) break;  // the parts are ordered from the feasible gain to the infeasible one
+        }
+        guess = at_a / (at_a - at_b);
+        spread = fmin(guess, 1.0 - guess);
+        if (fabs(b - a) <= 1e-16) break;
+    }
+    return {a, objective, at_a >= -1e3 * CLOSE, true};
+}
+
+// The feasible end on one side of a gain: side -1 toward weaker gains, 1 toward stronger ones.
+Edge end_on(const Scan &scan, int best, int side) {
+    const int next = best + side;
+    if (next < 0 || next >= scan.used) {
+        const bool is_end = next < 0 || scan.used == scan.count;  // otherwise stronger gains were left out
+        return {(double)best / (scan.count - 1), scan.at.f[best], is_end, true};
+    }
+    const Kind kind = scan.kind_of(best < next ? best : next);
+    if (kind == Kind::CROSSED) return find_edge(scan, best, next);
+    return {(double)next / (scan.count - 1), scan.at.f[next], kind == Kind::FEASIBLE, false};
+}
+
+// The optimum between two ends, at least one of which is an edge.
+Optimum between_edges(const Scan &scan, const Edge &weak, const Edge &strong) {
+    const Axis &axis = scan.axis;
+    const double range = axis.strong - axis.weak, first = axis.weak + range * weak.part;
+    const double last = axis.weak + range * strong.part, center = 0.5 * (first + last), half = 0.5 * (last - first);
+    double nodes[NODES], c[NODES], slope[NODES];
+    Values values;
+    for (int i = 0; i < NODES; i++) nodes[i] = axis.gain_at((center + half * AT[i] - axis.weak) / range);
+    if (scan.encounter.appraise(nodes, NODES, values, 0) < NODES) return UNCERTAIN;
+    chebyshev_of(values.f, c);
+    sampling::differentiate(c, slope);
+    double largest = 0.0, smallest = INFINITY;
+    int falls = 0;  // number of places at which the objective falls toward stronger gains
+    for (int k = 0; k < SAMPLES; k++) {
+        const double s = sampling::series(slope, -1.0 + 2.0 * k / (SAMPLES - 1));
+        largest = fmax(largest, fabs(s));
+        smallest = fmin(smallest, fabs(s));
+        falls += s < 0.0;
+    }
+    const double doubt = fabs(c[NODES - 1]) + fabs(c[NODES - 2]);
+    if (falls == 0 || falls == SAMPLES) {
+        const Edge &lower = falls ? strong : weak;
+        if (!lower.proper || !(smallest > 1e-6 * largest + NODES * NODES * doubt)) return UNCERTAIN;
+        return {axis.gain_at(lower.part), lower.objective, 1.0};
+    }
+    const Bottom bottom = bottom_between(values.f);
+    if (!(fabs(bottom.z) <= 0.999)) return UNCERTAIN;
+    const Optimum found = polish(scan.encounter, axis, center + half * bottom.z, fmin(first, last), fmax(first, last),
+                                 fmin(HALF, fabs(half)));
+    return found.objective <= fmin(weak.objective, strong.objective) ? found : UNCERTAIN;
+}
+
+// The only feasible local minimum among the gains of a scan; -1 if there are several, or none.
+int only_feasible_minimum(const Scan &scan) {
+    int found = -1;
+    double before = INFINITY, here = scan.is_feasible(0) ? scan.at.f[0] : INFINITY;
+    for (int i = 0; i < scan.used; i++) {
+        const double after = i + 1 < scan.used && scan.is_feasible(i + 1) ? scan.at.f[i + 1] : INFINITY;
+        if (here < INFINITY && here <= before && here < after) {
+            if (found >= 0) return -1;
+            found = i;
+        }
+        before = here;
+        here = after;
+    }
+    return found;
+}
+
+// The optimum of a scan whose objective is resolved; not certain if a gap in which it may lie is open.
+Optimum decide(const Scan &scan) {
+    const int best = only_feasible_minimum(scan);
+    if (best < 0) return UNCERTAIN;
+    const Axis &axis = scan.axis;
+    const Edge weak = end_on(scan, best, -1), strong = end_on(scan, best, 1);
+    if (!(weak.known && strong.known)) return UNCERTAIN;
+    Optimum found;
+    if (weak.proper || strong.proper) {
+        found = between_edges(scan, weak, strong);
+    } else {
+        const double step = (axis.strong - axis.weak) / (scan.count - 1);
+        const double u = axis.weak + step * guess_minimum(scan.at.f, best, scan.used);
+        const double one = axis.weak + step * (best + 1), other = axis.weak + step * (best - 1);
+        found = polish(scan.encounter, axis, u, fmin(one, other), fmax(one, other), HALF);
+    }
+    if (found.outcome != 1.0) return UNCERTAIN;
+    for (int i = 0; i + 1 < scan.used; i++) {
+        if (i == best || i == best - 1) continue;
+        const Kind kind = scan.kind_of(i);
+        const bool harmless = kind == Kind::FEASIBLE || kind == Kind::INFEASIBLE;
+        if (!harmless && !scan.is_above(i, found.objective)) return UNCERTAIN;
+    }
+    return found;
 }
 
 Optimum optimum(Encounter &encounter, const Axis &axis, bool falling) {
     Scan scan(encounter, axis);
     bool known = scan.run(falling);
-    while (known && !is_resolved(scan.f, scan.used)) known = scan.refine();
-    const int best = known ? only_minimum(scan.f, scan.used) : -1;
-    return best < 0 ? Optimum{NAN, NAN, false} : polish(encounter, scan, best);
+    while (known) {
+        if (scan.is_bounded()) {
+            if (scan.is_infeasible()) return INFEASIBLE;
+            const Optimum found = scan.is_objective_resolved() ? decide(scan) : UNCERTAIN;
+            if (found.outcome != 0.0) return found;
+        }
+        known = scan.refine();
+    }
+    return UNCERTAIN;
 }
 
 }  // namespace
 
-void find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves, int falling,
-                double horizon, const double *terms, int64_t k, double scale, double strong, double weak, double low,
-                double high, double *out) {
+void find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves,
+                const pretouch_pieces *pieces, double nearest, double farthest, int falling, double horizon, const double *terms, int64_t k, const double *limits, int64_t limit_count, double scale,
+                double strong, double weak, double low, double high, double *out) {
     const Axis axis{scale, strong, weak, low, high};
     Encounter encounter;
     encounter.slope = slope;
     encounter.curves = curves;
+    encounter.pieces = pieces;
+    encounter.nearest = nearest;
+    encounter.farthest = farthest;
     encounter.horizon = horizon;
     encounter.terms = (const Term *)terms;
     encounter.count = k;
+    encounter.limits = (const Limit *)limits;
+    encounter.limit_count = limit_count;
+    encounter.peaks = false;
+    for (int64_t j = 0; j < k; j++) encounter.peaks |= (int)encounter.terms[j].quantity >= EXCURSION;
+    for (int64_t j = 0; j < limit_count; j++) encounter.peaks |= (int)encounter.limits[j].quantity >= EXCURSION;
     for (int64_t i = 0; i < n; i++) {
         for (int j = 0; j < INPUTS; j++) encounter.inputs[j] = inputs[j * n + i];
         const Optimum found = optimum(encounter, axis, falling);
         out[i] = found.gain;
         out[n + i] = found.objective;
-        out[2 * n + i] = found.certain;
+        out[2 * n + i] = found.outcome;
     }
 }
 

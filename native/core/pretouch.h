@@ -100,15 +100,20 @@ PRETOUCH_API void pretouch_series_contacts(const pretouch_column *inputs, const 
                                            double *gradients, double *peaks, int8_t *status);
 
 /* ---- designs (lanes_design.cpp) ---- */
-/* inputs: as values above, shape (10, n). slope: g at l = 0. curves: null if that is g everywhere. falling: whether
+/* inputs: as values above, shape (10, n). slope: g at l = 0. curves and pieces: the curve, both null if that is g
+ * everywhere; then the distances from `nearest` to `farthest` are valid. falling: whether
  * g < 0 at all distances that an encounter may reach. terms: rows of factor * |quantity|^exponent, shape (k, 4): quantity
- * (0 time, 1 displacement, 2 velocity, 3 acceleration, 4 relative velocity, 5 virtual force), factor in SI, exponent,
- * and 1 if the term is divided by the obstacle's squared speed, else 0. Gains are scale * sinh(u), u from
- * weak to strong, within [low, high]. out: the optimal gains, their objective, and 1 if both are certain, else 0; shape
- * (3, n). */
+ * (0 time, 1 displacement, 2 velocity, 3 acceleration, 4 relative velocity, 5 virtual force, at contact; the largest 6
+ * excursion, 7 travel, 8 speed, 9 acceleration, 10 virtual force), factor in SI, exponent, and 1 if the term is divided by
+ * the obstacle's squared speed, else 0. limits: rows of quantity, factor and exponent, at most 16, for
+ * factor * |quantity|^exponent <= 1. Gains are scale * sinh(u), u from
+ * weak to strong, within [low, high]. out: the optimal gains, their objective, and 1 if both are certain, 2 if no gain
+ * meets the limits, else 0; shape (3, n). */
 PRETOUCH_API void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves,
-                                      int falling, double horizon, const double *terms, int64_t k, double scale,
-                                      double strong, double weak, double low, double high, double *out);
+                                      const pretouch_pieces *pieces, double nearest, double farthest, int falling,
+                                      double horizon, const double *terms, int64_t k, const double *limits,
+                                      int64_t limit_count, double scale, double strong, double weak, double low,
+                                      double high, double *out);
 /* Two Chebyshev series at n places in [low, high]: coefficients of both, shape (2, m); out, shape (2, n). */
 PRETOUCH_API void pretouch_interpolate(const double *place, int64_t n, double low, double high,
                                        const double *coefficients, int64_t m, double *out);

@@ -54,30 +54,15 @@ static inline void differentiate(const double *c, double *slope) {
 
 }  // namespace sampling
 
-// Whether every odd node is predicted by the quintic through the six even nodes nearest to it. An error is compared
-// with the objective, or with its rise over the gap, since a steep part hides no minimum.
-static inline bool is_resolved(const double *f, int used) {
-    for (int i = 1; i < used - 1; i += 2) {
-        int first = i - 5 > 0 ? i - 5 : 0;
-        if (first > used - 11) first = used - 11;
-        double guess = 0.0;
-        for (int j = 0; j < 6; j++) guess += sampling::MIDDLE.weight[(i - first) / 2][j] * f[first + 2 * j];
-        const double allowed = sampling::RESOLVED * fabs(f[i]) + sampling::STEEP * fabs(f[i + 1] - f[i - 1]);
-        if (!(fabs(guess - f[i]) <= allowed)) return false;
-    }
-    return true;
-}
-
-// The node of the only minimum; -1 if there are more, or if it is at an end.
-static inline int only_minimum(const double *f, int used) {
-    int found = -1;
-    for (int i = 0; i < used; i++) {
-        const bool below_left = i == 0 || f[i] <= f[i - 1], below_right = i == used - 1 || f[i] < f[i + 1];
-        if (!(below_left && below_right)) continue;
-        if (found >= 0) return -1;
-        found = i;
-    }
-    return found <= 0 || found >= used - 1 ? -1 : found;
+// Whether an odd node is predicted by the quintic through the six even nodes nearest to it. An error is compared with the
+// objective, or with its rise over the gap, since a steep part hides no minimum.
+static inline bool is_predicted(const double *f, int used, int i) {
+    int first = i - 5 > 0 ? i - 5 : 0;
+    if (first > used - 11) first = used - 11;
+    double guess = 0.0;
+    for (int j = 0; j < 6; j++) guess += sampling::MIDDLE.weight[(i - first) / 2][j] * f[first + 2 * j];
+    const double allowed = sampling::RESOLVED * fabs(f[i]) + sampling::STEEP * fabs(f[i + 1] - f[i - 1]);
+    return fabs(guess - f[i]) <= allowed;
 }
 
 // The minimum of the quartic through five nodes around the best, in steps from node 0.
@@ -102,10 +87,9 @@ struct Bottom {
     bool fits;  // the last coefficients are negligible compared with the curvature: no corner, no noise
 };
 
-// The minimum in [-1, 1] of the polynomial through the values at the nodes.
-static inline Bottom bottom_between(const double *values) {
-    double c[NODES] = {}, slope[NODES], bend[NODES];
-    int lowest = 0;
+// The Chebyshev coefficients of the polynomial through the values at the nodes.
+static inline void chebyshev_of(const double *values, double *c) {
+    for (int k = 0; k < NODES; k++) c[k] = 0.0;
     for (int j = 0; j < NODES; j++) {
         double before = AT[j], now = 1.0;  // T_k of the node, from T_-1 = T_1 on
         for (int k = 0; k < NODES; k++) {
@@ -114,8 +98,16 @@ static inline Bottom bottom_between(const double *values) {
             before = now;
             now = next;
         }
-        if (values[j] < values[lowest]) lowest = j;
     }
+}
+
+// The minimum in [-1, 1] of the polynomial through the values at the nodes.
+static inline Bottom bottom_between(const double *values) {
+    double c[NODES], slope[NODES], bend[NODES];
+    chebyshev_of(values, c);
+    int lowest = 0;
+    for (int j = 1; j < NODES; j++)
+        if (values[j] < values[lowest]) lowest = j;
     sampling::differentiate(c, slope);
     sampling::differentiate(slope, bend);
     double z = AT[lowest], step = 1.0, curvature = 0.0;

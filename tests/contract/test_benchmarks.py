@@ -177,3 +177,17 @@ def test_the_page_names_every_program() -> None:
     page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
     programs = {file.stem for file in (ROOT / "benchmarks").glob("*.py") if not file.stem.startswith("_")} | {"peers"}
     assert {name for name in programs if f"python -m benchmarks.{name}`" not in page} == set()
+
+
+def test_designs_with_limits_agree_with_the_full_search() -> None:
+    from benchmarks import limits
+
+    assert limits.check(6, 7) == 0
+
+
+def test_a_wrong_design_with_limits_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    from benchmarks import limits
+
+    search = limits.search_compiled
+    monkeypatch.setattr(limits, "search_compiled", lambda problem: search(problem) * [[1.0], [1.001], [1.0]])
+    assert limits.check(6, 7) > 0

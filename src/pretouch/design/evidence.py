@@ -18,7 +18,7 @@ from .certificate import ACTIVE, Certificate, ConstraintOutcome, DesignStatus, I
 from .constraints import Constraint
 from .problem import Answer, GainProblem
 from .search import HELD, Minimum, Scan, refine, scan
-from .search.compiled import search_compiled
+from .search.compiled import INFEASIBLE, OPTIMAL, UNCERTAIN, search_compiled
 from .search.many import design_many, settle_one
 from .sensitivity import gain_sensitivities
 
@@ -256,9 +256,11 @@ def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()
     result = search_compiled(free)
-    gain, value, certain = (math.nan, math.nan, 0.0) if result is None else result[:, 0].tolist()
-    if certain:
+    gain, value, outcome = (math.nan, math.nan, UNCERTAIN) if result is None else result[:, 0].tolist()
+    if outcome == OPTIMAL:
         return DesignStatus.OPTIMAL, gain, value
+    if outcome == INFEASIBLE:
+        return DesignStatus.INFEASIBLE, None, None
     optimum = settle_one(free)
     return None if optimum is None else (DesignStatus.OPTIMAL, *optimum)
 

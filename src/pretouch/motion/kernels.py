@@ -295,11 +295,16 @@ def follow_gradients(
 def _encounters(
     values: FloatArray, gains: FloatArray, pieces: FloatArray, limits: tuple[float, bool, bool]
 ) -> tuple[int, int, int, Any]:
-    """Return the arguments of a compiled solver that describe encounters and their sensor curve."""
-    n, (count, width) = len(values), pieces.shape
+    """Return the arguments that describe encounters and their sensor curve to a compiled solver."""
+    n, curve = len(values), byref(pieces_of_core(pieces, *limits[1:]))
+    return shaped(values, (n, 10)), n, shaped(gains, (n,)), curve
+
+
+def pieces_of_core(pieces: FloatArray, ends_in_contact: bool, open_ended: bool) -> _PiecesOfCore:
+    """Return the C structure of a curve in pieces; the array must outlive it."""
+    count, width = pieces.shape
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(
             f"each polynomial piece of a curve has 3 to {_WIDEST} numbers, but the table has the shape {pieces.shape}"
         )
-    curve = byref(_PiecesOfCore(address(pieces), count, width, *limits[1:]))
-    return shaped(values, (n, 10)), n, shaped(gains, (n,)), curve
+    return _PiecesOfCore(address(pieces), count, width, ends_in_contact, open_ended)

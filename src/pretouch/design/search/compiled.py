@@ -11,14 +11,14 @@ import numpy as np
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import FloatArray, positive
 from pretouch.motion import DAMPER, Scenario
-from pretouch.motion.curve import Curves, curve_windows, farthest, shared_curve
-from pretouch.motion.kernels import of_core
+from pretouch.motion.curve import LARGEST_START, curve_pieces, curve_tops, curve_windows, farthest, shared_curve
+from pretouch.motion.kernels import of_core, pieces_of_core
 from pretouch.motion.parallel import run_in_chunks
 from pretouch.motion.request import choose_method
 from pretouch.sensors import SensorModel
 from pretouch.sensors.model import cache_by_curve
 
-from ..impact import ElasticImpact
+from ..impact import ElasticImpact, ImpactModel
 from ..later_contact import falls
 from ..objectives import Objective
 from ..problem import GainProblem
@@ -30,13 +30,30 @@ _ROWS: Final = {
     "acceleration": 3,
     "relative_velocity": 4,
     "virtual_force": 5,
+    "largest_excursion": 6,
+    "largest_travel": 7,
+    "largest_speed": 8,
+    "largest_acceleration": 9,
+    "largest_virtual_force": 10,
 }
 _LEAST_LINEAR: Final = 128  # smallest number of designs per thread
 _LEAST_SERIES: Final = 16
 _MOST: Final = 4096
 
+UNCERTAIN: Final = 0
+"""Outcome of the compiled search if another search must decide."""
+
+OPTIMAL: Final = 1
+"""Outcome of the compiled search with an optimal gain."""
+
+INFEASIBLE: Final = 2
+"""Outcome of the compiled search if no gain meets the constraints."""
+
 find_gains: Final = kernel(
-    *("find_gains", POINTER, INTEGER, DOUBLE, POINTER, c_int, DOUBLE, POINTER, INTEGER), *([DOUBLE] * 5), POINTER
+    *("find_gains", POINTER, INTEGER, DOUBLE, POINTER, POINTER, DOUBLE, DOUBLE, c_int),
+    *(DOUBLE, POINTER, INTEGER, POINTER, INTEGER),
+    *([DOUBLE] * 5),
+    POINTER,
 )
 """Compiled search; its arguments are declared in native/core/pretouch.h."""
 
@@ -48,20 +65,23 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
         problem: the problem, with one encounter or an array of encounters.
 
     Returns:
-        Gain [N s], objective and certainty (1 or 0) of each encounter, shape (3, n). None if there is no encounter, or
-        if the compiled search does not support the problem: constraints, quantities of the whole motion, evaluators.
+        Gain [N s], objective and outcome of each encounter, shape (3, n). The outcome is OPTIMAL, INFEASIBLE, or
+        UNCERTAIN, which needs another search. None if there is no encounter, or if the compiled search does not
+        support the problem, such as a user-defined objective, evaluator or impact model.
     """
-    rows, size = supported_terms(problem), math.prod(problem.task.scenario.shape)
-    if rows is None:
+    rows, limits = supported_terms(problem), _limits(problem)
+    size = math.prod(problem.task.scenario.shape)
+    if rows is None or limits is None:
         return None
     linear = choose_method(problem.task.scenario, problem.task.sensor, problem.task.method) == "closed-form"
     horizon, terms = positive(problem.task.horizon, "horizon", "s"), np.array(rows)
     if size == 0:
         return None
     axis, inputs = problem.axis, _inputs(problem.task.scenario, size)
-    slope, *curve, _held = _curve(problem.task.sensor, farthest(problem.task.scenario, problem.task.sensor), linear)
+    slope, *curve, _kept = _curve(problem.task.sensor, farthest(problem.task.scenario, problem.task.sensor), linear)
     ends = (axis.scale, math.asinh(axis.low / axis.scale), math.asinh(axis.high / axis.scale), axis.low, axis.high)
-    arguments = (slope, *curve, horizon, address(terms), len(terms), *ends)
+    bounds = np.array(limits).reshape(-1, 3)
+    arguments = (slope, *curve, horizon, address(terms), len(terms), address(bounds), len(bounds), *ends)
     out = np.empty((3, size))
 
     def run(start: int, stop: int) -> None:
@@ -78,23 +98,40 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
 
 def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, float]] | None:
     """Return the terms of the objective for the compiled search; None if that search cannot solve the problem."""
-    if problem.task.evaluate is not None or problem.task.constraints or problem.task.sensor.valid_range[0] > 0:
+    if problem.task.evaluate is not None or problem.task.sensor.valid_range[0] > 0:
         return None
     other_motion = problem.task.law != DAMPER or problem.task.method == "uniform-motion"
     if other_motion or type(problem.task.goal) is not Objective:
         return None
     rows: list[tuple[float, float, float, float]] = []
     for term in problem.task.goal.terms:
-        factor, exponent, quantity, scale = 1.0, 2.0, term.quantity, term.scale
-        if quantity == "impact_force" and isinstance(problem.task.impact, ElasticImpact):
-            factor, quantity = problem.task.impact.peak_force(1.0), "relative_velocity"
-            exponent = 2 * problem.task.impact.speed_exponent
-        row, follows = _ROWS.get(quantity), isinstance(scale, str)
+        found, scale = _row(term.quantity, problem.task.impact), term.scale
+        follows = isinstance(scale, str)
         # If the scale is the obstacle's speed, this speed must not be 0.
-        if row is None or (follows and not np.all(np.asarray(problem.task.scenario.obstacle.velocity) != 0)):
+        if found is None or (follows and not np.all(np.asarray(problem.task.scenario.obstacle.velocity) != 0)):
             return None
-        rows.append((row, term.weight * (factor if isinstance(scale, str) else factor / scale) ** 2, exponent, follows))
+        row, factor, exponent = found
+        size = factor if isinstance(scale, str) else factor / scale
+        rows.append((row, term.weight * size**2, 2 * exponent, follows))
     return rows
+
+
+def _limits(problem: GainProblem) -> list[tuple[float, float, float]] | None:
+    """Return the limits of the task for the compiled search; None if that search cannot compute one of them."""
+    found = [(_row(c.quantity, problem.task.impact), c.limit) for c in problem.task.limits]
+    rows = [(row[0], row[1] / limit, row[2]) for row, limit in found if row is not None]
+    return rows if len(rows) == len(found) else None
+
+
+def _row(quantity: str, impact: ImpactModel | None) -> tuple[float, float, float] | None:
+    """Return how a quantity follows from a row of compiled code: row, factor, exponent; None if it does not."""
+    factor, exponent = 1.0, 1.0
+    if quantity == "impact_force" and isinstance(impact, ElasticImpact):
+        quantity, factor, exponent = "relative_velocity", float(impact.peak_force(1.0)), impact.speed_exponent
+    elif quantity == "drive_force" and impact is not None:
+        quantity, factor = "largest_acceleration", impact.robot_mass
+    row = _ROWS.get(quantity)
+    return None if row is None else (row, factor, exponent)
 
 
 def _inputs(scenario: Scenario, size: int) -> FloatArray:
@@ -109,9 +146,14 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 
 
 @cache_by_curve(256)
-def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, bool, Curves | None]:
-    """Return the sensor curve for the compiled search, and the slope g of this curve at contact [1/m]."""
-    # The other results are a pointer to the curve and whether g < 0 up to `reach` [m].
-    curve = None if linear else shared_curve(curve_windows(sensor, 0.0, reach))
-    read = None if curve is None else byref(of_core(curve, 1))
-    return float(sensor.log_slope(0.0)), read, falls(sensor, reach), curve
+def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, Any, float, float, bool, Any]:
+    """Return the arguments of the compiled search for the sensor curve up to `reach` [m], and their arrays."""
+    slope, ends, falling = float(sensor.log_slope(0.0)), sensor.valid_range, falls(sensor, reach)
+    if linear:
+        return slope, None, None, *ends, falling, None
+    curves, pieces, core_pieces = shared_curve(curve_windows(sensor, 0.0, reach)), None, None
+    if 0 < reach <= LARGEST_START:
+        top, goes_on = next(curve_tops(sensor, 0.0, reach, 2.0 ** math.ceil(math.log2(4 * reach))))
+        pieces = curve_pieces(sensor, 0.0, top)
+        core_pieces = byref(pieces_of_core(pieces, True, goes_on))
+    return slope, byref(of_core(curves, 1)), core_pieces, *ends, falling, (curves, pieces)

@@ -9,7 +9,7 @@ tested: its encounter is solved and must have the interpolated objective, which 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -21,7 +21,8 @@ from pretouch.motion import Scenario
 from pretouch.motion.scenario import scenario_with
 
 from ..problem import GainProblem
-from .compiled import search_compiled, supported_terms
+from .compiled import OPTIMAL, search_compiled, supported_terms
+from .scan import HELD
 
 _NODES: Final = 20
 _LEAST: Final = 20 * _NODES  # smallest number of encounters for interpolation
@@ -29,6 +30,10 @@ _FEW: Final = 2 * _NODES  # smallest number of encounters on an interval; fewer 
 _PROBES: Final = 3  # encounters of an interval that are also designed individually, as a test
 _GAIN: Final = 1e-9  # largest last coefficients and largest error at the probes, relative to the gain
 _VALUE: Final = 1e-10  # the same relative to the objective; also the largest error of the test of every encounter
+_ROUNDED: Final = 1e-14  # largest relative rounding error of an interpolated gain
+_WITHIN: Final = 1 - 1e-8  # share of each limit that interpolated designs use, so that they meet the limit itself
+_BINDING: Final = 1 - 1e-6  # smallest share of a limit that counts as binding
+_AT_LIMIT: Final = 1e-8  # largest error of an interpolated objective if a limit is binding
 _LOGARITHMIC: Final = 3.0  # ratio of largest to smallest value above which the logarithm is the coordinate
 _BASIS: Final = chebyshev_basis(_NODES)
 
@@ -41,12 +46,15 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
     varied = list(_varied_inputs(problem.task.scenario))
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or supported_terms(problem) is None:
         return None
-    family = _family(problem, *varied[0])
+    within = [replace(c, limit=c.limit * _WITHIN) for c in problem.task.limits]
+    family = _family(problem.changed(constraints=within), *varied[0])
     out = np.full((2, family.place.size), np.nan)
     _cover(family, float(family.place.min()), float(family.place.max()), None, out)
     gain, value = out
     complete = bool(np.isfinite(gain).all())
     tested = np.clip(gain if complete else np.where(np.isnan(gain), problem.axis.high, gain), *problem.axis.ends)
+    for end in problem.axis.ends:  # an interpolated bound is rounded; the answer is the bound itself
+        tested = np.where(np.abs(tested - end) <= _ROUNDED * abs(end), end, tested)
     return tested, value, _is_confirmed(problem, tested, value)
 
 
@@ -76,13 +84,12 @@ def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArr
 
 def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
     """Compute encounters with interpolated gains, and return for which of them the interpolation is accurate."""
-    result = problem.run(gain.reshape(problem.task.scenario.shape))
-    solved = problem.task.goal.value(
-        result.end, abs(problem.task.scenario.obstacle.velocity), problem.task.impact
-    ).reshape(-1)
-    confirmed = np.abs(solved - value) <= _VALUE * solved
-    reached = result.reached
-    return np.asarray(confirmed if reached.all() else confirmed & reached.reshape(-1))
+    shape, size = problem.task.scenario.shape, gain.size
+    found = problem.landscape(problem.axis.coordinate(gain.reshape(shape)))
+    solved, ratio = found.objective.reshape(size), np.asarray(found.worst_ratio).reshape(size)
+    allowed = np.where(ratio > _BINDING, _AT_LIMIT, _VALUE)  # at a limit the objective is not stationary
+    with np.errstate(invalid="ignore"):
+        return np.asarray((np.abs(solved - value) <= allowed * solved) & (ratio <= HELD))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +112,7 @@ class _Family:
         probes = members[np.linspace(0, len(members) - 1, _PROBES).astype(np.int64)]
         nodes = 0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes
         designs = search_compiled(self.at(np.concatenate([nodes, probes])))
-        if designs is None or not designs[2].all():
+        if designs is None or (designs[2] != OPTIMAL).any():
             return None
         both = designs[:2]
         coefficients = both[:, :_NODES] @ _BASIS.to_terms.T

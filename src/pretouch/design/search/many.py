@@ -15,7 +15,7 @@ from pretouch._core.numbers import BoolArray, FloatArray
 
 from ..certificate import DesignStatus
 from ..problem import GainProblem
-from .compiled import search_compiled
+from .compiled import INFEASIBLE, UNCERTAIN, search_compiled
 from .family import find_family
 from .polynomials import NODES, interpolate, minimize_polynomials
 from .scan import EXACT, predict
@@ -43,7 +43,8 @@ def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]
     for again in (False, True):
         tried = search_compiled(free.column(waiting)) if again else family
         if tried is not None:
-            settled = tried[2] == 1
+            settled = tried[2] != UNCERTAIN
+            status[waiting[tried[2] == INFEASIBLE]] = DesignStatus.INFEASIBLE.value
             gain[waiting[settled]], objective[waiting[settled]] = tried[0][settled], tried[1][settled]
             waiting = waiting[~settled]
     for start in range(0, len(waiting), _BLOCK):

@@ -294,7 +294,7 @@ def test_what_is_not_known_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="must not be negative"):
         solve_drag(Scenario(admittance=ADMITTANCE, obstacle=approach), POWER, -0.01)
     turning = ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0)
-    with pytest.raises(OutOfRangeError, match="outside"):
+    with pytest.raises(OutOfRangeError, match=r"distance of 0\.08 m, .* only from 0 m to 0\.078"):
         solve(turning, obstacle=Obstacle(position=0.08, velocity=-0.3))
     rising = CustomSensor(
         log_output_function=lambda d: -((d - 0.02) ** 2) * 100, log_slope_function=lambda d: -200 * (d - 0.02)

@@ -302,7 +302,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "all missing": (lambda: line(y=np.full(200, np.nan)), r"this curve has no point with finite x and y"),
     "infinite": (lambda: line(x=[0, 1], y=[0, np.inf]), r"the value at index 1 is inf"),
     "words": (lambda: line(x=["a"], y=[0]), r"expected a list of numbers"),
-    "different shapes": (lambda: line(x=[1, 2], y=[[1, 2], [1]]), r"the values have different shapes, expected a list"),
+    "different shapes": (lambda: line(x=[1, 2], y=[[1, 2], [1]]), r"found values of different shapes, expected a list"),
     "two rows": (lambda: line(x=[[0, 1]], y=[0, 1]), r"of shape \(1, 2\), expected a list"),
     "kind": (lambda: line(kind="dots"), r"kind: found 'dots', expected one of line, points, both"),
     "style": (lambda: line(style=5), r"found the style 5, expected an index"),

@@ -103,7 +103,9 @@ def test_the_units_of_a_wide_table_are_said_or_stand_in_its_corner(file, text, c
 
 def test_numbered_columns_beside_a_distance_are_repeats_where_that_is_said(file):
     text = "distance [mm],1,2,3\n0,9,5,3\n10,8,4,\n"
-    with pytest.raises(CalibrationDataError, match=r'"distance=1" if .* repeats, or --columns "distance=\[mm\]"'):
+    with pytest.raises(
+        CalibrationDataError, match=r'"distance=1" if .* column.*, or --columns "distance=\[mm\]" .* if .* headers'
+    ):
         read_calibration(file(text))
     curve = read_calibration(file(text), columns={"distance": 1})
     assert curve.distances.tolist() == [0, 0, 0, 0.01, 0.01]
@@ -241,7 +243,7 @@ EQUAL = "distance [mm],output,output\n0,9,8\n1,8,6\n2,7,4\n3,6,2\n"
 def test_of_two_equal_headers_one_is_chosen_by_its_number(file):
     with pytest.raises(CalibrationDataError, match=r"\(2: 'output', 3: 'output'\)") as error:
         read_calibration(file(EQUAL))
-    assert str(error.value).endswith(f'select one with --columns "output=2" {REMEDY}')
+    assert str(error.value).endswith(f' with --columns "output=2" {REMEDY}')
     for columns in (
         {"output": 3},
         {"output": "3"},
@@ -344,7 +346,10 @@ def test_a_mistake_is_one_sentence_with_its_line(file, text, message):
 @pytest.mark.parametrize("part", ["x", "1", "[", "(a", "a b", "1 ", "a_", '"', "1,", "distance "])
 def test_lines_of_any_length_are_refused_in_one_sentence(file, part):
     """Patterns whose effort grows with the square of the length would take hours."""
-    for text in (f"distance [mm],output [V]\n0,1\n1,{part * 100_000}\n", f"{part * 100_000}\n0,1\n"):
-        with pytest.raises(CalibrationDataError, match=r"sensor\.csv, line \d+: found ") as error:
+    long = part * (190_000 // len(part))  # longer lines are refused for their length
+    for text in (f"distance [mm],output [V]\n0,1\n1,{long}\n", f"{long}\n0,1\n"):
+        with pytest.raises(
+            CalibrationDataError, match=r"sensor\.csv, line \d+: (found|th(e|is) row has [\d,]+ cells)"
+        ) as error:
             read_calibration(file(text))
         assert len(str(error.value)) < 1000

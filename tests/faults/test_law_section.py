@@ -110,7 +110,7 @@ def test_a_margin_that_leaves_no_drag_is_placed(write):
         pt.design_gain(load_scenario(write(text)))
     told = str(refused.value)
     assert told.startswith(f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: found 1e+06, whi")
-    assert "the bounds in [gain] are 0.001 to 0.2 N*s^2" in told
+    assert "[gain] has bounds from 0.001 to 0.2 N*s^2; choose a smaller margin" in told
 
 
 def test_the_undamaged_files_are_read(write):

@@ -285,6 +285,12 @@ VERBS = [
         for name in pt.plots.__all__
     ),
 ]
+STATE_SPACE = {
+    "states": ("position", "velocity"),
+    "a": Numbers([[0.0, 1.0], [-2000.0, -90.0]]),
+    "b": Numbers([[0.0, 0.0, 0.0, 0.0], [2000.0, 90.0, 0.0, 0.5]]),
+    "c": Numbers([1.0, 0.0]),
+}
 CURVE = {"x": Numbers([0.0, 1.0]), "y": Numbers([0.0, 1.0]), "low": Numbers([0.0, 1.0]), "high": Numbers([0.0, 1.0])}
 VALUES = [
     Case("Admittance", {"mass": Numbers(1.0), "damping": Numbers(1.0), "stiffness": Numbers(1.0)}),
@@ -375,6 +381,13 @@ VALUES = [
     Case("Constraint", {"name": "excursion", "limit": 0.2}),
     Case("Term", {"quantity": "displacement", "scale": Given(0.5, CHOICE), "weight": 1.0}),
     Case("Objective", {"terms": (TERM,), "name": "own"}),
+    Case(
+        "design.ContactQuantity",
+        {
+            **{"name": "misused", "value": lambda state, _: state.time, "unit": "s", "words": "a", "symbol": "t"},
+            **{"needs_impact": False, "is_magnitude": True},
+        },
+    ),
     Case("HertzImpact", {"robot_mass": 1.0, "obstacle_mass": 2.0, "effective_modulus": 1e7, "radius": 0.01}),
     Case("SpringImpact", {"robot_mass": 1.0, "obstacle_mass": 2.0, "stiffness": 1e4}),
     Case("design.ElasticImpact", {"robot_mass": 1.0, "obstacle_mass": 2.0, "stiffness": 1e4, "exponent": 1.5}),
@@ -448,6 +461,7 @@ VALUES = [
             **{"coulomb_friction": 0.0, "friction_speed": 1e-3, "feedforward": True},
         },
     ),
+    *(Case(f"simulation.{name}", STATE_SPACE) for name in ("StateSpace", "StateSpacePlant")),
     Case("simulation.PositionPlant", {"mass": 1.0, "bandwidth": 10.0, "damping_ratio": 1.0}),
     Case("simulation.HuntCrossley", {"obstacle_mass": 1.0, "stiffness": 1e4, "dissipation": 0.0, "exponent": 1.5}),
     Case("simulation.SpringDamper", {"obstacle_mass": 1.0, "stiffness": 1e4, "damping": 0.0}),
@@ -581,6 +595,7 @@ INTERFACES = [
     "simulation.ContactModel",
     "simulation.PlantModel",
     "simulation.IdealPlant",
+    "simulation.LinearPlant",
     "control.Law",
     "control.Setting",
     "control.Parts",

@@ -60,7 +60,11 @@ def test_every_model_is_built(write):
         ('model = "exponential-1"\nscale = 1\nrate = 60\n', "rate", "a negative quantity in 1/m"),
         ('model = "mittag-leffler"\nscale = 1\nrate = -60\norder = 2\n', "order", "(0, 1]"),
         ('model = "exponential-1"\nscale = 1\nrate = -60\nrecess = "1 s"\n', "recess", "a quantity in m"),
-        ('model = "exponential-1"\nscale = 1\nrate = -6\nmaximum_distance = "0 m"\n', "maximum_distance", "exceed"),
+        (
+            'model = "exponential-1"\nscale = 1\nrate = -6\nmaximum_distance = "0 m"\n',
+            "maximum_distance",
+            "minimum_distance, which is 0 m",
+        ),
     ],
 )
 def test_a_sensor_that_is_none_is_refused_at_its_key(message, sensor, key, says):

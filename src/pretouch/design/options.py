@@ -70,7 +70,7 @@ class ParetoOptions(ExplainsNames, Value):
             design.
 
     Examples:
-        >>> ParetoOptions(quantities=("time", "excursion")).choice is None
+        >>> ParetoOptions(quantities=("time", "displacement")).choice is None
         True
     """
 

@@ -54,6 +54,7 @@ class ContactQuantity(str):
     __slots__ = ("_make",)
     _make: Callable[[], ContactQuantity]
 
+    @check_arguments
     def __new__(  # noqa: D102 - the class describes it
         cls,
         name: str,

@@ -26,10 +26,10 @@ def as_column(values: ArrayLike, name: str) -> FloatArray:
         array = np.asarray(values)
     except ValueError:
         raise InvalidInputError(
-            f"{name}: the values have different shapes, expected a list of numbers, such as [0.0, 1.5, 3.0]"
+            f"{name}: found values of different shapes, expected a list of numbers, such as [0.0, 1.5, 3.0]"
         ) from None
     if array.ndim != 1 or array.dtype.kind not in "iuf":
-        what = f"{array.dtype.name} of shape {array.shape}"
+        what = f"{array.dtype.name} of shape {array.shape}" if array.ndim else short_repr(values)
         raise InvalidInputError(f"{name}: found {what}, expected a list of numbers, such as [0.0, 1.5, 3.0]")
     if not len(array):
         raise InvalidInputError(f"{name}: found no values, expected at least one")

@@ -73,7 +73,7 @@ class Curve(Value):
     def __post_init__(self) -> None:
         who = called("curve", self.label)
         for name in ("x", "y", "low", "high"):
-            if getattr(self, name) is not None:
+            if name in {"x", "y"} or getattr(self, name) is not None:
                 object.__setattr__(self, name, as_column(getattr(self, name), f"{who}: {name}"))
         sizes = {name: len(column) for name, column in self.columns()}
         if len(set(sizes.values())) > 1:

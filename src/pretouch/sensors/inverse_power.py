@@ -156,7 +156,7 @@ class InversePower(SensorModel):
         offset = self.distance_offset
         if not self.minimum_distance + offset > 0:
             raise InvalidInputError(
-                f"distance_offset: found {offset:g} m, expected more than {-self.minimum_distance:g} m (the "
+                f"distance_offset: found {offset:g} m, expected more than {0.0 - self.minimum_distance:g} m (the "
                 "negative minimum_distance), because the output is otherwise infinite inside the valid range"
             )
 

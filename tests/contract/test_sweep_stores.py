@@ -123,7 +123,7 @@ def test_another_sweep_is_refused_and_replaced_only_where_that_is_asked_for(
     other = {**AXES, "gain": np.linspace(-3.0, -0.05, 10)}
     with pytest.raises(OutputExistsError, match=r"different axes.* not overwritten.* --output.* --force"):
         pt.sweep(pt.Task(SCENARIO, CURVED), other, results=RESULTS, output=output)
-    with pytest.raises(OutputExistsError, match="other sensor"):
+    with pytest.raises(OutputExistsError, match="different sensor"):
         pt.sweep(pt.Task(SCENARIO, CONSTANT), AXES, results=RESULTS, output=output)
     with pytest.raises(OutputExistsError, match="other seed"):
         sweep_to(output, seed=3)

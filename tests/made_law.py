@@ -5,9 +5,8 @@ It is the letter's damper with the gain -c r^2 at a fixed rate r, so that everyt
 
 from dataclasses import dataclass, replace
 
-from pretouch.fields import quantity
-
 from pretouch.control import CompiledStep, VirtualDamper
+from pretouch.fields import quantity
 from pretouch.motion import DAMPER, LawNumber
 
 

@@ -1,13 +1,13 @@
 from . import control as control
 from . import design as design
 from . import errors as errors
+from . import fields as fields
 from . import letter as letter
 from . import motion as motion
 from . import plots as plots
 from . import report as report
 from . import robust as robust
 from . import simulation as simulation
-from ._core import fields as fields
 from ._core.errors import PretouchError as PretouchError
 from .calibration import Calibration as Calibration
 from .calibration import CalibrationReport as CalibrationReport

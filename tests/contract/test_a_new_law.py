@@ -57,9 +57,11 @@ OF_CUBE: dict[str, Callable[[], Any]] = {
     "infeasible": lambda: pt.design_gain(CUBES.replace(constraints=(pt.Constraint(name="gain", limit=1e-4),))),
     "admittance": lambda: pt.design_admittance(CUBES.replace(damping_ratio=(0.7, 1.3))),
     "robust": lambda: pt.robust.design_robust_gain(
-        CUBES.replace(uncertainty=SPEEDS, samples=16, validation=16, constraints=LIMITS)
+        CUBES.replace(uncertainty=SPEEDS, robust=pt.robust.RobustOptions(samples=16, validation=16), constraints=LIMITS)
     ),
-    "front": lambda: pt.pareto_front(CUBES.replace(quantities=("gain", "relative_velocity"), constraints=LIMITS)),
+    "front": lambda: pt.pareto_front(
+        CUBES.replace(pareto=pt.ParetoOptions(quantities=("gain", "relative_velocity")), constraints=LIMITS)
+    ),
     "encounter": lambda: pt.simulate_encounter(CUBE_ON_LOOP),
     "verdict": lambda: pt.verify_gain(CUBE_ON_LOOP.replace(constraints=LIMITS)),
 }

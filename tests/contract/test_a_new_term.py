@@ -97,7 +97,7 @@ def test_a_design_with_it_is_that_with_the_square_of_the_speed(quantity: Contact
     assert (own.constraints[0].unit, own.certificate.at) == ("J", "energy")
     again = pickle.loads(pickle.dumps(own))  # noqa: S301 - our own
     assert again == own
-    with pytest.raises(pt.errors.InvalidInputError, match="energy: needs the physical properties"):
+    with pytest.raises(pt.errors.InvalidInputError, match="energy: this quantity depends on the physical masses"):
         pt.design_gain(task(price, constraints=[limit], impact=None))
 
 
@@ -114,10 +114,12 @@ def test_it_is_shown_wherever_quantities_are(quantity: ContactQuantity, tmp_path
     asked = task(*both, constraints=[pt.Constraint(name="energy", limit=0.02)])
     answers = {
         "design": pt.design_gain(asked),
-        "front": pt.pareto_front(asked.replace(quantities=("displacement", quantity))),
-        "robust": pt.robust.design_robust_gain(asked.replace(uncertainty=SPEED, samples=16, validation=16)),
+        "front": pt.pareto_front(asked.replace(pareto=pt.ParetoOptions(quantities=("displacement", quantity)))),
+        "robust": pt.robust.design_robust_gain(
+            asked.replace(uncertainty=SPEED, robust=pt.robust.RobustOptions(samples=16, validation=16))
+        ),
         "admittance": pt.design_admittance(asked.replace(damping_ratio=(0.7, 1.3))),
-        "verdict": pt.verify_gain(asked.replace(loop=NOISY, runs=12)),
+        "verdict": pt.verify_gain(asked.replace(loop=NOISY, verify=pt.VerifyOptions(runs=12))),
     }
     for name, answer in answers.items():
         page = pt.write_report(answer, tmp_path / f"{name}.html").read_text(encoding="utf-8")
@@ -138,7 +140,7 @@ def test_a_signed_one_is_not_taken_by_its_magnitude(quantity: ContactQuantity) -
     speed = pt.Term(quantity="relative_velocity", scale=0.3)
     free = pt.design_gain(task(speed))
     assert pt.design_gain(task(speed, constraints=[pt.Constraint(name=signed, limit=1e-6)])).gain == free.gain
-    front = pt.pareto_front(task(speed, quantities=(signed, "relative_velocity")))
+    front = pt.pareto_front(task(speed, pareto=pt.ParetoOptions(quantities=(signed, "relative_velocity"))))
     assert front.of("retreat").max() < 0  # both are best at the strongest gain
     assert front.gain.tolist() == pytest.approx([BOUNDS[0]])
 
@@ -167,7 +169,11 @@ def test_a_file_takes_that_of_an_installed_package(verb, folder, monkeypatch, ca
             'quantity = "power"',
             r'quantity: found "power", expected one of .*"energy"',
         ),
-        ('[impact]\nrobot_mass = "4 kg"\nstiffness = "10 kN/m"\n', "", r"found energy without \[impact\]"),
+        (
+            '[impact]\nrobot_mass = "4 kg"\nstiffness = "10 kN/m"\n',
+            "",
+            r"the quantity energy needs the section \[impact\]",
+        ),
     ],
 )
 def test_a_mistake_is_found_at_its_line(folder, old, new, message):

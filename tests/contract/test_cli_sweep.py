@@ -124,7 +124,8 @@ def test_the_dataset_goes_where_it_is_asked_for_and_stays(run: Any, name: str) -
     other = (*asked[:5], "-0.4", *asked[6:])
     code, out, err = run(*other)
     assert (code, out) == (2, "")
-    assert f"{name}: this file is a different sweep (different gain)" in err
+    assert err.startswith(f"pretouch: {name}: this ")
+    assert "a different sweep (different gain) and is not overwritten; choose another name with --output" in err
     assert run(*other, "--force")[0] == 0
     if name.endswith(".nc"):
         with xr.open_dataset(name, engine="h5netcdf") as found:
@@ -181,7 +182,7 @@ def test_a_figure_is_written_once_and_what_cannot_be_drawn_is_refused_first(run:
         assert Path(name).read_bytes().startswith(start)
     monkeypatch.setattr(sys.modules["pretouch.sweeps"], "sweep", None)  # not reached
     assert "a.png: this file exists and is not overwritten" in run(*asked, "--figure", "a.png")[2]
-    assert "expected a name that ends in .png" in run(*asked, "--figure", "a.jpg")[2]
+    assert "expected a file name that ends in .png or .svg or .pdf" in run(*asked, "--figure", "a.jpg")[2]
     single = ("sweep", "approach.toml", "--axis", "obstacle.velocity=-1", "--figure", "b.png")
     assert "but this sweep has 0" in run(*single)[2]
 
@@ -221,7 +222,7 @@ def test_the_picture_of_a_sweep_is_legible(kind: str, results: tuple[str, ...]) 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
     axes = {"obstacle.velocity": [-0.3, -0.2], "gain": [-0.5, -0.4], "admittance.mass": [1.0, 2.0]}
-    with pytest.raises(InvalidInputError, match="but this sweep has 3"):
+    with pytest.raises(InvalidInputError, match="but this dataset has 3"):
         plots.sweep(sweep(Task(ENCOUNTER, CURVED), axes))
     flat = sweep(Task(ENCOUNTER, CURVED, gain=-0.5, horizon=5.0), {"obstacle.velocity": [0.3, 0.2]})
     with pytest.raises(InvalidInputError, match="time: no encounter of this sweep has a value"):

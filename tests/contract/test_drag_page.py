@@ -185,7 +185,7 @@ def test_pages_and_figures_are_sound_whatever_was_asked(name: str) -> None:
     found = pt.design_drag(OTHERS[name])
     assert_sound(report_html(found))
     assert_legible(plots.drag(found))
-    assert str(found).startswith("Drag")
+    assert str(found).startswith("With the drag φ = ")
 
 
 def test_the_weakest_by_force_shows_its_force() -> None:
@@ -203,18 +203,18 @@ def test_what_does_not_hold_is_said() -> None:
     assert row(report_html(broken), "acceleration", "Constraints") == ["2.016 m/s\u00b2", "1 m/s\u00b2", "exceeded"]
     assert not broken.holds
     pushed = pt.design_drag(OTHERS["pushed"])
-    assert "accelerates toward the plant by 0.5 m/s\u00b2" in str(pushed)
+    assert "accelerates toward the robot by 0.5 m/s\u00b2" in str(pushed)
     assert shown(row(report_html(pushed), "contact speed", "The contact")[1:2]) == near(followed(PHI, 0.5)[0])
     assert "no contact" in pt.design_drag(OTHERS["braking"]).headline
     slow = pt.design_drag(TASK.replace(drag_effect=pt.DragEffect(acceleration=2.0, largest_speed=0.1)))
-    assert "faster than 0.1 m/s" in str(slow)
+    assert "for approach speeds up to 0.1 m/s, but this object approaches at 0.3 m/s" in str(slow)
 
 
 def test_what_accelerates_is_the_object_relative_to_the_reference() -> None:
     for own, theirs, said in (
         (0.5, 0.5, ()),
-        (0.5, 0.0, ("toward the plant by 0.5",)),
-        (0.0, 0.05, ("away from the",)),
+        (0.5, 0.0, ("toward the robot by 0.5",)),
+        (0.0, 0.05, ("away from the robot",)),
     ):
         bodies = {
             "obstacle": replace(SCENARIO.obstacle, acceleration=theirs),
@@ -231,9 +231,9 @@ def test_what_accelerates_is_the_object_relative_to_the_reference() -> None:
         (4.0, 0.0, None, True, ()),
         (2.02, 0.0, 0.3, True, ()),
         (2.01, 0.0, 0.31, False, ()),
-        (4.0, -0.5, None, True, ("accelerates toward the plant by 0.5 m/s\u00b2",)),
-        (4.0, 0.05, None, True, ("accelerates away from the plant by 0.05 m/s\u00b2",)),
-        (4.0, 0.0, 0.29, True, ("faster than 0.29 m/s",)),
+        (4.0, -0.5, None, True, ("accelerates toward the robot by 0.5 m/s\u00b2",)),
+        (4.0, 0.05, None, True, ("accelerates away from the robot by 0.05 m/s\u00b2",)),
+        (4.0, 0.0, 0.29, True, ("up to 0.29 m/s, but this object approaches at 0.3 m/s",)),
     ],
 )
 def test_a_drag_is_warned_of_where_it_must_be_and_nowhere_else(
@@ -386,6 +386,6 @@ def test_the_command_shows_the_drag_of_a_file_with_an_effect(
             main()
         assert ended.value.code == code
         told = capsys.readouterr().out
-        assert told.startswith("Drag ")
+        assert told.startswith("With the drag φ = ")
         assert "Optimal gain" not in told
         assert Path("drag-design.html").exists()

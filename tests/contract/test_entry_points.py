@@ -90,7 +90,7 @@ def test_the_file_sets_what_the_law_declares(folder):
     [
         ('"3 1/s"', '"3 m"', "law.rate: found .3 m., expected a quantity in 1/s"),
         ('"2.5 N*s^3"', '"2.5 N*s"', r"gain.bounds\[1\]: found .2.5 N\*s., expected a quantity in N\*s³"),
-        ('rate = "3 1/s"', 'ratio = "1"', 'law.ratio: found a key of "virtual-drag", which "cube" does not have'),
+        ('rate = "3 1/s"', 'ratio = "1"', 'law.ratio: found a key that belongs to "virtual-drag", but not to "cube"'),
         (
             'kind = "cube"',
             'kind = "cub"',
@@ -319,14 +319,18 @@ def test_a_function_is_an_objective_without_keys(others):
             'objective.kind: found "ease", expected one of "excursion", "time", "custom", "comfort"',
         ),
         ('"40 1/m^2"', '"40 1/m"', "objective.weight: found .40 1/m., expected a quantity in 1/m²"),
-        ('weight = "40 1/m^2"\n', "", "objective.weight: missing, expected a quantity in 1/m²"),
+        (
+            'weight = "40 1/m^2"\n',
+            "",
+            "objective.weight: this key is missing, expected a quantity in 1/m²; add, for example: weight = ",
+        ),
         ('"-25 cm/s"', '"-25 cm"', "velocity.triangular.high: found .-25 cm., expected a quantity in m/s"),
         ("lean = 0.4", 'lean = "0.4 m"', "spread.triangular.lean: found .0.4 m., expected a number"),
         ("lean = 0.4", "lean = -0.4", "spread.triangular.lean: found -0.4, which must be positive|lean: .*positive"),
         ('{ triangular = { low = "19 mm"', '{ triangle = { low = "19 mm"', "unknown key, expected one of .*triangular"),
         ('{ triangular = { low = "19 mm"', '{ abstract = { low = "19 mm"', 'found "abstract", but the entry point'),
         ('"geared"', '"gear"', 'robot.kind: found "gear", expected one of "ideal", "impedance", "position", "geared"'),
-        ('pitch = "100 mm"', "", "robot.pitch: missing, expected a quantity in m"),
+        ('pitch = "100 mm"', "", "robot.pitch: this key is missing; add pitch with a quantity in m"),
     ],
 )
 def test_a_mistake_in_a_file_of_installed_kinds_is_found(others, old, new, message):

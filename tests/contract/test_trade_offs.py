@@ -166,7 +166,11 @@ def test_design_chooses_the_admittance_where_the_file_leaves_it_open(run):
             'quantities = ["time", "time"]',
             "quantities: found time, time, expected two or three different ones",
         ),
-        ("pareto", 'quantities = ["time", "impact_force"]', "quantities[1]: found impact_force without [impact]"),
+        (
+            "pareto",
+            'quantities = ["time", "impact_force"]',
+            "quantities[1]: the quantity impact_force needs the section [impact]",
+        ),
         ("pareto", 'choice = "1 m"', 'choice: found "1 m", expected a quantity in N*s'),
         ("pareto", "gain = 1", "gain: found"),
         ("admittance", "damping_ratio_bounds = [1.5, 0.7]", "damping_ratio_bounds: found bounds from 1.5 to 0.7"),

@@ -204,8 +204,8 @@ def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ..
     *steps, last = array.strides
     if array.shape != shape or (last != _FLOAT.itemsize and array.size) or not array.flags.aligned:
         raise TypeError(
-            f"the compiled function needs an aligned array of shape {shape} with contiguous rows, but received shape "
-            f"{array.shape} with strides {array.strides}"
+            f"the compiled function needs an aligned array of type float64 and shape {shape} with contiguous rows, but "
+            f"received type {array.dtype} and shape {array.shape} with strides {array.strides}"
         )
     start = address(array[..., :0])  # an empty slice is contiguous
     return (start, *[step // _FLOAT.itemsize for step in steps])

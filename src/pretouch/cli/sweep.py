@@ -159,7 +159,7 @@ def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
     """Raise an error, before anything is computed, if the figure of a sweep cannot be drawn or written."""
     if path.suffix.lower() not in _FIGURES:
         raise InvalidInputError(
-            f"--figure: found {str(path)!r}, expected a file name that ends in {', '.join(_FIGURES)}"
+            f"--figure: found {str(path)!r}, expected a file name that ends in {' or '.join(_FIGURES)}"
         )
     long = [name for name, values in axes.items() if len(values) > 1]
     if len(long) not in {1, 2}:

@@ -40,6 +40,8 @@ class Key:
         """Return a message about a missing key, with the expected value and an example."""
         if isinstance(self.read, Quantity):
             example = written_unit(self.read.example)
+            if not example:
+                return f"this key is missing; add {name} with {self.read.expected}"
             return f"this key is missing, expected {self.read.expected}; add, for example: {name} = {example}"
         return f"missing; add, for example: {name} = {self.example}"
 

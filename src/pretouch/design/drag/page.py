@@ -68,7 +68,7 @@ def drag_page(design: DragDesign) -> Page:
     if -float(design.scenario.relative_velocity) > design.largest_speed:
         warnings.append(
             f"the drag was chosen for approach speeds up to {format_quantity(design.largest_speed, 'm/s')}, but "
-            "this object is faster"
+            f"this object approaches at {format_quantity(-float(design.scenario.relative_velocity), 'm/s')}"
         )
     return Page(
         kind="Drag of preemptive impact mitigation",

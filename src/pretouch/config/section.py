@@ -40,7 +40,7 @@ class Key:
         """Return a message about a missing key, with what is expected and an example."""
         if isinstance(self.read, Quantity):
             example = written_unit(self.read.example)
-            return f"this key is missing, expected {self.read.expected}; add, for example: {name} = {example}"
+            return f"this key is missing, but {self.read.expected} is required; add, for example: {name} = {example}"
         return f"missing; add, for example: {name} = {self.example}"
 
 

@@ -141,8 +141,8 @@ def _sentences(front: ParetoFront) -> Iterator[str]:
         limit = pretty_unit(format_quantity(float(front.bound.acceleration_limit), "m/s^2"))
         after = format_quantity(float(front.bound.excursion(least)), "m")
         yield (
-            f"With an acceleration limit of {limit}, the smallest contact speed of any robot is "
-            f"{format_quantity(least, 'm/s')}, at an excursion of {after}."
+            f"With an acceleration limit of {limit}, no robot can reach a contact speed below "
+            f"{format_quantity(least, 'm/s')}, and this contact speed needs an excursion of {after}."
         )
 
 
@@ -152,8 +152,8 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     if not choice.distance_to_front > _BEHIND:
         return "The choice lies on the Pareto front."
     text = (
-        f"In every quantity, the front is better than the choice by {100 * choice.distance_to_front:.2g} % of "
-        "the front's range."
+        "The chosen design is not on the Pareto front: a point of the front is better by at least "
+        f"{100 * choice.distance_to_front:.2g} % of the front's range in every compared quantity."
     )
     if len(front.quantities) == 2:
         first, second = front.quantities
@@ -171,8 +171,8 @@ def _evidence(front: ParetoFront) -> PageSection:
         ("Pareto front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
         (
             "largest error",
-            f"{100 * front.approximation_error:.2g} % of the front's range: no searched design, and none between "
-            "the points, beats the front by more in every quantity",
+            f"the front is accurate to {100 * front.approximation_error:.2g} % of its range: no searched design, "
+            "and none between the points, is better by more in all quantities at once",
         ),
     )
     return PageSection(title="Evidence", titled=True, blocks=(PageTable(rows=rows, wraps=True, brief=True),))

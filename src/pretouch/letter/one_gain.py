@@ -45,7 +45,7 @@ def reproduce(ran: Ran) -> Reproduction:
     columns |= {f"contact, {name} [mm/s]": (1e3 * left[name][shown], ".1f") for name in (BEST, FAST, ALL)}
     note = "Each of the two gains minimizes the largest loss over its range of speeds."
     return Reproduction(
-        summary="The published letter advises to design the gain for a fast obstacle and to use this gain at all speeds. "
+        summary="The published letter advises to design the gain for a fast obstacle and to use it at all speeds. "
         "The loss compares the objective f₁ of one gain with the objective of the best gain for each speed, "
         f"where l'_typ is the obstacle's speed. From 0.2 to 1 m/s, {gain[FAST]:.3f} N s has the smallest "
         f"worst-case loss. From 0.01 m/s on, {gain[ALL]:.3f} N s has the smallest worst-case loss, but this gain "

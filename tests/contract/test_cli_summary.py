@@ -30,7 +30,7 @@ def printed(command: str, folder: Path) -> list[str]:
 @pytest.mark.parametrize(
     ("command", "first"),
     [
-        ("fit EXAMPLES/sensor.csv", "sensor.csv: usable from 5 mm to 90 mm."),
+        ("fit EXAMPLES/sensor.csv", "sensor.csv: the readings are usable from 5 mm to 90 mm."),
         ("design EXAMPLES/approach.toml", "Optimal gain D_p = -0.7463 N s: contact at 0.07906 m/s instead of 0.3 m/s"),
         ("design EXAMPLES/drag.toml", "Drag"),
         ("design EXAMPLES/fingertip.toml", "Optimal gain"),
@@ -169,7 +169,7 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
         (
             lambda: pt.verify_gain(loop_task().replace(runs=2, gain=-0.7), changes=False).warnings,
             "moves a robot at rest by up to",
-            "A controller floor of",
+            "a controller floor of",
         ),
         (
             lambda: pt.verify_gain(with_floor(loop_task(), 100.0).replace(runs=2, gain=-0.7), changes=False).warnings,

@@ -324,8 +324,8 @@ def test_a_gain_says_what_a_drag_would_do() -> None:
     assert said == (
         f"With a virtual drag \u03c6 = {phi:.4g} N s\u00b2, the contact speed would be {speeds[1]:.4g} m/s instead of "
         f"{speeds[0]:.4g} m/s, at the same excursion. The largest acceleration would be "
-        f"{peak(phi) * V**2:.4g} m/s\u00b2 instead of {own.largest_acceleration:.4g} m/s\u00b2. The virtual drag reduces "
-        f"every approach speed to {100 * share(phi):.3g} % of its value."
+        f"{peak(phi) * V**2:.4g} m/s\u00b2 instead of {own.largest_acceleration:.4g} m/s\u00b2. The virtual drag "
+        f"reduces every approach speed to {100 * share(phi):.3g} % of its value."
     )
 
 

@@ -108,15 +108,14 @@ def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tup
 def _headline(report: CalibrationReport) -> str:
     name = report.calibration.name
     if report.best is None:
-        return f"{name} cannot be used: its readings contain no usable signal, so they do not determine a sensor curve."
+        return f"{name}: the readings contain no usable signal, so they do not determine a sensor curve."
     low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))
     slope = report.best.middle_slope
     spread = "" if not math.isfinite(slope.standard_error) else f" \u00b1 {slope.standard_error:.2g}"
     reserve = "" if report.verdict == "usable" else ", with reservations"
     return (
-        f"The calibration {name} is usable from {low} to {high}{reserve}. The best model is the "
-        f"{report.best.model} curve, with a slope g = {slope.value:.4g}{spread} 1/m in the middle of the usable "
-        "range."
+        f"{name}: the readings are usable from {low} to {high}{reserve}. The {report.best.model} curve fits "
+        f"best, with a slope g = {slope.value:.4g}{spread} 1/m in the middle of the usable range."
     )
 
 

@@ -81,7 +81,7 @@ def prepare(
     if count < needed:
         few = (
             f"Only {count} distance{'s are' if count != 1 else ' is'} usable ({near.reason}), but at least "
-            f"{needed} distances are needed. Measure at 8 or more distances, out to where the output no longer "
+            f"{needed} distances are needed: measure at 8 or more distances, out to where the output no longer "
             "changes, and record readings with no object."
         )
         return _nothing(calibration, curve, near, offset_estimate, few)
@@ -278,8 +278,8 @@ def _why_no_signal(
     error = float(np.hypot(*noise.of_means(tail.count[[0, -1]], np.maximum([near, far], 0.0))))
     if count >= _FEWEST_POINTS and chance > _FALL_LEVEL and near - far < _CLEAR_FALL * error:
         reasons.append(
-            f"The sensor output does not fall significantly with the distance (rank test, p = {chance:.2g}). "
-            "Check that the sensor is powered and faces the object, and that the object is in its range."
+            f"The sensor output does not fall significantly with the distance (rank test, p = {chance:.2g}): "
+            "check that the sensor is powered and faces the object, and that the object is in its range."
         )
     if count < _FEWEST_POINTS:
         far = format_quantity(window.distances[-1], "m") if count else "none"
@@ -287,7 +287,7 @@ def _why_no_signal(
         reasons.append(
             f"Only {count} distance{' is' if count == 1 else 's are'} above the signal floor of {floor}, but a "
             f"curve needs {_FEWEST_POINTS} distances (last distance: {far}, offset: {offset.in_words('')}, noise "
-            f"of one reading: {noise.output:.2g}). Measure in finer steps near the sensor, repeat readings, and "
+            f"of one reading: {noise.output:.2g}): measure in finer steps near the sensor, repeat readings, and "
             "record the output with no object."
         )
     return tuple(reasons)

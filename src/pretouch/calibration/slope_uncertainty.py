@@ -67,9 +67,9 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
         size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
         near, far = (format_quantity(float(d), "m", 3) for d in slope.distances[[0, -1]])
         warnings.append(
-            f"The uncertainty of the sensor slope g is {size} at {format_quantity(slope.worst_at, 'm', 3)}. A "
-            f"design needs at most {100 * _ALLOWED:.0f} % from {near} to {far}, where most of the virtual force "
-            f"acts. To reduce the uncertainty, {remedy}."
+            f"The uncertainty of the sensor slope g is {size} at {format_quantity(slope.worst_at, 'm', 3)}, but "
+            f"a design needs at most {100 * _ALLOWED:.0f} % from {near} to {far}, where most of the virtual "
+            f"force acts: {remedy}."
         )
     gap = _largest_gap(prepared, best, float(slope.distances[-1]))
     if gap is not None:

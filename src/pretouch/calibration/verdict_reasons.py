@@ -88,7 +88,7 @@ def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUnc
     unknowns = (len(fits[0].parameters) or 3) + (fits[0].offset.kind == "fitted") if fits else 0
     few = (
         f"The usable range from {low} to {high} contains only {count} different distances, but the curve has "
-        f"{unknowns} unknown parameters. Measure at 8 or more distances in this range."
+        f"{unknowns} unknown parameters: measure at 8 or more distances in this range."
     )
     lacking = count < _FEW_POINTS or count - unknowns < _MORE_THAN_UNKNOWNS
     reasons = [few] if lacking else []
@@ -140,7 +140,7 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
         f"The readings at large distances level off at {fitted}, above the {named}, so the controller subtracts "
         "too little and the virtual force becomes too weak"
         if free_offset.value > offset.value
-        else f"The readings at large distances fall more steeply than any curve with the {named}. They agree with an "
+        else f"The readings at large distances fall more steeply than any curve with the {named}, but agree with an "
         f"offset of {fitted}, so the controller subtracts too much and the virtual force becomes too strong at "
         "large distances"
     )
@@ -154,6 +154,6 @@ def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
     table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""
     return [
         f"Averaged readings deviate from the best model, {fits[0].model}, by {100 * prepared.noise.misfit:.0f} % "
-        "of the signal (RMS), which noise does not explain. Check how the distances were set. Over one step of "
+        "of the signal (RMS), which noise does not explain: check how the distances were set. Over one step of "
         f"distance, the virtual force has about the same error.{table}"
     ]

@@ -47,13 +47,13 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
     quiet = _quiet_floor(task, gain, law, moved)
     if quiet is None:
         yield (
-            f"{text}. Reduce the noise or use a law with a dead zone, because no tried floor of the controller "
+            f"{text}: reduce the noise or use a law with a dead zone, because no tried floor of the controller "
             f"keeps this motion within {still}. {place}"
         )
         return
     sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)
     yield (
-        f"{text}. A controller floor of {quiet:g} instead of {floor:g} (unit of the readings) keeps this motion "
+        f"{text}: a controller floor of {quiet:g} instead of {floor:g} (unit of the readings) keeps this motion "
         f"within {still}, but objects are then detected only from {sees} on. {place}"
     )
 

@@ -194,9 +194,9 @@ def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
     if virtual is None or all(np.allclose(getattr(virtual, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
         return
     yield (
-        f"The controller has a virtual mass of {virtual.mass:g} kg, a damping of {virtual.damping:g} N s/m and a "
-        f"stiffness of {virtual.stiffness:g} N/m. The prediction uses other values: {a.mass:g} kg, {a.damping:g} "
-        f"N s/m and {a.stiffness:g} N/m."
+        f"The controller and the prediction use different admittances: a virtual mass of {virtual.mass:g} kg, a "
+        f"damping of {virtual.damping:g} N s/m and a stiffness of {virtual.stiffness:g} N/m in the controller, "
+        f"but {a.mass:g} kg, {a.damping:g} N s/m and {a.stiffness:g} N/m in the prediction."
     )
 
 

@@ -363,7 +363,7 @@ def cautions_in_words(
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
             yield (
-                f"Before contact, {flag.meaning}. This happened first after {_time(flag.since)}, and lasted "
+                f"Before contact, {flag.meaning}, first after {_time(flag.since)} and for "
                 f"{_time(flag.approach_duration)} in total."
             )
     if run.contacts > 1:
@@ -385,7 +385,7 @@ def force_in_words(force: QuantityComparison) -> Iterator[str]:
     if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
         loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
         yield (
-            f"The virtual force reaches {loop} on the simulated loop, but only {predicted} is predicted. Noise, "
+            f"The virtual force reaches {loop} on the simulated loop, but only {predicted} is predicted: noise, "
             "slow readings or a loop close to instability cause such peaks."
         )
 

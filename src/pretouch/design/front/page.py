@@ -141,8 +141,8 @@ def _sentences(front: ParetoFront) -> Iterator[str]:
         limit = pretty_unit(format_quantity(float(front.bound.acceleration_limit), "m/s^2"))
         after = format_quantity(float(front.bound.excursion(least)), "m")
         yield (
-            f"With an acceleration limit of {limit}, no robot can reach a contact speed below "
-            f"{format_quantity(least, 'm/s')}, and this contact speed needs an excursion of {after}."
+            f"With an acceleration limit of {limit}, the smallest contact speed that any robot can reach is "
+            f"{format_quantity(least, 'm/s')}, at an excursion of {after}."
         )
 
 
@@ -152,8 +152,8 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     if not choice.distance_to_front > _BEHIND:
         return "The choice lies on the Pareto front."
     text = (
-        "The chosen design is not on the Pareto front: a point of the front is better by at least "
-        f"{100 * choice.distance_to_front:.2g} % of the front's range in every compared quantity."
+        "The front is better than the choice in every quantity, by at least "
+        f"{100 * choice.distance_to_front:.2g} % of the front's range."
     )
     if len(front.quantities) == 2:
         first, second = front.quantities

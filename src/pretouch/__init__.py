@@ -37,7 +37,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _hint(name: str) -> str:
-    """Return a suggestion for a missing name, such as verify_gain for verify; empty if none is similar."""
+    """Return a suggestion for a misspelled public name, such as `verify_gain` for `verify`, or an empty text."""
     from difflib import get_close_matches  # noqa: PLC0415 - only for mistakes
 
     similar = [known for known in __all__ if len(name) > 2 and name.lower() in known.lower()]

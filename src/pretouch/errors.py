@@ -1,4 +1,4 @@
-"""Every error that pretouch raises on purpose.
+"""Export all errors that pretouch raises on purpose.
 
 The tree:
 

@@ -1,4 +1,4 @@
-"""All figures, by short names such as `pt.plots.motion(design)`."""
+"""Provide functions that plot results, such as `pt.plots.motion(design)`."""
 
 from .report.plots import *
 from .report.plots import __all__

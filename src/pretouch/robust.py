@@ -1,4 +1,4 @@
-"""Robust gain design for uncertain inputs: distributions, measures of the objective, chance constraints."""
+"""Provide robust gain design for uncertain inputs, with distributions and chance constraints."""
 
 from .design.robust import *
 from .design.robust import __all__

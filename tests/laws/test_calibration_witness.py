@@ -109,7 +109,7 @@ def test_a_curve_that_is_extended_over_saturated_readings_is_contradicted_first(
     assert told["calibration"]["witness"]["is_supported"] is False
     if left.witness.harder_count:
         assert left.is_refuted
-        assert left.headline.startswith("Not supported by the readings: on ")
+        assert left.headline.startswith("Not supported by the readings: contact is harder than without mitigation")
         assert (told["status"], told["status_on_fitted_curve"]) == ("not-supported", "optimal")
         assert "status: not supported by the readings" in report_html(design, calibration=report)
     distance = np.unique(calibration.distances)
@@ -152,7 +152,9 @@ bounds = ["-20 N*s", "-0.001 N*s"]
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 1
-    assert capsys.readouterr().out.startswith("Not supported by the readings: on ")
+    assert capsys.readouterr().out.startswith(
+        "Not supported by the readings: contact is harder than without mitigation"
+    )
     monkeypatch.setattr("sys.argv", ["pretouch", "design", "seven.toml", "--json"])
     with pytest.raises(SystemExit) as ended:
         main()

@@ -106,7 +106,7 @@ def test_it_is_worth_it_where_reflectance_is_known() -> None:
         found = scheduled(known)
         assert found.verdict.startswith("worthwhile:")
         assert found.gap < 1e-5
-    assert "12 % less excursion (30.0 mm instead of 34.2 mm) at 2." in scheduled("20 %").verdict
+    assert "12 % less excursion (30.0 mm instead of 34.2 mm), but 2." in scheduled("20 %").verdict
     assert 1e3 * scheduled("20 %", rails=WIDE).largest_excursion == pytest.approx(28.3, abs=0.1)
     assert 1e3 * scheduled("10 %", rails=WIDE).largest_excursion == pytest.approx(15.4, abs=0.1)
     assert scheduled("0.5-2", monotone=False).verdict.startswith("not worthwhile:")

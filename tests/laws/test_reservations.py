@@ -188,7 +188,9 @@ def test_distances_count_from_the_contact_surface_and_those_in_brackets_from_the
     assert "from 3 mm (first measured distance) to contact at 0 mm. Distances in brackets count from" in found.headline
     assert f"Distances in brackets count from {zero}." in found.headline
     assert 'mount the sensor 8 mm (now 5 mm) behind the contact surface, with recess = "8 mm" (' in found.headline
-    assert any(zero in line and "all others count from the contact surface" in line for line in found.lines)
+    assert any(
+        zero in line and "all other distances are measured from the contact surface" in line for line in found.lines
+    )
     bare = answer(0.008, 0.06)
     assert zero not in str(bare)
     assert "Distances in brackets" not in bare.headline
@@ -199,9 +201,9 @@ def test_an_offset_with_a_wide_interval_has_no_standard_error() -> None:
     found = answer(0.008, 0.06)
     offset = pt.calibration.OffsetEstimate(value=180.0, standard_error=1.2, low=140.0, high=220.0, kind="fitted")
     wide = replace(found, report=replace(found.report, offset=offset))
-    assert "the offset 180 V (fitted; 95 % interval 140 to 220) from each reading" in str(wide)
+    assert "the fitted offset 180 V (95 % interval 140 to 220) from each reading" in str(wide)
     narrow = replace(wide, report=replace(found.report, offset=replace(offset, low=177.6, high=182.4)))
-    assert "the offset 180 ± 1.2 V (fitted; 95 % interval 177.6 to 182.4) from each reading" in str(narrow)
+    assert "the fitted offset 180 ± 1.2 V (95 % interval 177.6 to 182.4) from each reading" in str(narrow)
 
 
 @pytest.mark.parametrize("near", np.random.default_rng(6).uniform(1e-4, 0.3, 20))

@@ -153,7 +153,7 @@ def test_outside_its_range_a_curve_says_nothing_and_names_the_range(
             for argument in (distance, [low, distance], [[distance], [low]]):
                 with pytest.raises(OutOfRangeError) as refused:
                     function(argument)
-                assert f"valid from {low:g} m to {high:g} m" in str(refused.value)
+                assert f"valid only from {low:g} m to {high:g} m" in str(refused.value)
                 assert f"found {distance:g} m" in str(refused.value)
                 assert sensor.name in str(refused.value)
 
@@ -494,15 +494,19 @@ class TestTable:
             (
                 (0.0, 0.02, 0.01),
                 (3.0, 2.0, 1.0),
-                "distances: found 0.02 followed by 0.01; a table must be strictly inc",
+                "distances: found 0.02 followed by 0.01, but a table must be strictly inc",
             ),
             (
                 (0.0, 0.01, 0.01),
                 (3.0, 2.0, 1.0),
-                "distances: found 0.01 followed by 0.01; a table must be strictly inc",
+                "distances: found 0.01 followed by 0.01, but a table must be strictly inc",
             ),
-            ((0.0, 0.01, 0.02), (3.0, 1.0, 2.0), "outputs: found 1 followed by 2; a table must be strictly decreasing"),
-            ((0.0, 0.01, 0.02), (3.0, 2.0, 2.0), "outputs: found 2 followed by 2; .* smooth or fit it first"),
+            (
+                (0.0, 0.01, 0.02),
+                (3.0, 1.0, 2.0),
+                "outputs: found 1 followed by 2, but a table must be strictly decreasing",
+            ),
+            ((0.0, 0.01, 0.02), (3.0, 2.0, 2.0), "outputs: found 2 followed by 2, .* smooth or fit it first"),
             ((0.0, 0.01), (1.0, 0.0), "outputs: found 0, which must be positive"),
             ((0.0, 0.01), (1.0, -1.0), "outputs: found -1, which must be positive"),
             ((0.0, np.nan), (2.0, 1.0), "distances: found nan m, which must be finite"),
@@ -531,7 +535,11 @@ FIRST = {"scale": 0.458, "rate": -61.0}
         (InversePower, POWER | {"exponent": np.inf}, "exponent: found inf, which must be finite"),
         (InversePower, POWER | {"exponent": "3"}, "exponent: found '3', expected a number"),
         (InversePower, POWER | {"exponent": True}, "exponent: found True, expected a number"),
-        (InversePower, POWER | {"exponent": (3.0, 4.0)}, r"exponent: found an array of shape \(2,\), expected one"),
+        (
+            InversePower,
+            POWER | {"exponent": (3.0, 4.0)},
+            r"exponent: found an array of shape \(2,\), expected a single number",
+        ),
         (InversePower, POWER | {"distance_offset": 0.0}, "distance_offset: found 0 m, expected more than"),
         (InversePower, POWER | {"minimum_distance": -0.05}, "distance_offset: found 0.0419 m, expected more than"),
         (InversePower, POWER | {"minimum_distance": -np.inf}, "minimum_distance: found -inf m, which must be finite"),
@@ -544,7 +552,11 @@ FIRST = {"scale": 0.458, "rate": -61.0}
         (ExponentialSecondOrder, FIRST | {"rate": 1.0, "curvature": 1.0}, "rate: found 1 1/m, which must be negative"),
         (MittagLeffler, FIRST | {"order": 0.0}, r"order: found 0, which must lie in \(0, 1\]"),
         (MittagLeffler, FIRST | {"order": 1.5}, r"order: found 1\.5, which must lie in \(0, 1\]"),
-        (MittagLeffler, FIRST | {"order": 0.5, "minimum_distance": -0.01}, "minimum_distance: found -0.01 m, which"),
+        (
+            MittagLeffler,
+            FIRST | {"order": 0.5, "minimum_distance": -0.01},
+            "minimum_distance: found -0.01 m, but this curve cannot start",
+        ),
     ],
 )
 def test_parameters_that_make_no_curve_are_refused(

@@ -134,7 +134,9 @@ def test_a_sensor_too_slow_for_the_gain_does_not_hold_and_a_faster_one_would() -
     assert check.margin == pytest.approx(check.strongest / -0.7463)
     assert found.stability_text.startswith("The loop is unstable with a gain margin of ")
     assert found.sensor_speed is not None
-    assert found.sensor_speed.text.startswith("The sensor is too slow: contact is ")
+    assert found.sensor_speed.text.startswith(
+        "The sensor is too slow: with 20 readings per second, contact is at 0.162 m/s"
+    )
     best = found.best_change
     assert best is not None
     assert best.standing == 1
@@ -251,7 +253,7 @@ def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
     assert found.reached.predicted == 1
     assert found.reached.simulated == pytest.approx(1 - missing / 100)
     assert found.status is DOES_NOT
-    assert f"{missing} of 100 runs end without the predicted contact" in found.headline
+    assert f"{missing} of 100 runs end without contact, although contact was predicted" in found.headline
     speed = found.comparison("relative_velocity")
     assert speed is not None
     assert speed.simulated is not None
@@ -311,8 +313,9 @@ def test_what_a_controller_reports_is_said_in_words() -> None:
     assert any("at larger distances the reading is below the floor" in text for text in found.warnings)
     dropping = loop_of(dropout=0.3)
     found = verdict(dropping, gain=-0.7463, runs=20, changes=False)
-    assert any("the expected reading was missing in" in text for text in found.warnings)
-    assert any("A broken cable reads 0" in text for text in found.warnings)
+    assert any("the expected sensor reading was missing" in text for text in found.warnings)
+    broken = "A broken sensor cable makes the robot jump toward the object: set largest_rate"
+    assert any(text.startswith(broken) for text in found.warnings)
     checked = loop_of(conditioning={"largest_rate": 100.0})
     assert not any("cable" in text for text in verdict(checked, gain=-0.7463, runs=2, changes=False).warnings)
 

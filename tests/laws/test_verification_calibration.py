@@ -182,7 +182,7 @@ def test_what_matters_most_is_what_is_open() -> None:
     assert curve.reason in found.headline
     assert not curve.is_good_enough
     assert curve.decisive == "curve"
-    assert curve.remedy.startswith("record more distances, and more readings at each around ")
+    assert curve.remedy.startswith("record readings at more distances, and more readings at each distance around ")
     offset = judged(lambda rng: drawn(offset=rng.normal(0.0, 0.1))).calibration_check
     assert offset.decisive == "offset"
     assert offset.remedy.startswith("record more readings without an object in range")
@@ -217,7 +217,7 @@ def test_drawn_curves_are_sunk_and_extended_as_the_fitted_one() -> None:
 
 def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> None:
     loop = loop_of(rate=1000.0)
-    given: dict[str, Any] = {"bounds": BOUNDS, "runs": 2}
+    given: dict[str, Any] = {"bounds": BOUNDS, "verify": pt.VerifyOptions(runs=2)}
     assert (
         pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, **given), changes=False).calibration_check
         is None
@@ -225,7 +225,9 @@ def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> Non
     few = replace(report(), curves=None)
     found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, calibration=few, **given), changes=False)
     assert found.calibration_check is None
-    assert any("too few to check its accuracy" in warning for warning in found.warnings)
+    assert any(
+        "too few to check whether it is good enough: record more distances" in warning for warning in found.warnings
+    )
     assert found.to_dict()["calibration_check"] is None
 
 

@@ -114,7 +114,7 @@ def test_where_no_change_is_enough_the_rate_that_would_be_is_named_or_what_forbi
     late = verdict(loop_of(rate=250.0, delay=0.1), gain=-0.7463, runs=2, constraints=strict)
     assert late.stability is not None
     assert late.stability.lowest_rate_for_margin_2 == math.inf
-    assert "no sensor rate results in a gain margin of 2: latency, filters" in str(late)
+    assert "no sensor rate results in a gain margin of 2, because latency, filters" in str(late)
 
 
 def test_a_change_that_costs_margin_says_what_is_left_of_it() -> None:

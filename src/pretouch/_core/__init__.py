@@ -1,1 +1,1 @@
-"""Provide what all other packages share: errors, units, argument checks, report pages and the compiled core."""
+"""Provide code that all packages of pretouch share: errors, units, argument checks and the compiled core."""

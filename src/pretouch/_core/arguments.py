@@ -31,7 +31,7 @@ RULES_ATTRIBUTE: Final = "_rules_of_fields"
 
 
 class _Allowed(NamedTuple):
-    """The argument values that a type annotation allows, with the words that describe them in error messages.
+    """The argument values that a type annotation allows, and their description for error messages.
 
     Args:
         quick: types whose values are all allowed; if `by_type`, accepted types are added.
@@ -51,7 +51,7 @@ class _Allowed(NamedTuple):
 
 
 class Rule:
-    """Check of one function argument or dataclass field against its type annotation.
+    """Type check for one function argument or dataclass field.
 
     Args:
         name: name of the argument.
@@ -68,7 +68,7 @@ class Rule:
         self._name, self._allowed, self.default, self.quick = name, kind, default, kind.quick
 
     def check(self, value: Any, before: str = "") -> Any:
-        """Check the type of an argument and return its value as a Python type, such as a float.
+        """Check the type of an argument, and return its value converted to a plain Python type such as float.
 
         Args:
             value: the argument.
@@ -96,7 +96,7 @@ _Rules: TypeAlias = tuple[tuple[Rule | None, ...], Rule | None, dict[str, Rule]]
 
 
 def check_arguments(function: F) -> F:
-    """Decorate a function so that it checks the types of its arguments before it runs.
+    """Decorate a function so that the types of its arguments are checked at each call.
 
     Args:
         function: an annotated function; parameters annotated with Any are not checked.
@@ -163,7 +163,7 @@ def _rules_of_function(function: Callable[..., Any]) -> _Rules:
 
 
 def rules_of_fields(cls: Any) -> dict[str, Rule]:
-    """Return the type checks of those dataclass fields that are not physical quantities, by field name.
+    """Return the type checks of a dataclass by field name; fields that hold physical quantities are left out.
 
     The rules are cached in the class, as RULES_ATTRIBUTE, and are freed with it.
     """
@@ -183,7 +183,10 @@ def rules_of_fields(cls: Any) -> dict[str, Rule]:
 
 
 class _TypeCheckingOnly(type):
-    """Placeholder for a class that only type checkers import; values are checked by the name of their class."""
+    """Placeholder for a class that is imported only for type checking.
+
+    Values are checked by the name of their class.
+    """
 
     def __getattr__(cls, name: str) -> Any:  # as in `xr.Dataset`
         if name.startswith("__"):
@@ -192,7 +195,7 @@ class _TypeCheckingOnly(type):
 
 
 class _Namespace(dict[str, Any]):
-    """Names of a module, in which an unknown name becomes a placeholder for a class."""
+    """Dictionary of the names in a module; a name that is missing gives a placeholder class."""
 
     def __missing__(self, name: str) -> Any:
         if hasattr(builtins, name):
@@ -201,7 +204,7 @@ class _Namespace(dict[str, Any]):
 
 
 def _evaluate(annotation: Any, names: Mapping[str, Any]) -> Any:
-    """Evaluate a type annotation that may be text, and return `Any` if the evaluation fails."""
+    """Return the type that a type annotation denotes, or `Any` if the annotation cannot be evaluated."""
     if annotation is Parameter.empty:
         return Any
     try:
@@ -227,7 +230,7 @@ _NUMBERS: Final = _Allowed({float, int, np.float64}, are_numbers, "a number or a
 
 
 def _allowed(hint: Any) -> _Allowed | None:
-    """Return the values that a type annotation allows, or None if it allows every value."""
+    """Return the argument values that a type annotation allows, or None if the annotation allows every value."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint is ArrayLike or origin is np.ndarray:
         return _NUMBERS
@@ -240,7 +243,7 @@ def _allowed(hint: Any) -> _Allowed | None:
 
 
 def _composed(origin: Any, parts: tuple[Any, ...]) -> _Allowed | None:
-    """Return the values that a composed type annotation allows: a union, a literal or a container."""
+    """Return the argument values that a union, a literal or a container annotation allows."""
     if origin in {Union, types.UnionType}:
         return _any_of([_allowed(part) for part in parts])
     if origin is Literal:
@@ -316,7 +319,7 @@ def _sequence(kind: _Allowed | None) -> _Allowed:
 
 
 def _mapping(key: Any, value: Any) -> _Allowed:
-    """Allow mappings whose keys have the annotated type; the called function checks the values itself."""
+    """Return the argument values that a mapping annotation allows; only the types of the keys are checked."""
     keys, values = _allowed(key), _allowed(value)
 
     def fits(candidate: Any) -> bool:
@@ -347,5 +350,5 @@ def _members(protocol: type) -> list[str]:
 
 
 def _has(value: Any, name: str) -> bool:
-    """Return whether an object has an attribute, without computing the attribute if it is a property."""
+    """Return True if an object has an attribute; the value of a property is not computed."""
     return hasattr(type(value), name) or hasattr(value, name)

@@ -1,4 +1,4 @@
-"""Describe a report as headline, warnings, tables, text and figures, for terminal, notebook and HTML alike.
+"""Describe reports independently of the output medium: terminal, notebook or HTML.
 
 A result is described once, as a `Page`. The terminal shows the headline, the warnings and the blocks that are marked as
 brief. A notebook shows the headline, the warnings and the first brief table. A report shows everything, with figures.
@@ -23,7 +23,7 @@ LINK: Final = re.compile(r"\[([^\[\]]+)\]\(#([a-z0-9-]+)\)")
 
 @dataclass(frozen=True, slots=True)
 class Measured(Value):
-    """A number with its unit, as a table of results shows it.
+    """A number with its unit, shown as one cell of a table.
 
     Args:
         value: the number in SI; None or NaN if there is none.
@@ -40,7 +40,7 @@ class Measured(Value):
 
 @dataclass(frozen=True, slots=True)
 class Named(Value):
-    """The name of a quantity in words, with its symbol for reports that can show symbols."""
+    """The name of a quantity with its symbol, shown as one cell of a table."""
 
     words: str
     symbol: str = ""
@@ -51,7 +51,7 @@ Cell: TypeAlias = str | Measured | Named
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageTable(Value):
-    """A table in the description of a result; the first cell of each row names the row.
+    """A table in a report; the first cell of each row is the name of the row.
 
     Args:
         rows: the rows, all with the same number of cells.
@@ -73,7 +73,7 @@ class PageTable(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paragraph(Value):
-    """Sentences in the description of a result; text between backticks is code.
+    """A paragraph in a report; text between backticks is shown as code.
 
     A `quiet` paragraph explains, and is set in smaller type.
 
@@ -87,7 +87,7 @@ class Paragraph(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listing(Value):
-    """A list of sentences in the description of a result."""
+    """A list of sentences in a report."""
 
     items: tuple[str, ...]
     brief: bool = False
@@ -95,7 +95,7 @@ class Listing(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture(Value):
-    """A figure in the description of a result; it is drawn only when the description is shown.
+    """A figure in a report, which is drawn only when the report is shown.
 
     Args:
         figure: name of a function of `pretouch.report.plots`; any name if `of` is a figure already.
@@ -113,7 +113,10 @@ class Picture(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Code(Value):
-    """A text that readers copy, such as a scenario file. If it has a title, readers can collapse it."""
+    """A text in a report that readers can copy, such as a scenario file.
+
+    If it has a title, readers can collapse it.
+    """
 
     text: str
     title: str = ""
@@ -140,7 +143,7 @@ class Download(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSection(Value):
-    """A titled section of a report. The short text in a terminal shows only its blocks marked as brief.
+    """A titled section of a report; terminal output contains only the blocks that are marked as brief.
 
     Args:
         title: the title.
@@ -159,13 +162,13 @@ class PageSection(Value):
 
     @property
     def brief(self) -> bool:
-        """Whether at least one block of this section appears in the short text for a terminal."""
+        """Whether terminal output contains at least one block of this report section."""
         return any(block.brief for block in self.blocks)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LazyBlock(Value):
-    """A section or table that is slow to compute and is computed only when a report is written.
+    """A section or table of a report that takes long to compute, and is computed only when the report is written.
 
     Args:
         make: returns the block; None if there is nothing to show.
@@ -180,7 +183,7 @@ Block: TypeAlias = PageSection | PageTable | Paragraph | Listing | Picture | Cod
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page(Value):
-    """Description of a result by headline, warnings, tables and figures, for every output medium.
+    """A report that consists of a headline, warnings, tables and figures, independently of the output medium.
 
     Args:
         kind: kind of the result, such as `Gain design`.
@@ -214,17 +217,17 @@ class Page(Value):
         object.__setattr__(self, "blocks", tuple(block for block in self.blocks if block is not None))
 
     def with_blocks(self, *blocks: Block | None) -> Page:
-        """Return a copy of this page with more tables, figures or paragraphs at its end."""
+        """Return a copy of this report with additional tables, figures or paragraphs at its end."""
         return replace(self, blocks=(*self.blocks, *blocks))
 
 
 def named(name: str, *, magnitude: bool = False) -> Named:
-    """Return the name of a quantity as a cell; with `magnitude`, its symbol is written as |symbol|."""
+    """Return a table cell with the name of a quantity; with `magnitude`, the symbol is written as |symbol|."""
     return named_entry(QUANTITIES[name], magnitude=magnitude)
 
 
 def named_entry(q: Entry, *, magnitude: bool = False) -> Named:
-    """Return words and symbol of a quantity as a cell; with `magnitude`, its symbol is written as |symbol|."""
+    """Return a table cell with name and symbol of a quantity; with `magnitude`, the symbol is written as |symbol|."""
     with_bars = magnitude and q.is_magnitude and q.symbol and "|" not in q.symbol
     return Named(q.words, f"|{q.symbol}|" if with_bars else q.symbol)
 
@@ -265,7 +268,7 @@ def aligned(table: Sequence[Sequence[str]], *, left: bool = False) -> list[str]:
 
 
 def page_as_text(page: Page) -> str:
-    """Format the description of a result as plain text for a terminal.
+    """Format a report as plain text for a terminal.
 
     Args:
         page: the page.
@@ -280,7 +283,7 @@ def page_as_text(page: Page) -> str:
 
 
 def _parts(blocks: Iterable[Block]) -> Iterator[str]:
-    """Yield the plain text of each block of a report that is marked as brief."""
+    """Yield the plain text of those blocks of a report that are marked as brief."""
     for block in blocks:
         if not block.brief:
             continue
@@ -302,7 +305,7 @@ def plain_text(text: str) -> str:
 
 
 def cell_as_text(cell: Cell) -> str:
-    """Format a table cell as plain text; a missing number becomes a hyphen."""
+    """Format a table cell as plain text, with a hyphen for a missing number."""
     if isinstance(cell, Named):
         return cell.words
     if not isinstance(cell, Measured):
@@ -313,7 +316,7 @@ def cell_as_text(cell: Cell) -> str:
 
 
 class InNotebooks:
-    """Base class of results that a Jupyter notebook shows with headline, figure and first table.
+    """Base class of results that Jupyter notebooks show as a headline, a figure and a table.
 
     A class names the function that makes its page as text, so that values do not import what renders them.
     """
@@ -329,7 +332,7 @@ class InNotebooks:
 
 
 class Described(InNotebooks):
-    """Base class of results; `str(result)` returns the short text that a terminal shows."""
+    """Base class of results that `str(result)` describes in a few lines for a terminal."""
 
     __slots__ = ()
 
@@ -338,7 +341,7 @@ class Described(InNotebooks):
 
 
 def page_of(result: InNotebooks) -> Page:
-    """Create the page that describes a result by headline, tables and figures.
+    """Create the report on a result.
 
     Args:
         result: a result whose class names the function that makes its page.

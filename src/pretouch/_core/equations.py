@@ -1,4 +1,4 @@
-"""List the equations that code and tests cite, such as L(10) for equation 10 of the published letter.
+"""List the numbered equations of the published letter, which code and tests cite as L(1) to L(23).
 
 A function or class that implements an equation cites its id in the first paragraph of its docstring. A test that checks
 the equation independently has the marker `equation`. tests/contract/test_equation_ids.py fails if either is missing.

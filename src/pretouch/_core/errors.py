@@ -1,4 +1,4 @@
-"""Errors that pretouch raises, and the import of optional libraries; `pretouch/errors.py` draws the errors."""
+"""Define the errors that pretouch raises, and import optional libraries."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ class PretouchError(Exception):
 
 
 class InvalidInputError(PretouchError, ValueError):
-    """Raised for an invalid input; the message names the value, what is allowed, and what to do."""
+    """Raised for an invalid input; the message gives the value, the allowed values and a remedy."""
 
 
 class UnitError(InvalidInputError):
-    """Raised for text that is not a quantity, or for a quantity with the wrong physical dimension."""
+    """Raised for text that is not a quantity, or for a quantity with a wrong unit."""
 
 
 class OutOfRangeError(InvalidInputError):
-    """Raised for a distance outside the valid range of the sensor model."""
+    """Raised for a distance outside the valid range of a sensor curve."""
 
 
 class CalibrationDataError(InvalidInputError):
-    """Raised for a calibration file or table that cannot be read as distances and sensor outputs.
+    """Raised for a calibration file that cannot be interpreted as distances and sensor outputs.
 
     Args:
         message: what is wrong; it may quote the file.
@@ -54,15 +54,18 @@ class MissingExtraError(PretouchError):
 
 
 class BrokenCoreError(PretouchError, ImportError):
-    """Raised if the compiled core is missing, damaged or of another version; the message gives the remedy."""
+    """Raised if the compiled core library of pretouch is missing, damaged or of another version.
+
+    The message gives the remedy.
+    """
 
 
 class ResultUnavailableError(PretouchError):
-    """Raised for a part of a result that does not exist, such as the contact of a run without contact."""
+    """Raised if a result does not contain a requested part, such as the contact in a run without contact."""
 
 
 def require(module: str, *, extra: str = "sweep") -> Any:
-    """Import a library that an optional extra of pretouch installs.
+    """Import an optional library, or raise an error that says how to install the library.
 
     Args:
         module: name of the module.

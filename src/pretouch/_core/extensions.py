@@ -1,4 +1,4 @@
-"""Find classes and values that installed packages offer by entry points, such as a sensor curve or a law."""
+"""Find classes that installed packages offer through Python entry points, such as a sensor curve."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extensions:
-    """What may be named in a file: the built-in kinds of pretouch, and those that installed packages offer.
+    """Lookup of classes by name, both built-in classes and classes that installed packages offer as entry points.
 
     Entry points are read when a name is not built in, so that they cost no time otherwise. A package cannot replace a
     built-in kind.
@@ -31,7 +31,7 @@ class Extensions:
     problem: Callable[[str, Any], str]
 
     def find(self, name: str) -> Any:
-        """Return a built-in kind or import an installed one; None if there is neither.
+        """Return the class with this name, built in or imported from an installed package; return None if unknown.
 
         Raises:
             InvalidInputError: an entry point is broken, or its name is used twice.
@@ -51,11 +51,11 @@ class Extensions:
         return None if found is None else self._load(found)
 
     def names(self) -> tuple[str, ...]:
-        """Return all names that may be used, the built-in ones first."""
+        """Return all available class names, the built-in classes first."""
         return (*self.built_in(), *self.installed())
 
     def installed(self) -> tuple[str, ...]:
-        """Return the names that installed packages add."""
+        """Return the names of all classes that installed packages add."""
         return tuple(sorted({entry.name for entry in self._entries()} - set(self.built_in())))
 
     def _entries(self) -> list[EntryPoint]:
@@ -82,7 +82,7 @@ class Extensions:
 
 
 def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
-    """Make a check that an object is a class of a kind.
+    """Create a function that checks whether an object is a subclass of a given base class.
 
     Args:
         base: the base class; its attribute `kind`, or `name`, must be the name of the entry point, if it has one.
@@ -106,7 +106,7 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
 
 
 def _incomplete(value: Any) -> str:
-    """Return why a class cannot be made from the keys of a file; empty if it can."""
+    """Return why a scenario file cannot create objects of a class, or an empty text if a file can create them."""
     missing = ", ".join(sorted(getattr(value, "__abstractmethods__", ())))
     if missing:
         return f"is a class without the methods {missing}"

@@ -1,4 +1,4 @@
-"""Declare dataclass fields with unit, sign and example, and check the values of these fields."""
+"""Declare dataclass fields with unit, sign and example value, and check the values of these fields."""
 
 from __future__ import annotations
 
@@ -64,23 +64,23 @@ def flag(default: bool) -> Any:
 
 
 def count(least: int, default: int, example: str) -> Any:
-    """Declare an integer dataclass field with a smallest allowed value; the dataclass itself checks the value."""
+    """Declare an integer dataclass field with a smallest allowed value, which the dataclass itself checks."""
     return field(default=default, metadata={"least": least, "example": example})
 
 
 @cache
 def declared(cls: Any) -> tuple[Any, ...]:
-    """Return the fields of a dataclass that are declared as physical quantities."""
+    """Return those fields of a dataclass that were declared as physical quantities."""
     return tuple(f for f in fields(cls) if "unit" in f.metadata)
 
 
 def units_of_fields(cls: Any) -> dict[str, str]:
-    """Return the SI units of all quantities of a dataclass, by field name."""
+    """Return the SI units of all physical quantities of a dataclass, by field name."""
     return {f.name: f.metadata["unit"] for f in declared(cls)}
 
 
 def check_declared(value: Any, *, arrays: bool = False, before: str = "", instead: str = "") -> None:
-    """Check every field of a frozen dataclass and convert its quantities to floats.
+    """Check every field of a frozen dataclass, and convert physical quantities to floats.
 
     Dataclasses call it in `__post_init__`.
 
@@ -100,7 +100,7 @@ def check_declared(value: Any, *, arrays: bool = False, before: str = "", instea
 
 
 def check_types(value: Any, before: str = "") -> None:
-    """Check the types of those fields of a frozen dataclass that are not physical quantities.
+    """Check the types of all fields of a frozen dataclass except its physical quantities.
 
     Dataclasses call it in `__post_init__`.
 
@@ -122,7 +122,7 @@ def check_types(value: Any, before: str = "") -> None:
 
 @cache
 def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
-    """Return the limits of each dataclass quantity in a form that is fast to check."""
+    """Return the lower limit of each physical quantity of a dataclass, in a form that is fast to check."""
     # Each entry has the name, the lower limit, whether the limit itself is excluded, and the field.
     ends = {"positive": (0.0, True), "nonnegative": (0.0, False)}
     checks = []
@@ -133,7 +133,7 @@ def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
 
 
 def _check_one(value: Any, f: Field[Any], *, arrays: bool, before: str, instead: str) -> None:
-    """Check a quantity that failed the quick check: it may be an array, infinite, missing or wrong."""
+    """Check the value of one dataclass field with all rules, after a quick check could not accept the value."""
     number, metadata = getattr(value, f.name), f.metadata
     if number is None and f.default is None:
         return

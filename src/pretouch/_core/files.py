@@ -1,4 +1,4 @@
-"""Read input files, write output files atomically, recognize unchanged reports, and serialize results to JSON."""
+"""Read input files, write output files atomically, and serialize results to JSON."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _ABANDONED: Final = 3600.0  # s without a change, after which a temporary file i
 
 
 def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callable[[str], InvalidInputError]) -> bytes:
-    """Read a regular file of limited size; devices and pipes are refused, because they may never end.
+    """Read a regular file of limited size, and refuse devices and pipes, because they may never end.
 
     Args:
         path: the file.
@@ -52,7 +52,7 @@ def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callab
 
 
 def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Raise an error if an output path would overwrite an input file, even through a link.
+    """Raise an error if an output path leads to an input file, also through a link.
 
     Args:
         path: the output file.
@@ -74,7 +74,7 @@ def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
 
 
 def temporary_path(target: Path) -> Path:
-    """Return a free path for a temporary file in the folder of a target file.
+    """Return an unused path for a temporary file, in the same folder as the target file.
 
     The caller renames the temporary file to the target when the file is complete.
 
@@ -97,7 +97,7 @@ def temporary_path(target: Path) -> Path:
 
 
 def remove_tree(path: Path) -> None:
-    """Remove a file, or a folder with its content, and ignore errors."""
+    """Remove a file or a folder with its content, and ignore errors."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
         return
@@ -106,7 +106,7 @@ def remove_tree(path: Path) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
-    """Write a UTF-8 text file atomically; an existing file is replaced only if `overwrite` is true.
+    """Write a UTF-8 text file atomically, and replace an existing file only if `overwrite` is true.
 
     The text is written to a temporary file in the same folder first, so that a crash leaves no partial file. Whether
     the target exists is checked in the moment of renaming, without a race.
@@ -129,7 +129,7 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool = False) -> Path:
-    """Write bytes to a file atomically; an existing file is replaced only if `overwrite` is true.
+    """Write bytes to a file atomically, and replace an existing file only if `overwrite` is true.
 
     Args:
         path: the file; its folder must exist.
@@ -169,7 +169,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
 
 
 def _write_through(path: Path, content: bytes) -> None:
-    """Write a new file and wait until its content is on the disk."""
+    """Write a new file, and return only when its content has reached the disk."""
     binary = getattr(os, "O_BINARY", 0)  # exists on Windows only
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | binary, 0o666)
     try:
@@ -183,7 +183,7 @@ def _write_through(path: Path, content: bytes) -> None:
 
 
 def _move_to_free_name(source: Path, target: Path) -> None:
-    """Rename a file without overwriting; raise FileExistsError if the new name is taken."""
+    """Rename a file, and raise FileExistsError if the new name already exists."""
     try:
         os.link(source, target)
     except FileExistsError:
@@ -194,7 +194,7 @@ def _move_to_free_name(source: Path, target: Path) -> None:
 
 
 def sign(html: str) -> str:
-    """Sign an HTML report with a `generator` line that contains the hash of the rest of the page.
+    """Add a `generator` tag to an HTML report, with a hash that shows later whether the report was changed.
 
     Args:
         html: a page with a `<head>`; an earlier signature is replaced.
@@ -220,7 +220,7 @@ def sign(html: str) -> str:
 
 
 def is_own_unchanged(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file is an HTML report that pretouch signed and that has not been changed since.
+    """Return True if a file is an HTML report of pretouch that nobody has changed since it was written.
 
     Args:
         path: the file, which need not exist.
@@ -245,7 +245,7 @@ def _digest(text: str) -> str:
 
 
 def as_json(value: Mapping[str, Any], *, indent: int | None = 2) -> str:
-    """Serialize a mapping, such as the content of a result, as standard JSON.
+    """Serialize a dictionary, such as the content of a result, as standard JSON.
 
     Args:
         value: the object.
@@ -268,7 +268,7 @@ def as_json(value: Mapping[str, Any], *, indent: int | None = 2) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Convert a value to types that JSON supports; a number that is not finite becomes None.
+    """Convert a value to a JSON-compatible type; NaN and infinity become None.
 
     Args:
         value: any part of a result: NumPy numbers and arrays, tuples, enumerations, paths, and containers of these. A
@@ -291,7 +291,7 @@ def plain(value: Any) -> Any:
 
 
 def with_kind(value: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass as a dictionary, with the name of the class under the key `kind`."""
+    """Return the fields of a dataclass as a dictionary, with the class name under the key `kind`."""
     return {"kind": type(value).__name__, **{f.name: getattr(value, f.name) for f in fields(value)}}
 
 
@@ -299,7 +299,7 @@ _LISTS: Final = (list, tuple, set, frozenset)
 
 
 def _plain_one(value: Any) -> Any:
-    """Convert a single value, not a container, to a type that JSON supports."""
+    """Convert a single value to a JSON-compatible type; NaN and infinity become None."""
     if isinstance(value, Enum):
         return plain(value.value)
     if hasattr(value, "tolist"):  # NumPy scalars and arrays

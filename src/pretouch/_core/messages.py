@@ -1,4 +1,4 @@
-"""Format wrong values for error messages, together with an example of the expected value."""
+"""Format invalid values for error messages."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _FEW: Final = 8  # items that are shown
 
 
 def short_repr(value: Any) -> str:
-    """Return a short text that shows a value in error messages.
+    """Return a short representation of a value for error messages.
 
     Args:
         value: any value.

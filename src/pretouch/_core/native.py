@@ -1,4 +1,4 @@
-"""Load the compiled core, a shared library, and call its functions through ctypes.
+"""Load the compiled shared library of pretouch, and call its functions through ctypes.
 
 The library is loaded when a kernel is first called. A kernel takes numbers and addresses. `address` returns the address
 of an array. It refuses arrays that a kernel would misread, so that a mistake raises a Python exception instead of a
@@ -42,7 +42,7 @@ _word: Final = ctypes.c_size_t.from_address
 
 
 def _head() -> int | None:
-    """Return the byte offset of the data pointer inside a NumPy array object, or None if it is unknown."""
+    """Return the byte offset of the data pointer in a NumPy array object, or None if the offset is unknown."""
     if sys.implementation.name != "cpython":
         return None
     probe, head = np.zeros(1), object.__basicsize__  # the data pointer is the first field in NumPy's ABI
@@ -54,7 +54,7 @@ _HEAD: Final = _head()
 
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL:
-    """Load the compiled library and select its kernels for this processor or for `PRETOUCH_VARIANT`."""
+    """Load the compiled library, and select the kernels for this processor or for `PRETOUCH_VARIANT`."""
     default = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
     path = Path(os.environ.get(_LIBRARY) or default)
     _check_file(path)
@@ -75,7 +75,7 @@ def _library() -> ctypes.CDLL:
 
 
 def _check_file(path: Path) -> None:
-    """Check a compiled library against its build record, because loading a truncated file would crash Python."""
+    """Compare a compiled library with its build record, because a truncated library would crash Python."""
     try:
         content = path.read_bytes()
         record = json.loads(path.with_name(f"{path.name}.json").read_bytes())
@@ -104,13 +104,15 @@ def _broken(path: Path, what: str) -> BrokenCoreError:
 
 
 def variant() -> str:
-    """Return the processor type for which the running kernels are compiled: `base`, `avx2` or `avx512`."""
+    """Return the instruction set for which the compiled kernels were built: `base`, `avx2` or `avx512`."""
     best = _library().pretouch_best_variant()  # this checks PRETOUCH_VARIANT as well
     return os.environ.get(_SWITCH) or VARIANTS[best]
 
 
 def kernel(name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]:
-    """Return a Python function that calls a compiled function and loads the library on the first call.
+    """Return a Python function that calls a function of the compiled library.
+
+    The library is loaded at the first call.
 
     Args:
         name: name of the function without `pretouch_`.
@@ -134,7 +136,7 @@ def kernel(name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]
 
 
 def entry(name: str) -> int:
-    """Return the address of a function of the compiled library, so that other compiled code can call it.
+    """Return the address of a function in the compiled library, so that other compiled code can call the function.
 
     Args:
         name: name of the function without `pretouch_`.
@@ -169,7 +171,7 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
 
 
 def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _FLOAT) -> int:
-    """Check the shape of a NumPy array and return the memory address of its data.
+    """Check the shape of a NumPy array, and return the memory address of its data.
 
     Args:
         array: see `address`.
@@ -191,7 +193,7 @@ def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _
 
 
 def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the memory address and the strides of an array whose rows a compiled kernel fills.
+    """Return memory address and strides of an array that a compiled function fills with results.
 
     Args:
         array: see `address`; only its last axis must be contiguous.
@@ -214,7 +216,7 @@ def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ..
 
 
 def columns(arrays: Sequence[NDArray[np.float64]], count: int | None = None) -> bytes:
-    """Pack the addresses and strides of several arrays as bytes for a compiled kernel.
+    """Pack the memory addresses and strides of several arrays as bytes for a compiled function.
 
     Args:
         arrays: arrays with one number for all encounters, or one number for each encounter.
@@ -244,7 +246,7 @@ _CAPSULE_POINTER.argtypes, _CAPSULE_POINTER.restype = (ctypes.py_object, ctypes.
 
 
 class Structure(ctypes.Structure):
-    """A C structure in Python; two instances are equal if all their bytes are equal.
+    """Base class of C structures in Python; two structures are equal if all their bytes are equal.
 
     Instances can be pickled and copied.
 
@@ -272,7 +274,7 @@ class Structure(ctypes.Structure):
 
 
 def numbers(*names: str, kind: Any = ctypes.c_double) -> tuple[tuple[str, Any], ...]:
-    """Declare fields of one type for a C structure.
+    """Return fields of the same type for the declaration of a C structure.
 
     Args:
         *names: names of the fields.
@@ -296,7 +298,7 @@ def copy_of(memory: T) -> T:
 
 
 def location(memory: Any, name: str) -> tuple[int, int]:
-    """Return the address and the size in bytes of the memory that a compiled function reads.
+    """Return address and size in bytes of the memory that a compiled function reads.
 
     Args:
         memory: a ctypes structure or a contiguous NumPy array; it must outlive the call that takes the address.
@@ -319,7 +321,7 @@ def location(memory: Any, name: str) -> tuple[int, int]:
 
 
 def machine_code(function: Any) -> int | None:
-    """Return the address of a compiled function, or None for a Python function.
+    """Return the address of a compiled function, or None if the function is written in Python.
 
     Args:
         function: a scipy.LowLevelCallable, a capsule (as in Cython), a ctypes function, an object with an `address`

@@ -21,7 +21,7 @@ IntArray: TypeAlias = NDArray[np.int64]
 
 
 def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
-    """Check that a number, or every number of an array, is finite.
+    """Check that a number, or every number in an array, is finite.
 
     Args:
         value: a number or an array.
@@ -68,7 +68,7 @@ def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
 
 
 def checked_probability(value: Any, name: str = "probability") -> float:
-    """Return a probability between 0 and 1, both excluded; raise an error for other numbers."""
+    """Check that a number lies between 0 and 1, both excluded, and return the number as a float."""
     number = float(finite(value, name))
     if not 0 < number < 1:
         raise InvalidInputError(f"{name}: found {number:g}, expected a number between 0 and 1, such as 0.95")
@@ -94,14 +94,14 @@ def finite_or_none(value: Any) -> float | None:
 
 
 def is_number(value: Any) -> bool:
-    """Return whether a value is a single real number of Python or NumPy; booleans do not count."""
+    """Return True if a value is a single real number of Python or NumPy, but not a boolean."""
     if isinstance(value, np.ndarray):
         return value.ndim == 0 and value.dtype.kind in "iuf" and not np.ma.is_masked(value)
     return isinstance(value, Real | Decimal) and not isinstance(value, bool)
 
 
 def as_float(value: Any) -> float:
-    """Convert a number to a float; overflow gives infinity, and a value that is not a number gives NaN."""
+    """Convert a number to a float; return infinity on overflow, and NaN for a value that is not a number."""
     try:
         return float(value)
     except OverflowError:
@@ -111,19 +111,19 @@ def as_float(value: Any) -> float:
 
 
 def is_whole(value: Any) -> bool:
-    """Return whether a value is an integer of Python or NumPy; booleans do not count."""
+    """Return True if a value is an integer of Python or NumPy, but not a boolean."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def are_numbers(value: Any) -> bool:
-    """Return whether a value is a number, or an array or nested list of numbers; NaN and infinity count."""
+    """Return True if a value is a number, or an array or nested list of numbers, which may be NaN or infinite."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
         return True
     return _numbers(value) is not None
 
 
 def _numbers(value: ArrayLike) -> FloatArray | None:
-    """Copy numbers into a float array, or return None for text, booleans, complex or masked values."""
+    """Copy numbers into a float array; return None for text, booleans, complex or masked values."""
     try:
         if isinstance(value, list | tuple) and bool in map(type, value):
             return None
@@ -154,23 +154,23 @@ def _in(unit: str) -> str:
 
 
 def chebyshev_nodes(count: int) -> FloatArray:
-    """Return the roots of the Chebyshev polynomial of degree `count`, in descending order."""
+    """Return the roots of the Chebyshev polynomial of degree `count` in descending order."""
     return np.asarray(np.cos((np.arange(count) + 0.5) * np.pi / count))
 
 
 def chebyshev_extremes(degree: int) -> FloatArray:
-    """Return the extreme points of the Chebyshev polynomial of a degree on [-1, 1], in descending order."""
+    """Return the points of [-1, 1] at which a Chebyshev polynomial of given degree has its extremes."""
     return np.asarray(np.cos(np.arange(degree + 1) * np.pi / degree))
 
 
 def chebyshev_sum(terms: FloatArray, z: FloatArray | float) -> FloatArray:
-    """Evaluate several Chebyshev series, each at its own point; a column of `terms` holds one series."""
+    """Evaluate several Chebyshev series, one per column of `terms`, each at one point of its own."""
     return np.asarray(np.polynomial.chebyshev.chebval(z, terms, tensor=False))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChebyshevBasis:
-    """Chebyshev polynomials at nodes, with matrices that convert values at the nodes to coefficients.
+    """Chebyshev polynomials at given nodes, with matrices that convert node values to coefficients.
 
     Args:
         nodes: the nodes, shape (n,).
@@ -190,7 +190,7 @@ class ChebyshevBasis:
 
 @lru_cache
 def chebyshev_basis(at: tuple[float, ...] | int, degree: int | None = None) -> ChebyshevBasis:
-    """Create a basis of Chebyshev polynomials for Chebyshev nodes or for custom nodes.
+    """Create a basis of Chebyshev polynomials for Chebyshev nodes or other nodes.
 
     Args:
         at: the number of nodes, or the nodes themselves, in [-1, 1].

@@ -1,4 +1,4 @@
-"""Report the progress of long computations to one callback function, about once a second."""
+"""Report the progress of a long computation to a callback function, about once per second."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _INTERVAL: Final = 1.0  # time between two calls [s]
 
 
 class _Progress:
-    """Counter of solved encounters that reports progress to a listener at most once per second."""
+    """Counter of solved encounters, which calls a listener function at most once per second."""
 
     def __init__(self, listener: Listener) -> None:
         self._listener, self._start, self._solved = listener, time.monotonic(), 0
@@ -46,7 +46,7 @@ _current: _Progress | None = None
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Report progress to a listener about once a second while a `with` block runs.
+    """Call a listener function about once per second with the progress of the code in a `with` block.
 
     The listener is called in the thread that does the work.
 
@@ -65,12 +65,12 @@ def listening(listener: Listener) -> Iterator[None]:
 
 
 def note_solved(count: int) -> None:
-    """Report a number of solved encounters to the progress listener."""
+    """Add a number of solved encounters to the progress that the listener function receives."""
     if _current is not None:
         _current.add(count)
 
 
 def note_work(work: str) -> None:
-    """Report to the progress listener which work begins, such as `trying changes, 3 of 9`."""
+    """Tell the progress listener which work begins, for example `trying changes, 3 of 9`."""
     if _current is not None:
         _current.name(work)

@@ -21,7 +21,7 @@ WORKABLE: Final = "of a magnitude from {:g} to {:g}, or 0".format(*MAGNITUDES)
 
 
 class Unit(NamedTuple):
-    """A unit, stored as its factor to SI and its exponents of m, kg, s, V and counts."""
+    """A unit, stored as its conversion factor to SI and its exponents of m, kg, s, V and counts."""
 
     factor: float
     exponents: tuple[int, int, int, int, int]
@@ -107,7 +107,7 @@ def parse_unit(text: str) -> Unit:
 
 
 def _tokens(text: str) -> list[str]:
-    """Split the text of a unit into symbols, integers and operators; a space between units becomes `*`."""
+    """Split a unit text into symbols, integers and operators, and treat a space between units as `*`."""
     source = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: "^" + m.group(1).translate(_SUPERSCRIPT), text).rstrip()
     tokens: list[str] = []
     divided = [False]  # for each open parenthesis, whether it contains a `/` so far
@@ -141,12 +141,12 @@ def _starts_factor(part: str) -> bool:
 
 
 def _ends_factor(tokens: list[str]) -> bool:
-    """Return whether the tokens of a unit text end with a complete factor, such as `mm` or `s^2`."""
+    """Return True if a tokenized unit text ends with a complete factor such as `mm` or `s^2`."""
     return tokens[-1] in {")", "%"} or tokens[-1].isalpha() or (len(tokens) > 1 and tokens[-2] in {"^", "**"})
 
 
 def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Parse a product or quotient of units, and return its unit and the remaining tokens."""
+    """Parse a product or quotient of units, and return the unit and the unparsed tokens."""
     unit, tokens = _power(tokens, text)
     while tokens and tokens[0] in {"*", "·", "/"}:
         sign = -1 if tokens[0] == "/" else 1
@@ -156,7 +156,7 @@ def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 
 
 def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
-    """Parse one unit with its exponent, and return the unit and the remaining tokens."""
+    """Parse one unit with its exponent, and return the unit and the unparsed tokens."""
     if not tokens or tokens[0] in {"*", "**", "·", "/", "^", ")"}:
         raise UnitError(f"{text!r} is not a unit: a unit is missing")
     if tokens[0] == "(":
@@ -175,7 +175,7 @@ def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
 
 
 def _symbol(symbol: str, text: str) -> Unit:
-    """Look up the symbol of a unit with or without an SI prefix, such as `m` or `mm`."""
+    """Return the unit for a unit symbol with or without SI prefix, such as `m` or `mm`."""
     if symbol in _PLAIN:
         return _PLAIN[symbol]
     if symbol in _BASE:
@@ -197,7 +197,7 @@ def _combine(left: Unit, right: Unit, power: int) -> Unit:
 
 
 def missing_unit(text: str, unit: str) -> str:
-    """Return what to write instead of a quoted number without its unit; empty if no unit is missing.
+    """Return the correct spelling of a quoted number that lacks its unit, or an empty text if no unit is missing.
 
     Args:
         text: text that may be such a number.
@@ -221,7 +221,7 @@ def missing_unit(text: str, unit: str) -> str:
 
 
 def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) -> float:
-    """Convert a number in SI, or text such as `42.2 mm`, to an SI float and check its dimension.
+    """Convert a number in SI, or a text such as `42.2 mm`, to an SI float, and check its unit.
 
     Args:
         value: a number in SI, or text such as `"42.2 mm"`.
@@ -273,7 +273,7 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
 
 
 def has_workable_magnitude(value: float) -> bool:
-    """Return whether a number is zero or within `MAGNITUDES`, so that products do not overflow.
+    """Return True if a number is zero, or neither so large nor so small that products over- or underflow.
 
     Args:
         value: a finite number.
@@ -289,7 +289,7 @@ def has_workable_magnitude(value: float) -> bool:
 
 
 def read_quantity(value: float | str, unit: str, *, name: str) -> float:
-    """Convert a quantity of the command line to SI and refuse extreme magnitudes, whose products could overflow.
+    """Convert a quantity from the command line to SI, and refuse values so extreme that products would overflow.
 
     Args:
         value: a number, or text with or without a unit: on a command line, a number without a unit is text, too.
@@ -315,7 +315,7 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
 
 
 def _scaled(literal: str, factor: float) -> float:
-    """Multiply a decimal literal by the factor of its unit with one rounding: `33.3 ms` becomes 0.0333 s."""
+    """Multiply a decimal number by its unit's factor with a single rounding, so that `33.3 ms` becomes 0.0333 s."""
     number, size = float(literal), factor if factor >= 1 else 1 / factor
     whole = size < _LARGEST_WHOLE and math.isclose(size, round(size), rel_tol=1e-12)
     if not (whole and 0 < abs(number) < math.inf and len(literal) < _LONGEST):
@@ -328,7 +328,7 @@ def _scaled(literal: str, factor: float) -> float:
 
 
 def format_quantity(value: float, unit: str, digits: int = 4) -> str:
-    """Format an SI value with its unit; lengths below 1 m are in mm, and times below 1 s in ms.
+    """Format an SI value with its unit; lengths below 1 m are in mm, and times below 1 s are in ms.
 
     Args:
         value: the value in SI.
@@ -360,10 +360,10 @@ def format_range(ends: tuple[float, float], unit: str) -> str:
 
 
 def pretty_unit(unit: str) -> str:
-    """Return a unit as reports show it: `N*s/m` becomes `N s/m`, and `m/s^2` becomes `m/s²`."""
+    """Format a unit for reports: `N*s/m` becomes `N s/m`, and `m/s^2` becomes `m/s²`."""
     return written_unit(unit).replace("*", " ")
 
 
 def written_unit(unit: str) -> str:
-    """Return a unit as messages show it and as users can type it: `N*s^2/m` becomes `N*s²/m`."""
+    """Format a unit for messages in a form that users can type: `N*s^2/m` becomes `N*s²/m`."""
     return unit.replace("^2", "²").replace("^3", "³").replace("^n", "ⁿ")

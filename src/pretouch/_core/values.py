@@ -1,4 +1,4 @@
-"""Provide base classes that let results be compared by content, copied and pickled."""
+"""Provide base classes whose instances can be compared by content, copied and pickled."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 
 
 def _copy_methods(cls: type, *names: str) -> None:
-    """Copy inherited methods into a class, so that `dataclass` does not generate its own versions."""
+    """Copy inherited methods into a class, so that `dataclass` does not replace them by generated methods."""
     for name in names:
         if name not in vars(cls):
             setattr(cls, name, getattr(cls, name))
 
 
 class Picklable:
-    """Base class of objects that keep cached results and read-only arrays when they are pickled or copied.
+    """Base class of objects that can be pickled and copied although they contain caches or read-only arrays.
 
     Inheriting is sufficient, both for dataclasses and for classes with slots. Read-only flags matter: the compiled core
     treats writable arrays differently, and a cached number must not change.
@@ -42,7 +42,7 @@ class Picklable:
 
 
 class Value(Picklable):
-    """Base class of immutable values that are equal if their contents are equal; NaN equals NaN.
+    """Base class of immutable objects that are equal if their contents are equal, where NaN equals NaN.
 
     Copying such a value returns the value itself.
     """
@@ -65,12 +65,12 @@ class Value(Picklable):
         return hash((type(self), _hash(self._compared())))
 
     def _compared(self) -> tuple[Any, ...]:
-        """Return the fields of a dataclass that decide whether two instances are equal."""
+        """Return the fields of a dataclass that are compared to decide whether two instances are equal."""
         return tuple(getattr(self, f.name) for f in fields(self) if f.compare)  # type: ignore[arg-type]
 
 
 class _ReadOnly:
-    """Wrapper that keeps an array read-only when the array is pickled."""
+    """Wrapper for pickling that restores a NumPy array as read-only."""
 
     __slots__ = ("array",)
 
@@ -87,7 +87,7 @@ def _read_only(array: Any) -> Any:
 
 
 def _wrap(value: Any) -> Any:
-    """Wrap read-only arrays for pickling, including arrays inside lists, tuples and dictionaries."""
+    """Wrap read-only arrays for pickling, also those inside lists, tuples and dictionaries."""
     if type(value) is np.ndarray:
         return value if value.flags.writeable else _ReadOnly(value)
     if type(value) in _PLAIN:
@@ -99,7 +99,7 @@ _PLAIN: Final = (tuple, list)
 
 
 def _equal(a: Any, b: Any) -> bool:
-    """Return whether two values are equal; NaN counts as equal to NaN."""
+    """Return True if two values are equal, where NaN equals NaN."""
     if a is b:
         return True
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
@@ -113,7 +113,7 @@ def _equal(a: Any, b: Any) -> bool:
 
 
 def _hash(value: Any) -> int:
-    """Return a hash that is the same for equal values, including arrays and mappings."""
+    """Return a hash value for an object that may contain arrays and dictionaries; equal objects have equal hashes."""
     if isinstance(value, np.ndarray):
         return hash(value.shape)
     if isinstance(value, Mapping):

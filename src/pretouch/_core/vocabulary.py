@@ -1,4 +1,4 @@
-"""List the name, symbol, SI unit and function of every quantity that results report."""
+"""List all quantities that results report, such as the contact speed, with names, symbols and SI units."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Final
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Name, symbol and SI unit of a quantity that results report.
+    """Name, symbol and SI unit of a quantity, such as the contact time, that results report.
 
     Args:
         words: its name in words.
@@ -34,12 +34,12 @@ class Entry:
 
     @property
     def short(self) -> str:
-        """The words without "at contact", such as `relative velocity`."""
+        """The name of the quantity without the words "at contact", such as `relative velocity`."""
         return self.words.removesuffix(" at contact")
 
 
 def _state(name: str, words: str, symbol: str, unit: str, *, whole: bool = False, limit: str = "") -> Entry:
-    """Return the entry of a field of the state at contact."""
+    """Return name, symbol and unit of a quantity that is a field of the state at contact."""
     return Entry(words, symbol, unit, whole, lambda state, _: getattr(state, name), limit)
 
 
@@ -95,7 +95,7 @@ QUANTITIES: Final[dict[str, Entry]] = {
 
 
 def words_for(name: str) -> str:
-    """Return the name of a quantity in words, such as `relative velocity at contact`.
+    """Return the name of a quantity in plain words, such as `relative velocity at contact`.
 
     Args:
         name: such as `relative_velocity`.
@@ -111,5 +111,5 @@ def words_for(name: str) -> str:
 
 
 def unit_of(name: str) -> str:
-    """Return the SI unit of a quantity, given its name in code."""
+    """Return the SI unit of a quantity for its name in code, such as `relative_velocity`."""
     return QUANTITIES[name].unit

@@ -1,4 +1,4 @@
-"""Fit a sensor curve to readings at known distances, estimate its uncertainty, and judge the sensor."""
+"""Fit sensor curves to readings at known distances, and judge whether the sensor is usable."""
 
 from .data import Calibration, Provenance
 from .file_reading import read_calibration, read_calibrations

@@ -1,4 +1,4 @@
-"""Average the readings at each distance, condense many distances into few, and estimate the reading noise."""
+"""Average the sensor readings at each distance, and estimate the noise of the readings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FEWEST_REPEATS = 3  # degrees of freedom from which a standard deviation is tru
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AveragedCurve:
-    """Mean sensor outputs at each distinct distance of a calibration, in order of increasing distance.
+    """Mean sensor output at each distance of a calibration, in order of increasing distance.
 
     `output` is the mean of `count` readings at each `distance` [m], all of shape (N,).
 
@@ -34,12 +34,12 @@ class AveragedCurve:
     bad_readings: tuple[int, ...] = ()
 
     def part(self, which: BoolArray | IntArray | slice) -> AveragedCurve:
-        """Return the averaged readings at some of the distances."""
+        """Return the averaged readings at selected distances."""
         return AveragedCurve(distance=self.distance[which], output=self.output[which], count=self.count[which])
 
     @property
     def steady(self) -> FloatArray:
-        """The averaged output after a 3-point median filter, which removes isolated outliers."""
+        """The averaged output after a 3-point median filter, which removes single outliers."""
         y = self.output.copy()
         if len(y) > 2:
             y[1:-1] = np.median([self.output[:-2], self.output[1:-1], self.output[2:]], axis=0)
@@ -48,7 +48,7 @@ class AveragedCurve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingNoise:
-    """Standard deviation of a single reading without a signal, as estimated from the readings.
+    """Standard deviation of a single reading at a weak signal, as estimated from the readings.
 
     `sigma` is None if the readings do not determine it.
 
@@ -64,7 +64,7 @@ class ReadingNoise:
 
 
 def resolution(calibration: Calibration) -> float:
-    """Return the smallest step between sensor outputs (one LSB), or 0 if the outputs have no common step."""
+    """Return the smallest step between sensor outputs (one LSB), or 0 if the outputs have no common step size."""
     # The step is an approximate common divisor of all differences.
     values = np.unique(np.concatenate([calibration.outputs, calibration.no_object]))
     if len(values) < 4:
@@ -82,7 +82,7 @@ def resolution(calibration: Calibration) -> float:
 
 
 def average(calibration: Calibration) -> AveragedCurve:
-    """Average the readings at each distance, without lost readings (zeros) and outliers."""
+    """Average the readings at each distance, and leave out outliers and lost readings (zeros)."""
     keep = ~_lost(calibration)
     distance, place = np.unique(calibration.distances[keep], return_inverse=True)
     groups = [np.flatnonzero(keep)[place == i] for i in range(len(distance))]
@@ -105,7 +105,7 @@ def average(calibration: Calibration) -> AveragedCurve:
 
 
 def _lost(calibration: Calibration) -> BoolArray:
-    """Find lost readings, which are exact zeros of a sensor whose other readings are clearly above zero."""
+    """Find lost readings, which are exact zeros although all other readings are clearly above zero."""
     zero = calibration.outputs == 0
     others = np.concatenate([calibration.outputs[~zero], calibration.no_object])
     step = resolution(calibration)
@@ -115,7 +115,7 @@ def _lost(calibration: Calibration) -> BoolArray:
 
 
 def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNoise:
-    """Estimate the noise of a single reading from repeated readings and from readings without an object."""
+    """Estimate the noise of a single reading from repeated readings and readings without an object."""
     # The estimate is never below the quantization.
     # The variance of a reading is modeled as sigma^2 + (c xi)^2. Both parts are estimated by maximum likelihood over
     # the groups of repeats, so jitter of a strong signal does not raise the noise of the far field. Estimates from
@@ -146,7 +146,7 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
 def two_components(
     variance: FloatArray, dof: FloatArray, signal: FloatArray, *, usual: float | None = None
 ) -> tuple[float, float]:
-    """Split the variance of readings into a constant part and a part that grows with the signal."""
+    """Split the variance of readings into a constant component and a component that grows with the signal."""
     # Sigma and c of variance = sigma^2 + (c xi)^2 have the maximum likelihood for groups of repeats.
     # Sigma has a closed form for each ratio c / sigma. The prior of c is flat up to `usual`; beyond, ln c has a normal
     # prior.
@@ -165,7 +165,7 @@ def two_components(
 
 
 def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return weights of values at distances [m]; the weighted sum of the values is the slope of a fitted line."""
+    """Return weights for values at given distances [m], so that the weighted sum is the slope of a fitted line."""
     weight = 1 / variance
     away = distance - float(weight @ distance) / float(weight.sum())
     return np.asarray(weight * away / float(weight @ away**2))
@@ -178,7 +178,7 @@ _ENDS: Final = 2
 
 
 def condense(calibration: Calibration) -> Calibration:
-    """Condense a calibration of more than 100 distances into at most 50 groups of repeated readings."""
+    """Combine the readings of a calibration with more than 100 distances into at most 50 groups."""
     # The range is divided into parts with equal steps of the sum of two terms: the decrease of asinh((y - y_far) /
     # tau), which is ln xi above the noise tau, and the increase of l. So parts are narrow where the curve is steep.
     # The first and the last distance are separate parts. Each reading is moved to the mean distance of its part, along
@@ -219,7 +219,7 @@ def condense(calibration: Calibration) -> Calibration:
 
 
 def _parts(distance: FloatArray, output: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Divide readings sorted by distance into groups, and return the borders and the group of each reading."""
+    """Divide readings that are sorted by distance into groups, and return group borders and group indices."""
     blocks = np.array_split(np.arange(len(distance)), _BLOCKS)
     at = np.array([distance[b].mean() for b in blocks])
     level = np.array([np.median(output[b]) for b in blocks])

@@ -1,4 +1,4 @@
-"""Fit curves with soft saturation, find where the output flattens near the sensor, and sample possible curves.
+"""Fit sensor curves that flatten near the sensor because its output saturates.
 
 An amplifier or converter that saturates softly turns the ideal output xi into xi / (1 + (xi / C)^p)^(1/p) with a
 ceiling C and a sharpness p. Each family of ideal curves is fitted under every ceiling of a grid (the infinite one
@@ -43,7 +43,7 @@ _KNOTS: Final = 60  # points of a drawn curve
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Lanes(Value):
-    """Fits of one family of sensor curves for several offsets and saturation levels.
+    """Fits of one family of sensor curves, one fit for each pair of sensor offset and saturation level.
 
     `offsets`, ln of the `ceilings` (inf for none) and their `sharpness` have the shape (b,).
 
@@ -63,7 +63,7 @@ class _Lanes(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingFits(Value):
-    """Fits of sensor curves that flatten toward a saturation level, with their posterior probabilities.
+    """Fits of sensor curves that saturate near the sensor, with the posterior probability of each fit.
 
     Args:
         lanes: the fits, one element for each family.
@@ -77,13 +77,13 @@ class CeilingFits(Value):
 
     @property
     def error(self) -> float:
-        """The standard error of a reading relative to the signal, according to the most probable fit."""
+        """The standard error of a reading relative to its signal, taken from the most probable fit."""
         lanes, weight = max(zip(self.lanes, self.weights, strict=True), key=lambda pair: float(pair[1].max()))
         cost = float(lanes.costs[int(weight.argmax())])
         return _ERROR * float(np.sqrt((_ERROR_FREEDOM + cost) / (_ERROR_FREEDOM + max(self.readings - 3, 1))))
 
     def flattened(self, distance: FloatArray) -> FloatArray:
-        """Return the probability at each distance that saturation reduces the slope to below 85 % of the ideal."""
+        """Return for each distance the probability that saturation reduces the slope to below 85 % of the ideal."""
         # The slope is compared with that of the ideal curve; distances [m] and probabilities have the shape (N,).
         probability = np.zeros(len(distance))
         for lanes, weight in zip(self.lanes, self.weights, strict=True):
@@ -92,7 +92,7 @@ class CeilingFits(Value):
         return probability
 
     def offset_interval(self) -> tuple[float, float]:
-        """Return the 95 % interval of the sensor offset, in the unit of the outputs."""
+        """Return the 95 % interval of the sensor offset in the unit of the sensor outputs."""
         offsets = np.concatenate([lanes.offsets for lanes in self.lanes])
         order = np.argsort(offsets)
         reached = np.cumsum(np.concatenate(self.weights)[order])
@@ -100,13 +100,13 @@ class CeilingFits(Value):
         return float(offsets[order][low]), float(offsets[order][high])
 
     def first_steep(self, distance: FloatArray) -> int:
-        """Return the index of the first distance at which the output is probably not flattened by saturation."""
+        """Return the index of the first distance at which the output is probably not saturated."""
         # If the output is flattened at all distances, the result is the index of the last distance.
         steep = np.flatnonzero(self.flattened(distance) < _PROBABLY)
         return int(steep[0]) if len(steep) else len(distance) - 1
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw random sensor curves by their posterior probabilities, each with its offset."""
+        """Draw random sensor curves according to their posterior probabilities, each with its own offset."""
         rng = np.random.default_rng(seed)
         fits = [(lanes, i) for lanes in self.lanes for i in range(len(lanes.costs))]
         freedom = max(self.readings - 3 + _ERROR_FREEDOM, 1.0)
@@ -127,7 +127,7 @@ class CeilingFits(Value):
 
 
 def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray, offset: float) -> DrawnCurve:
-    """Return a smooth sensor curve through given points with log output ln xi and slope g [1/m]."""
+    """Return a smooth sensor curve through points with given log output ln xi and slope g [1/m]."""
     sensor = PiecewiseCubic(
         distances=tuple(distance),
         log_outputs=tuple(np.clip(log_output, -600.0, 600.0)),
@@ -137,7 +137,7 @@ def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray,
 
 
 def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: OffsetEstimate | None) -> CeilingFits:
-    """Fit sensor curves that may flatten toward a saturation level to at least four averaged readings."""
+    """Fit sensor curves that may saturate near the sensor to at least four averaged readings."""
     # An offset of None is fitted together with the curve.
     ceilings = [(above, p) for above in _ABOVE for p in _SHARPNESS]
     lanes = []
@@ -159,7 +159,7 @@ def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: Offset
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Problem:
-    """Fit problem of one family of sensor curves, solved for many saturation levels at once.
+    """Problem of fitting one family of sensor curves for many saturation levels at once.
 
     Each fit has a given offset, or fits the offset as a last parameter.
 
@@ -180,11 +180,11 @@ class _Problem:
     offsets: FloatArray | None = None
 
     def ceilings(self, offsets: FloatArray, above: FloatArray) -> FloatArray:
-        """Return the logarithms of the saturation levels for given sensor offsets."""
+        """Return the logarithm of the saturation level for each given sensor offset."""
         return np.asarray(np.log(np.maximum(float(self.curve.output.max()) - offsets, 1e-300)) + above)
 
     def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
-        """Return residuals of a fit on an asinh scale, in units of the usual error of a reading."""
+        """Return the residuals of a fit on an asinh scale, in units of the usual error of a reading."""
         # Residuals are differences of asinh(signal / tau), as in `family_fits.Problem`.
         curve, reach = self.curve, float(np.ptp(self.curve.output))
         sigma = self.noise.sigma or 1e-3 * reach
@@ -198,14 +198,14 @@ class _Problem:
         return np.asarray((measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / _ERROR)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of the fit parameters within which the sensor slope never steepens with distance."""
+        """Return bounds of the fit parameters that keep the sensor slope from steepening with distance."""
         low, high = self.family.easing(*self.family.bounds)
         if self.offsets is not None:
             return low, high
         return np.append(low, lowest_offset(self.curve)), np.append(high, float(self.curve.output.max()))
 
     def fit(self) -> Fits:
-        """Solve each curve fit roughly from several start points, then refine the best result."""
+        """Fit each sensor curve coarsely from several start points, and then refine the best result."""
         distance, output, count = self.curve.distance, self.curve.output, len(self.above)
         reach = float(np.ptp(output))
         offset = np.full(count, float(output.min()) - 0.02 * reach) if self.offsets is None else self.offsets
@@ -229,7 +229,7 @@ class _Problem:
         return minimize_many(self.residuals, start, self.bounds(), tolerance=1e-8, most=40)
 
     def lanes(self, known_offset: OffsetEstimate | None) -> _Lanes:
-        """Fit one curve family for every saturation level and for several offsets around the most likely offset."""
+        """Fit one family of sensor curves for every saturation level and for several likely sensor offsets."""
         if known_offset is None:
             first_fits = self.fit()
             offsets, priors = self._offsets_around(first_fits)
@@ -258,7 +258,7 @@ class _Problem:
         )
 
     def _offsets_around(self, fits: Fits) -> tuple[FloatArray, FloatArray]:
-        """Return offsets around the best-fitting offset, with the prior cost of each."""
+        """Return several offsets near the best-fitting offset, with the prior cost of each offset."""
         # The cost is -2 ln of the prior probability.
         best, reach = int(fits.costs.argmin()), float(np.ptp(self.curve.output))
         scale = (_ERROR_FREEDOM + float(fits.costs[best])) / _ERROR_FREEDOM
@@ -271,7 +271,7 @@ class _Problem:
 
 
 def _under(level: FloatArray, ceiling: Any, sharpness: Any) -> tuple[FloatArray, FloatArray]:
-    """Return the logarithm of signals after soft saturation, and the slope relative to the unsaturated slope."""
+    """Return log outputs after soft saturation, and the factor by which saturation reduces the slope."""
     # `level` and `ceiling` are logarithms of the ideal signal and of the saturation level.
     above = np.where(np.isinf(ceiling), -np.inf, sharpness * (level - np.where(np.isinf(ceiling), 0.0, ceiling)))
     return np.asarray(level - np.logaddexp(0.0, above) / sharpness), np.asarray(

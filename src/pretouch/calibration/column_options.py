@@ -1,4 +1,4 @@
-"""Define the user's options that select table columns by header or number and give their units."""
+"""Parse the user's options that select the columns of a calibration table and give their units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _HERE = "in a scenario file and in Python"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnOption:
-    """User option that selects the column of distances or outputs in a calibration table, or gives its unit.
+    """A user option that selects the column of distances or of outputs in a calibration table, or gives its unit.
 
     The column is given by its number counted from 1, or by its name.
 
@@ -32,15 +32,15 @@ class ColumnOption:
 
     @property
     def names_a_column(self) -> bool:
-        """Whether the user option selects a column, and not only gives a unit."""
+        """Whether this option selects a column instead of only giving a unit."""
         return self.number is not None or bool(self.name)
 
     def index(self, table: TextTable) -> int | None:
-        """Find the column that the option selects in a table, or return None if it only gives a unit."""
+        """Return the index of the column that this option selects, or None if the option only gives a unit."""
         return _find(table, self.number, (self.text, self.name), f"columns: found {self.text!r} for the {self.key}")
 
     def unit_with(self, title: str) -> str | None:
-        """Return the unit of a column from the option or from the column header; refuse two different units."""
+        """Return the unit of a column from this option or from the column header, and refuse two different units."""
         header_unit = split_title(title)[1]
         if self.unit is None or self.text == title:
             return header_unit
@@ -54,28 +54,28 @@ class ColumnOption:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnOptions:
-    """User options that select the columns of distances and outputs in a calibration table."""
+    """The user options that select the columns of distances and outputs in a calibration table."""
 
     distance: ColumnOption = ColumnOption(key="distance")
     output: ColumnOption = ColumnOption(key="output")
 
     @property
     def names_a_column(self) -> bool:
-        """Whether the options select a column of distances or outputs; the table then has one reading per row."""
+        """Whether the options select a column; in this case, each row of the table contains one reading."""
         return self.distance.names_a_column or self.output.names_a_column
 
     @property
     def has_a_number(self) -> bool:
-        """Whether an option selects a column by number, so that the table needs no header."""
+        """Whether an option selects a column by number, which also works for a table without a header."""
         return self.distance.number is not None or self.output.number is not None
 
     @property
     def declares_distances(self) -> bool:
-        """Whether the options give only the unit of distances and select no distance column."""
+        """Whether the options give the unit of distances without selecting a distance column."""
         return self.distance.unit is not None and not self.distance.names_a_column
 
     def names_one_of(self, header: Sequence[str]) -> bool:
-        """Return whether a line of the table contains a column header that the options select."""
+        """Return True if a line of the table contains a column header that the options select."""
         titles = {title.casefold() for title in header} | {split_title(title)[0].casefold() for title in header}
         return any(c.name and {c.text.casefold(), c.name.casefold()} & titles for c in (self.distance, self.output))
 
@@ -108,7 +108,7 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
 
 
 def find_label_columns(table: TextTable, labels: Sequence[str | int]) -> tuple[int, ...]:
-    """Return the indices of label columns that are given by header or by number counted from 1."""
+    """Return the indices of label columns, which the user gives by header or by number counted from 1."""
     indices = set()
     for label in [labels] if isinstance(labels, str) else labels:
         text = str(label).strip()
@@ -118,12 +118,12 @@ def find_label_columns(table: TextTable, labels: Sequence[str | int]) -> tuple[i
 
 
 def columns_hint(columns: str) -> str:
-    """Return the text of the option `--columns` that an error message recommends."""
+    """Return the option `--columns` with values that an error message recommends to the user."""
     return f'--columns "{columns}" ({_HERE}: columns)'
 
 
 def _find(table: TextTable, number: int | None, names: tuple[str, str], message: str) -> int | None:
-    """Find a column of a table by its number, its whole header, or the name in its header, in this order."""
+    """Find a table column by its number, its full header, or the name in its header."""
     if number is not None:
         if not 1 <= number <= len(table.header):
             raise CalibrationDataError(f"{message}, expected a number from 1 to {len(table.header)}")

@@ -1,4 +1,4 @@
-"""Store calibration data: readings at known distances, readings without an object, and the source file."""
+"""Store a calibration: sensor readings at known distances, and the file from which they were read."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pretouch._core.values import Value
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance(Value):
-    """The file from which a calibration was read, and how pretouch interpreted it.
+    """Origin of a calibration: the file from which it was read, and how this file was interpreted.
 
     Args:
         file: name of the file.
@@ -90,7 +90,7 @@ class Calibration(Value):
 
     @property
     def distinct_distances(self) -> FloatArray:
-        """The distinct distances [m] of the readings, in increasing order."""
+        """The different distances [m] at which readings were taken, in increasing order."""
         return np.unique(self.distances)
 
     def __repr__(self) -> str:
@@ -99,7 +99,7 @@ class Calibration(Value):
 
     @property
     def name(self) -> str:
-        """File name and label of the calibration, as titles of reports show them."""
+        """The file name and the label of the calibration, as shown in report titles."""
         parts = [self.source.file if self.source else "", self.label]
         return ", ".join(part for part in parts if part) or "calibration"
 

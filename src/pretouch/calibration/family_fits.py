@@ -1,4 +1,4 @@
-"""Fit curve families to averaged readings; estimate noise, misfit and outliers from the residuals."""
+"""Fit sensor curves to averaged readings, and estimate noise and outliers from the residuals."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STEP: Final = 1e-5  # step of a family's parameter for finite differences
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
-    """Fit problem of one family of sensor curves, solved many times for the same averaged readings.
+    """Problem of fitting one family of sensor curves to averaged readings, for many offsets at once.
 
     The readings are weighted by their noise.
 
@@ -36,7 +36,7 @@ class Problem:
     weights: FloatArray | BoolArray | None = None
 
     def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
-        """Return residuals of unit variance of a fit, on an asinh scale that suits weak and strong signals."""
+        """Return the residuals of a fit, scaled to unit variance on an asinh scale."""
         # Residuals are (h(y - o) - h(xi)) / c with h(z) = asinh(z / tau) and tau = sigma / (c sqrt n).
         relative = self.noise.relative_of_means(self.curve.count)
         tau = np.maximum(self.noise.output, 1e-300) / np.sqrt(self.curve.count) / relative
@@ -58,7 +58,7 @@ class Problem:
         return minimize_many(self.residuals, start, self.bounds())
 
     def minimize_from_afar(self, count: int, bounds: tuple[FloatArray, FloatArray]) -> Fits:
-        """Solve the first `count` fit problems roughly from several starts, then refine the best results."""
+        """Solve the first `count` fit problems coarsely from several start points, and then refine the best results."""
         rows, problems = self._starts(), np.arange(count)
         which = np.tile(problems, len(rows))
 
@@ -70,7 +70,7 @@ class Problem:
         return minimize_many(self.residuals, rough.x.reshape(len(rows), count, -1)[best, problems], bounds)
 
     def _starts(self) -> FloatArray:
-        """Return start points of a fit, one per row."""
+        """Return several start points of a fit, one in each row."""
         # The start offset is the first offset, or a value just below the lowest output.
         d, y = self.curve.distance, self.curve.output
         guess = float(y.min() - 0.02 * np.ptp(y) if self.offsets is None else self.offsets[0])
@@ -88,13 +88,13 @@ class Problem:
 
 
 def lowest_offset(curve: AveragedCurve) -> float:
-    """Return the smallest offset that a fit may find; it is hardly below zero if no output is negative."""
+    """Return the smallest allowed offset for a fit; if no output is negative, it is at most slightly negative."""
     lowest, reach = float(curve.output.min()), float(np.ptp(curve.output))
     return lowest - reach if lowest < 0 else max(-0.1 * reach, lowest - reach)
 
 
 def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
-    """Return the curve families that are fitted to determine offset and noise, fast ones first."""
+    """Return the families of sensor curves that are used to estimate offset and noise, the fastest first."""
     first, last = float(curve.distance[0]), float(curve.distance[-1])
     curves = sorted(sensor_curves().values(), key=lambda curve: curve.name, reverse=True)
     ordered = [c for c in curves if c.family.quick] + [c for c in curves if not c.family.quick]
@@ -102,18 +102,18 @@ def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
 
 
 def quick_families(curve: AveragedCurve) -> tuple[Family, ...]:
-    """Return the curve families that are fast to evaluate, which are all but the Mittag-Leffler curve."""
+    """Return the families of sensor curves that are fast to evaluate: all except the Mittag-Leffler curve."""
     return tuple(f for f in families_of(curve) if f.quick)
 
 
 def problem_at(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Problem:
-    """Return the problem of a single curve fit at a known offset, or with a fitted offset if `offset` is None."""
+    """Return the fit problem for one sensor offset; the offset is also fitted if it is None."""
     offsets = None if offset is None else np.array([offset])
     return Problem(curve=curve, family=family, noise=noise, offsets=offsets)
 
 
 def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Fits:
-    """Fit one family of sensor curves from several start points, with the offset as a last parameter if it is None."""
+    """Fit one family of sensor curves from several start points; the offset is also fitted if it is None."""
     problem = problem_at(curve, family, noise, offset)
     return problem.minimize_from_afar(1, problem.bounds())
 
@@ -121,7 +121,7 @@ def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset:
 def forward_change(
     function: Callable[[FloatArray, FloatArray], FloatArray], u: FloatArray, distance: FloatArray
 ) -> FloatArray:
-    """Differentiate a function with respect to each fit parameter by forward differences."""
+    """Differentiate a function with respect to each fit parameter by forward finite differences."""
     # Parameters of shape (..., p) give derivatives of shape (p, ...).
     size = u.shape[-1]
     moved = u + _STEP * np.eye(size).reshape(size, *[1] * (u.ndim - 1), size)
@@ -141,7 +141,7 @@ _ROUNDS: Final = 4
 def find_noise(
     curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...] = ()
 ) -> NoiseEstimate:
-    """Estimate the noise of readings and the misfit of the best curve from repeats and residuals."""
+    """Estimate the noise of the readings and the misfit of the best-fitting sensor curve."""
     # The offset is None if it is fitted. By default, all families of three parameters are fitted.
     value = None if offset is None else offset.value
     freedom = max(len(curve.distance) - 3 - (value is None), 1)
@@ -192,7 +192,7 @@ def find_noise(
 def _separate_noise_from_misfit(
     curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray
 ) -> NoiseEstimate:
-    """Separate noise from misfit for distances read once, by differences between neighboring residuals."""
+    """Separate noise from misfit by comparing neighboring residuals, if each distance was read only once."""
     row, share = miss / noise.of_means(curve.count, signal), 1.0
     if len(row) >= 5 and noise.misfit > 0:
         rough = float(np.mean(np.diff(row) ** 2) / 2 / max(float(np.mean(row**2)), 1e-300))
@@ -201,7 +201,7 @@ def _separate_noise_from_misfit(
 
 
 def _misfit(curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray, freedom: int) -> float:
-    """Return the misfit that explains the residuals beyond their noise, or 0 if noise alone explains them."""
+    """Return the misfit that explains why residuals exceed the noise, or 0 if the noise explains them fully."""
     # With this misfit, chi squared equals its degrees of freedom.
     from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
 
@@ -225,7 +225,7 @@ _FEWEST: Final = 6  # distances needed to look for outliers
 
 
 def outlier_indices(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
-    """Return the indices of distances whose mean reading deviates significantly from a curve through the others."""
+    """Return the indices of distances at which the mean reading deviates significantly from all fitted curves."""
     # The test is Student's t with Bonferroni's correction. A mean is compared with the residuals of the other means,
     # whatever their numbers of readings: fifty readings that are off as much as others are misfit, and are kept. The
     # nearest distance is never tested, because no reading beyond it confirms the curve.
@@ -252,7 +252,7 @@ def _worst_outlier(curve: AveragedCurve, raw_noise: ReadingNoise, offset: Offset
 
 
 def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: float | None) -> FloatArray:
-    """Return the residuals of a robust curve fit, divided by their robust standard deviation."""
+    """Return the residuals of an outlier-resistant curve fit, divided by a robust standard deviation."""
     row = weight = np.ones(len(curve.distance))
     x = fit_free(curve, family, noise, value).x
     problem = problem_at(curve, family, noise, value)
@@ -268,7 +268,7 @@ def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate
 def _is_outlier(
     curve: AveragedCurve, i: int, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...]
 ) -> bool:
-    """Return whether the reading at one distance is an outlier for every family of sensor curves."""
+    """Return True if the reading at one distance is an outlier for every family of sensor curves."""
     from scipy.special import stdtr  # noqa: PLC0415 - SciPy is loaded only for fits
 
     part = curve.part(np.arange(len(curve.distance)) != i)

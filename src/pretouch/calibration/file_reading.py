@@ -1,4 +1,4 @@
-"""Read one calibration curve, or all calibration curves, from a text table such as CSV."""
+"""Read one or several calibration curves from a text table, such as a CSV file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read_calibration(
     columns: Mapping[str, str | int] | None = None,
     labels: Sequence[str | int] | None = None,
 ) -> Calibration:
-    r"""Read a calibration of a sensor from a text file; `select` chooses one of several in the file.
+    r"""Read one sensor calibration from a text file; `select` chooses among several calibrations in the file.
 
     The file is a table with a header and units: long, `distance [mm],output [V]`, or wide, with a column for each
     distance, `0 mm,5 mm,inf`. The delimiter is a comma, semicolon, tab or blanks; decimal commas are understood unless
@@ -92,7 +92,7 @@ def read_calibrations(
     columns: Mapping[str, str | int] | None = None,
     labels: Sequence[str | int] | None = None,
 ) -> tuple[Calibration, ...]:
-    """Read every calibration of a file: one for each combination of values in its label columns.
+    """Read all calibrations of a file, one for each combination of values in its label columns.
 
     Args:
         path: the file, in the format of `read_calibration`.
@@ -113,7 +113,7 @@ def _curves(
     columns: Mapping[str, str | int] | None,
     labels: Sequence[str | int] | None,
 ) -> list[tuple[dict[str, str], Calibration]]:
-    """Read every calibration of a file, each with a dictionary of its label columns and their values."""
+    """Read all calibrations of a file, each with a dictionary of its label names and label values."""
     options = parse_column_options(columns)
     table = read_table(path, options)
     layout = wide_layout(table, options) or long_layout(table, options)
@@ -142,7 +142,7 @@ def _curves(
 
 
 class _Readings(NamedTuple):
-    """Outputs and distances from a calibration table, with NaN for a missing output.
+    """Distances and sensor outputs from a calibration table, with NaN for a missing output.
 
     Both have the shape (rows, pairs). A distance is infinite if no object was in range.
     """
@@ -151,7 +151,7 @@ class _Readings(NamedTuple):
     outputs: FloatArray
 
     def of(self, rows: Sequence[int], shared: Sequence[int]) -> _Readings:
-        """Return the readings of some table rows, and the no-object readings that several curves share."""
+        """Return the readings of selected table rows, and those readings without an object that all curves share."""
         # A row without any label belongs to all curves if it has no object.
         row_indices, shared_indices = (np.array(indices, dtype=np.int64) for indices in (rows, shared))
         without_object = np.isinf(self.distances[shared_indices])
@@ -167,7 +167,7 @@ class _Readings(NamedTuple):
 def _rows_by_label(
     table: TextTable, columns: Sequence[int], distances: FloatArray
 ) -> tuple[dict[tuple[str, ...], Sequence[int]], Sequence[int]]:
-    """Group table rows by their labels, and return separately the rows that belong to all groups."""
+    """Group the rows of a table by their labels, and separately return rows that belong to every group."""
     if not columns:
         return ({(): range(len(distances))} if len(distances) else {}), ()
     groups: dict[tuple[str, ...], list[int]] = {}
@@ -184,7 +184,7 @@ def _rows_by_label(
 
 
 def _readings(table: TextTable, layout: Layout) -> _Readings:
-    """Read all distances and outputs of a table, and refuse the first row with an unreadable cell."""
+    """Read all distances and outputs of a table, and refuse a row with an unreadable cell."""
     shape = (len(table.lines), len(layout.pairs))
     distances, outputs = np.empty(shape), np.empty(shape)
     bad = len(table.lines)
@@ -211,7 +211,7 @@ def _readings(table: TextTable, layout: Layout) -> _Readings:
 
 
 def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> FloatArray | int:
-    """Read the numbers of a table column, or return the index of the first row that cannot be read."""
+    """Read the numbers of a table column; if a cell is not a number, return the index of its row."""
     cells = table.columns[column.index]
     values = np.empty(len(cells))
     cache: dict[str, float] = {}
@@ -229,7 +229,7 @@ def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> Fl
 
 
 def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read the distance in a table cell, or infinity if the cell says that no object was in range."""
+    """Read a distance from a table cell; the result is infinite if the cell says that no object was in range."""
     value = math.inf if is_no_object(cell) else number(table, line, cell, column)
     if value < 0:
         raise CalibrationDataError(
@@ -240,7 +240,7 @@ def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
 
 
 def _output(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read the sensor output in a table cell, or return NaN if the output is missing."""
+    """Read a sensor output from a table cell; the result is NaN if the output is missing."""
     return math.nan if is_missing(cell) else number(table, line, cell, column)
 
 
@@ -281,7 +281,7 @@ def _curve(
 
 
 def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
-    """Refuse a single distance far beyond all others, which is a typing error or a mark for no object."""
+    """Refuse a single distance far beyond all others, because it is a typing error or means "no object"."""
     distinct = np.unique(distances)
     if len(distinct) < _FEW or distinct[-1] <= _STRAY * distinct[-2]:
         return
@@ -294,7 +294,7 @@ def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
 
 
 def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
-    """Return no-object readings that the user gave in addition to the file, in the calibration's unit."""
+    """Return readings without an object that the user gave in addition to the file, in the unit of the calibration."""
     if no_object is None:
         return []
     if not isinstance(no_object, (str, os.PathLike)):

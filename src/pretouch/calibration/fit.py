@@ -1,4 +1,4 @@
-"""Fit one curve model to one calibration, with confidence intervals of its parameters and goodness of fit."""
+"""Fit one sensor model to a calibration, and compute confidence intervals and goodness of fit."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ _INVOLVED: Final = 0.1  # smallest component of an involved parameter in the dir
 
 
 def root_mean_square(values: FloatArray) -> float:
-    """Return the root mean square (RMS) of some values."""
+    """Return the root mean square (RMS) of an array."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
 def r_squared(measured: FloatArray, modelled: FloatArray) -> float:
-    """Return the coefficient of determination of the sensor output (R squared), as the letter computes it."""
+    """Return the coefficient of determination R squared of the sensor output, as the published letter computes it."""
     total = float(np.sum((measured - measured.mean()) ** 2))
     return 1 - float(np.sum((measured - modelled) ** 2)) / total if total > 0 else 0.0
 
 
 def slope_error(distance: FloatArray, residuals: FloatArray) -> float:
-    """Return the RMS error of the modeled sensor slope between neighboring distances [1/m]."""
+    """Return the RMS error [1/m] of the sensor slope that a model predicts between neighboring distances."""
     return root_mean_square(np.diff(residuals) / np.diff(distance))
 
 
@@ -72,7 +72,7 @@ def runs_p_value(residuals: FloatArray) -> float | None:
 def estimates(
     problem: Problem, best: Fits, sensor: SensorModel, *, offset: OffsetEstimate, output_unit: str, informed_by: int
 ) -> dict[str, Any]:
-    """Return parameters, covariance and mid-range slope of a curve fit as fields of `SensorFit`."""
+    """Return parameters, covariance and mid-range slope of a curve fit as a dictionary for `SensorFit`."""
     # If the offset is uncertain, the curve is also fitted with the offsets at both ends of its interval, and the
     # changes of the parameters enter the intervals. The noise was estimated from `informed_by` points.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -133,7 +133,7 @@ def estimates(
 
 
 def _check_identifiable(best: Fits, names: list[str]) -> None:
-    """Raise an error if several parameters change a fitted curve in exactly the same way."""
+    """Raise an error if a fitted curve changes with several parameters in exactly the same way."""
     norms = np.linalg.norm(best.jacobian[0], axis=0)
     free = np.flatnonzero(norms)  # a parameter at its bound has no derivatives
     if not len(free):
@@ -150,7 +150,7 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
 def _covariance(
     x: FloatArray, own: FloatArray, family: Family, moved: list[FloatArray], *, share: float, inflation: float
 ) -> FloatArray:
-    """Transform the covariance of a fit to the curve's own parameters, and add the effect of the uncertain offset."""
+    """Convert the covariance of a fit to the sensor curve's own parameters, and include the offset uncertainty."""
     with np.errstate(over="ignore", invalid="ignore"):  # an unbounded scale has no finite variance
         jacobian = gradient(lambda u: family.parameters(family.coordinates(u)), x)
         covariance = inflation * jacobian @ own @ jacobian.T
@@ -170,7 +170,7 @@ def _parameters(
     unit: str,
     runaway: bool,
 ) -> dict[str, Estimate]:
-    """Transform the confidence intervals of a fit to the sensor curve's own parameters."""
+    """Convert the confidence intervals of a fit to the sensor curve's own parameters."""
     parameters = {}
     for i, declared in enumerate(sensor._declared()):
         name, meta, mapped = declared.name, declared.metadata, []
@@ -258,7 +258,7 @@ def check_models(models: tuple[str, ...]) -> None:
 
 
 def why_not(model: str, prepared: Prepared) -> str:
-    """Return the reason why a sensor model cannot be fitted to the readings, or an empty text if it can."""
+    """Return why a sensor model cannot be fitted to the readings, or an empty text if it can be fitted."""
     used = prepared.used
     if model != _TABLE:
         count, size = len(used.distance), _family(model, used).size
@@ -279,7 +279,7 @@ def why_not(model: str, prepared: Prepared) -> str:
 
 
 def model_names() -> tuple[str, ...]:
-    """Return the names of the sensor models that are ranked by default."""
+    """Return the names of the sensor models that are fitted and ranked by default."""
     return (*sorted(sensor_curves(fitted=True)), _TABLE)
 
 
@@ -289,7 +289,7 @@ def _family(model: str, used: AveragedCurve) -> Family:
 
 
 def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
-    """Fit one sensor model to prepared readings, or return the reason why it cannot be fitted."""
+    """Fit one sensor model to prepared readings, or return the reason why the model cannot be fitted."""
     reason = why_not(model, prepared)
     if reason:
         return reason
@@ -304,7 +304,7 @@ def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
 
 
 def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
-    """Fit one sensor model to prepared readings that carry a signal."""
+    """Fit one sensor model to prepared readings with a usable signal."""
     used, offset, noise = prepared.used, prepared.offset, prepared.noise
     if offset is None or noise is None:
         raise AssertionError
@@ -330,7 +330,7 @@ def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
 def _fit_curve(
     model: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Fit a parametric sensor curve, and return its log outputs and the fields of `SensorFit`."""
+    """Fit a sensor curve with parameters, and return its log outputs and a dictionary for `SensorFit`."""
     used, family = prepared.used, _family(model, prepared.used)
     best = fit_free(used, family, noise, offset.value)
     problem = problem_at(used, family, noise, offset.value)
@@ -346,7 +346,7 @@ def _fit_curve(
 
 
 def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | None:
-    """Return the RMS error of the log output at distances that are excluded from the fit one by one."""
+    """Return the RMS error of the log output at distances that are left out of the fit one at a time."""
     curve, count = problem.curve, len(problem.curve.distance)
     if count - 1 < problem.family.size:
         return None
@@ -359,7 +359,7 @@ def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | No
 def _fit_table(
     _: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Use the averaged readings as a table, and return their log outputs and the fields of `SensorFit`."""
+    """Create a sensor table from averaged readings, and return its log outputs and a dictionary for `SensorFit`."""
     distance, xi = prepared.used.distance, prepared.used.output - offset.value
     sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
     without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]
@@ -378,7 +378,7 @@ def _fit_table(
 
 
 def _slope_error(distance: FloatArray, xi: FloatArray, errors: FloatArray, at: float) -> float:
-    """Return the standard error of the slope of a sensor table, from the standard errors of its log outputs."""
+    """Return the standard error of the slope of a sensor table."""
     # The interpolant's slope is not the difference of two neighbors: its error is about 1.4 times as large midway
     # between two points, and 0.7 times as large at a point.
     k = int(np.searchsorted(distance, at))

@@ -1,4 +1,4 @@
-"""Interpret the cells and headers of a text table: numbers, missing values, column names and units."""
+"""Interpret the headers and cells of a calibration table, such as units and missing values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LONGEST_LINE = 60  # characters of a line that a message shows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextTable:
-    """A parsed text file with its header, the cells of each column, and the line number of each row."""
+    """A text table that was split into header, columns and rows, with the line number of each row in the file."""
 
     file: str
     sha256: str
@@ -36,15 +36,15 @@ class TextTable:
 
     @property
     def place(self) -> str:
-        """File name and line number of the table header, for error messages."""
+        """The file name and line number of the table header, for error messages."""
         return f"{self.file}, line {self.header_line}"
 
     def row(self, index: int) -> tuple[str, ...]:
-        """Return the cells of one row of the table."""
+        """Return all cells of one table row."""
         return tuple(column[index] for column in self.columns)
 
     def title(self, index: int) -> str:
-        """Return the header of a column for messages, with the column number if the header is not unique."""
+        """Return the header of a column for messages, and add the column number if several headers are equal."""
         title = self.header[index]
         return quoted(title) if title and self.header.count(title) == 1 else f"{index + 1} ({quoted(title)})"
 
@@ -55,7 +55,7 @@ class TextTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """A column of a calibration table: index, header, unit, and the factor that converts numbers to this unit."""
+    """A column of a calibration table, with its header, its unit, and the conversion factor to this unit."""
 
     index: int
     title: str
@@ -65,7 +65,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """The columns of a calibration table that hold readings.
+    """Which columns of a calibration table contain distances and sensor outputs.
 
     A long table has one pair of columns, a wide table has many.
 
@@ -83,23 +83,23 @@ class Layout:
 
 
 def is_number(cell: str) -> bool:
-    """Return whether a table cell is a number with a decimal point or a decimal comma."""
+    """Return True if a table cell contains a number with a decimal point or a decimal comma."""
     plain = _ascii(cell)
     return bool(_DOTTED.fullmatch(plain) or _COMMAED.fullmatch(plain))
 
 
 def is_missing(cell: str) -> bool:
-    """Return whether a table cell means a missing output: an empty cell, NaN or a dash."""
+    """Return True if a table cell stands for a missing output, such as an empty cell, NaN or a dash."""
     return cell.casefold() in _MISSING
 
 
 def is_no_object(cell: str) -> bool:
-    """Return whether a distance cell means that no object was in range, such as `inf` or `no object`."""
+    """Return True if a distance cell says that no object was in range, such as `inf` or `no object`."""
     return cell.casefold() in _NO_OBJECT
 
 
 def is_row(cells: Sequence[str]) -> bool:
-    """Return whether table cells are a row of readings, with at least a distance and an output."""
+    """Return True if the cells of a line contain at least a distance and an output."""
     numbers = sum(is_number(cell) for cell in cells)
     special = [cell for cell in cells if is_missing(cell) or is_no_object(cell)]
     filled = sum(bool(cell) for cell in special)
@@ -107,7 +107,7 @@ def is_row(cells: Sequence[str]) -> bool:
 
 
 def uses_commas(cells: Sequence[str]) -> bool:
-    """Return whether the numbers in table cells are written with decimal commas."""
+    """Return True if the numbers in table cells have decimal commas."""
     return any("," in cell and _COMMAED.fullmatch(cell) for cell in cells)
 
 
@@ -117,12 +117,12 @@ def quoted(text: str) -> str:
 
 
 def join_first(items: Sequence[str], most: int) -> str:
-    """Join the first items of a list for an error message, and mark omitted items by dots."""
+    """Join the first items of a list for an error message, and replace the other items by dots."""
     return ", ".join([*items[:most], *(["..."] if len(items) > most else [])])
 
 
 def number(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Parse a table cell as a number, and convert it to the unit of the calibration."""
+    """Parse a table cell as a number in the unit of the calibration."""
     # The locale is ignored. Decimal arithmetic makes 42.2 mm the float nearest to 0.0422, which 42.2 * 0.001 is not.
     # Numbers that are not finite, or whose products with others could overflow, are refused.
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
@@ -194,7 +194,7 @@ _AT_INFINITY = re.compile(r"[+]?(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", re.
 
 
 class UnitMark(NamedTuple):
-    """A distance in a column header: its number as written and its unit.
+    """A distance that a column header contains, such as `5 mm`, split into number and unit.
 
     The number is None if the column has readings without an object.
     """
@@ -204,7 +204,7 @@ class UnitMark(NamedTuple):
 
 
 def split_title(title: str) -> tuple[str, str | None]:
-    """Split a column header such as `output [V]`, `output (V)` or `output_V` into name and unit."""
+    """Split a column header such as `output [V]`, `output (V)` or `output_V` into its name and its unit."""
     # A form such as `output_V` is split only for usual names.
     if len(title) > _LONGEST:
         return title, None
@@ -221,12 +221,12 @@ def split_title(title: str) -> tuple[str, str | None]:
 
 
 def is_length(unit: str | None) -> bool:
-    """Return whether a unit text such as `mm` is a unit of length."""
+    """Return True if a text such as `mm` is a unit of length."""
     return _exponents(unit) == (1, 0, 0, 0, 0)
 
 
 def is_named(title: str, kind: str) -> bool:
-    """Return whether a column header is a usual name for a kind of column, such as `distance` or `output`."""
+    """Return True if a column header is a usual name for distances, outputs or another type of column."""
     # A `setting` is one of the sensor or its surroundings, such as `gain` or `temperature`. A `setting or output` may
     # be the output if no other column is, such as a photocurrent. A `count` numbers the rows, such as `trial`, `#` or
     # an empty header. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`.
@@ -235,7 +235,7 @@ def is_named(title: str, kind: str) -> bool:
 
 
 def output_unit(text: str | None) -> tuple[str, float]:
-    """Convert an output unit to V or counts with a factor, and leave every other unit as it is written."""
+    """Convert an output unit to V or counts with a conversion factor, and return any other unit unchanged."""
     try:
         unit = parse_unit(text or "")
     except UnitError:
@@ -246,12 +246,12 @@ def output_unit(text: str | None) -> tuple[str, float]:
 
 
 def is_output_unit(unit: str | None) -> bool:
-    """Return whether a unit of a sensor output is volts or counts."""
+    """Return True if a text is a unit of sensor outputs: volts or counts."""
     return output_unit(unit)[0] in _KNOWN.values()
 
 
 def distance_mark(title: str) -> UnitMark | None:
-    """Parse a column header such as `5 mm`, `d=5mm` or `inf` as a distance, or return None."""
+    """Parse a column header such as `5 mm`, `d=5mm` or `inf` as a distance; return None for other headers."""
     if title and (is_no_object(title) or _AT_INFINITY.fullmatch(title[:_LONGEST])):
         return UnitMark(None, None)
     match = _AT.fullmatch(title) if len(title) <= _LONGEST else None
@@ -264,7 +264,7 @@ def distance_mark(title: str) -> UnitMark | None:
 
 
 def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
-    """Return whether the columns of a table are named by distances, such as `5 mm`, one column per distance."""
+    """Return True if the columns of a table have distances such as `5 mm` as their headers."""
     # `declared` means that an option gives the unit of the distances.
     # They are if two headers are distances with units, or if headers are numbers that can have no other meaning.
     marks = [mark for title in header if (mark := distance_mark(title))]
@@ -279,7 +279,7 @@ def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
 
 
 def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = False) -> bool:
-    """Return whether a line of a file is the header of a calibration table, because it names a distance."""
+    """Return True if a line looks like the header of a calibration table, because it names a distance."""
     # It is if a cell is a name of a distance or has a unit of length, and none is a number, or if columns are named by
     # distance (see `looks_wide`). With `in_words`, cells are the words of a line, which may be prose: "Sensor X" does
     # not name a distance.
@@ -305,7 +305,7 @@ def _exponents(unit: str | None) -> tuple[int, ...]:
 
 
 def output_column(table: TextTable, index: int, layout: Layout) -> Column:
-    """Return the output column of a file of no-object readings, and refuse a unit other than the calibration's."""
+    """Return the output column from a file of readings without an object, and refuse a different unit."""
     title = table.header[index]
     header_unit = split_title(title)[1]
     symbol, factor = output_unit(header_unit) if header_unit else (layout.unit, layout.pairs[0][1].factor)

@@ -1,4 +1,4 @@
-"""Solve many small nonlinear least-squares problems at once, by the Levenberg-Marquardt method.
+"""Solve many small nonlinear least-squares problems at once by the Levenberg-Marquardt method.
 
 A calibration needs hundreds of fits of three or four parameters: for each possible offset, each excluded distance, each
 possible start of the window, and each end of an interval. A general solver spends a thousand times more time on
@@ -27,7 +27,7 @@ _HUGE: Final = 1e150  # replaces residuals that are not finite
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fits:
-    """Solutions of many least-squares problems: parameters, residuals, Jacobians and sums of squares.
+    """Solutions of many least-squares problems: fitted parameters, residuals, Jacobians and sums of squares.
 
     Parameters x have the shape (b, p), residuals (b, n), and costs (sums of squares) (b,).
 
@@ -42,7 +42,7 @@ class Fits:
 
     @property
     def covariances(self) -> FloatArray:
-        """Covariances of the fit parameters if the residuals have unit variance, shape (b, p, p).
+        """The covariances of the fit parameters for residuals of unit variance, shape (b, p, p).
 
         Large, not infinite, for a singular problem; zero for parameters at a bound.
         """
@@ -61,7 +61,7 @@ def minimize_many(
     tolerance: float = 1e-10,
     most: int = 60,
 ) -> Fits:
-    """Solve many least-squares problems within bounds at once, each from its own start point."""
+    """Solve many least-squares problems with parameter bounds at once, each from its own start point."""
     # Bounds have the shape (p,) or (b, p); each row of `start` is one problem.
     # A problem has converged when its cost changes by a smaller share than `tolerance`, or its parameters by less than
     # that. All problems end after `most` steps. Starts are clipped to the bounds.
@@ -101,14 +101,14 @@ def _finite(values: FloatArray) -> FloatArray:
 
 
 def _at_bound(x: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Return which fit parameters are held at a bound because the cost decreases beyond it."""
+    """Return which fit parameters stay at a bound because the cost would decrease only beyond this bound."""
     return np.asarray(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
 
 
 def _derivative(
     residuals: Residuals, x: FloatArray, value: FloatArray, which: IntArray, high: FloatArray
 ) -> FloatArray:
-    """Differentiate residuals by finite differences that stay below the upper bounds."""
+    """Differentiate residuals by finite differences that respect the upper bounds of the parameters."""
     count, size = x.shape
     moved = np.repeat(x[:, None, :], size, axis=1)
     step = _STEP * np.maximum(1.0, np.abs(x))
@@ -122,7 +122,7 @@ def _derivative(
 def _step(
     x: FloatArray, slope: FloatArray, value: FloatArray, damping: FloatArray, bounds: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Return a Levenberg-Marquardt step for the parameters that are not held at a bound."""
+    """Return a Levenberg-Marquardt step for all parameters that do not stay at a bound."""
     # The step is zero if the damped normal equations overflow.
     with np.errstate(all="ignore"):
         step = _newton_step(x, slope, value, damping, bounds)
@@ -164,7 +164,7 @@ def intervals(
     coordinates: Callable[[FloatArray], FloatArray],
     rise: float,
 ) -> list[tuple[float, float, bool, bool]]:
-    """Return profile-likelihood confidence intervals of functions of the fit parameters."""
+    """Return confidence intervals of functions of the fit parameters, computed from the profile likelihood."""
     # An interval ends where the profile has risen by `rise` above the minimum.
     # A stiff spring pulls a coordinate to a target: the sum of squares plus the spring's energy is minimized over all
     # parameters. The minimum lies exactly on the profile, at the coordinate that it reaches. So the coordinate need not
@@ -207,7 +207,7 @@ def intervals(
 
 
 class _End:
-    """Search for one end of a confidence interval."""
+    """Iterative search for the upper or lower end of a confidence interval."""
 
     def __init__(self, which: int, step: float, center: float) -> None:
         self.which, self.step, self.target = which, step, center + step
@@ -216,7 +216,7 @@ class _End:
         self._inner, self._outer, self._attempt = (center, 0.0), (center, 0.0), 0
 
     def take(self, value: float, height: float) -> bool:
-        """Record a point of the likelihood profile, and return whether the search continues from this point."""
+        """Record a point of the likelihood profile, and return True if the search continues from this point."""
         # `height` is the square root of the profile's rise at a value, relative to the rise at the end.
         further = height < 1
         if further and abs(value - self._inner[0]) < 0.05 * abs(self.target - self._inner[0]):
@@ -239,7 +239,7 @@ class _End:
         return further
 
     def result(self) -> tuple[float, bool]:
-        """Return the end of the confidence interval and whether the search reached it."""
+        """Return the end of the confidence interval, and whether the search has reached this end."""
         # After the last attempt, the end is the best value so far.
         if self.end is not None:
             return self.end, self.reached

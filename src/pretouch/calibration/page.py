@@ -1,4 +1,4 @@
-"""Build the calibration report: verdict on the sensor, usable distances, ranking of models, and parameters."""
+"""Build the report of a calibration, which shows the verdict on the sensor and the fitted models."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Row = tuple[Cell, ...]
 
 
 def calibration_page(report: CalibrationReport) -> Page:
-    """Create the report page of a calibration: verdict, usable distances, ranking of models and parameters."""
+    """Create the report on a calibration: verdict, usable distances, ranking of sensor models, and parameters."""
     usable, best = report.verdict == "usable", report.best
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
     if best is None:
@@ -50,7 +50,7 @@ def calibration_page(report: CalibrationReport) -> Page:
 
 
 def _next_step(report: CalibrationReport) -> str:
-    """Return the keys of a scenario file for this sensor, with the recess that puts contact into its window."""
+    """Return the scenario file keys for this sensor, including the recess that puts contact in the usable range."""
     nearest = report.window.l_min
     text = f'add calibration = "{report.calibration.name}" to the section [sensor] of a scenario file'
     if nearest <= 0:
@@ -84,14 +84,14 @@ def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
 
 
 def fit_page(fit: SensorFit) -> Page:
-    """Create the report page of the fit of a single sensor model."""
+    """Create the report on the fit of a single sensor model."""
     low, high = (format_quantity(d, "m") for d in fit.sensor.valid_range)
     headline = f"{fit.model}, {len(fit.distances)} distances, valid from {low} to {high}"
     return Page(kind="Sensor fit", headline=headline, blocks=_parameters(fit, None))
 
 
 def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:
-    """Create the report section about the sensor calibration behind a design or verification."""
+    """Create the report section on the sensor calibration that a design or a verification uses."""
     # `open_lines` has the limits of the calibration for the answer.
     limits = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
     return (
@@ -182,7 +182,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
 
 
 def _given_offset(report: CalibrationReport) -> str:
-    """Return a clause that says for which sensor offset the uncertainty of the slope is valid."""
+    """Return a clause that names the sensor offset for which the uncertainty of the slope is valid."""
     offset, unit = report.offset, report.calibration.unit
     if offset is None:
         return "over all curves that fit the readings"
@@ -235,7 +235,7 @@ def _interval(low: float, high: float, unit: str, digits: int = 5) -> str:
 
 
 def _scenario_text(fit: SensorFit) -> str:
-    """Write the best sensor curve as the `[sensor]` section of a scenario file."""
+    """Write the best-fitting sensor curve as a section `[sensor]` of a scenario file."""
     lines = ["[sensor]", f'model = "{fit.model}"']
     if fit.model == "table":
         sensor: Any = fit.sensor

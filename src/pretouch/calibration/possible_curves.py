@@ -1,4 +1,4 @@
-"""Estimate offset and slope of a sensor by averaging over all curves and offsets that fit its readings.
+"""Estimate the offset and the slope of a sensor from all sensor curves that fit its readings.
 
 With one family and one offset, the readings determine the parameters to about a percent. But they do not determine the
 family: with a slightly different offset, another family fits equally well. So each family of three parameters is fitted
@@ -31,7 +31,7 @@ _NARROW: Final = np.linspace(-2.8, 2.8, 9)  # offsets around a known one [SE]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FamilyFits(Value):
-    """Fits of one family of sensor curves at several increasing offsets.
+    """Fits of one family of sensor curves, one fit for each of several offsets.
 
     `offsets` have the shape (b,).
 
@@ -46,7 +46,7 @@ class FamilyFits(Value):
     costs: FloatArray
 
     def interval(self, level: float) -> tuple[float, float] | None:
-        """Return the range of offsets in which the fit cost is below a level, or None if there is none.
+        """Return the range of offsets with a fit cost below a given level, or None if there is no such offset.
 
         The square root of the cost is interpolated linearly.
         """
@@ -64,7 +64,7 @@ class FamilyFits(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PossibleCurves(Value):
-    """All sensor curves that fit the readings, weighted by how well they fit.
+    """All sensor curves that fit the readings, each with a weight that expresses how well it fits.
 
     Args:
         parts: the fits of each family.
@@ -81,16 +81,16 @@ class PossibleCurves(Value):
 
     @property
     def least(self) -> float:
-        """The smallest sum of squares among all fitted sensor curves."""
+        """The smallest sum of squared residuals among all fitted sensor curves."""
         return min(float(part.costs.min()) for part in self.parts)
 
     @property
     def best(self) -> FamilyFits:
-        """The fits of the curve family with the smallest sum of squares."""
+        """The fits of the curve family with the smallest sum of squared residuals."""
         return min(self.parts, key=lambda part: float(part.costs.min()))
 
     def offset(self, kind: str) -> OffsetEstimate:
-        """Return the offset and its 95 % interval over all curve families that fit nearly as well as the best."""
+        """Return the sensor offset with its 95 % interval over all well-fitting families of sensor curves."""
         ends = [e for part in self.parts if (e := part.interval(self.least + self.rise)) is not None]
         low, high = min(e[0] for e in ends), max(e[1] for e in ends)
         error = (high - low) / (2 * float(np.sqrt(self.rise)))
@@ -98,7 +98,7 @@ class PossibleCurves(Value):
         return OffsetEstimate(value=value, standard_error=error, low=low, high=high, kind=kind)
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw random sensor curves with probabilities equal to their weights, each with its offset."""
+        """Draw random sensor curves with probabilities equal to their weights, each with its own offset."""
         rng = np.random.default_rng(seed)
         fits, curves = [(part, i) for part in self.parts for i in range(len(part.offsets))], []
         for number in rng.choice(len(fits), count, p=np.concatenate(self.weights())):
@@ -113,7 +113,7 @@ class PossibleCurves(Value):
         return tuple(curves)
 
     def doubt(self, offset: OffsetEstimate) -> float:
-        """Return how far an offset is from the best-fitting offset, in half widths of its 95 % interval.
+        """Return the deviation of an offset from its best-fitting value, in half widths of its 95 % interval.
 
         The distance is that of the nearest end of the offset's interval. Beyond all fitted offsets it is infinite.
         """
@@ -124,7 +124,7 @@ class PossibleCurves(Value):
         return float(np.sqrt(max(cost - self.least, 0.0) / self.rise))
 
     def weights(self) -> list[FloatArray]:
-        """Return the weight of each fitted sensor curve; all weights add up to 1."""
+        """Return the weights of all fitted sensor curves, which add up to 1."""
         weights = []
         for part in self.parts:
             width = np.gradient(part.offsets) if len(part.offsets) > 1 else np.ones(1)
@@ -134,7 +134,7 @@ class PossibleCurves(Value):
         return [w / total for w in weights]
 
     def slope(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return mean and standard deviation of the log of the sensor slope over all curves that fit the readings."""
+        """Return mean and standard deviation of ln |g| of the sensor slope g over all curves that fit the readings."""
         # The value is ln |g|; the deviation includes both the scatter between fits and the error of each.
         rows, spreads, weights = [], [], []
         for part, weight in zip(self.parts, self.weights(), strict=True):
@@ -165,7 +165,7 @@ def fit_possible_curves(
     informed_by: int | None = None,
     also: float | None = None,
 ) -> PossibleCurves:
-    """Fit every family of sensor curves for every plausible offset of the readings."""
+    """Fit every family of sensor curves for every offset that the readings make plausible."""
     # A fit needs five points or more, or four with a known offset.
     # The noise was estimated from `informed_by` points, by default those of the curve. `also` is an additional offset.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -201,7 +201,7 @@ def fit_possible_curves(
 
 
 def _correlation_inflation(residuals: FloatArray, smooth: float) -> float:
-    """Return the factor by which correlated neighboring residuals increase the variance of a fit.
+    """Return the factor by which the variance of a fit grows because neighboring residuals are correlated.
 
     A misfit is smooth: forty points carry no more information about it than the few at which it can bend independently.
     It has the share `smooth` of the variance of the residuals, which is 1. Otherwise the correlation of neighbors
@@ -217,7 +217,7 @@ def _correlation_inflation(residuals: FloatArray, smooth: float) -> float:
 
 
 def _offsets(curve: AveragedCurve, free: Fits, known_offset: OffsetEstimate | None) -> FloatArray:
-    """Return the offsets for which a family of sensor curves is fitted."""
+    """Return the sensor offsets for which a family of curves is fitted."""
     if known_offset is not None:
         return known_offset.value + known_offset.standard_error * (
             _NARROW if known_offset.standard_error > 0 else np.zeros(1)

@@ -1,4 +1,4 @@
-"""Prepare a calibration for fitting: find offset, noise, outliers and usable distances, and test for a signal."""
+"""Prepare a calibration for fitting: estimate offset and noise, and exclude unusable readings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _CLEAR_FALL = 6.0  # decrease in standard deviations, from the first to the last
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prepared:
-    """A calibration prepared for fitting, with its usable distances, offset, noise and outliers.
+    """A calibration that is ready for fitting, with its usable distances, offset, noise and outliers.
 
     `informed_by` is the number of distances from which the noise was estimated. `free` are the curves fitted with a
     free offset, if an offset was measured or declared. `witness` has curves through the readings. `no_signal` gives the
@@ -61,7 +61,7 @@ def prepare(
     near_field_peak: float | str | None,
     floor_sigmas: float,
 ) -> Prepared:
-    """Find the usable distances, outliers, offset and noise that the fits of all sensor models share."""
+    """Find the usable distances, outliers, offset and noise of a calibration, for the fits of all sensor models."""
     # The arguments are those of `fit_sensor`.
     positive(floor_sigmas, "floor_sigmas")
     calibration = condense(calibration)
@@ -106,7 +106,7 @@ def _prepared(
     end: int,
     floor_sigmas: float,
 ) -> Prepared:
-    """Prepare the falling part of a calibration curve for fitting."""
+    """Prepare that part of a calibration for fitting in which the output falls with distance."""
     place = np.arange(len(curve.distance))
     good = (place >= near.index) & (place < end)
     ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
@@ -159,7 +159,7 @@ def _prepared(
 def _level(
     calibration: Calibration, tail: AveragedCurve, reading_noise: ReadingNoise, offset: OffsetEstimate | None
 ) -> tuple[NoiseEstimate, OffsetEstimate | None, PossibleCurves | None]:
-    """Return the noise of readings, the given offset with its error, and the curves fitted with a free offset."""
+    """Return the noise of the readings, the sensor offset with its error, and sensor curves with a fitted offset."""
     noise = find_noise(tail, reading_noise, offset)
     if offset is None:
         return noise, None, fit_possible_curves(tail, noise, None)
@@ -181,7 +181,7 @@ def _steep_end(
     good: BoolArray,
     ceilings: CeilingFits,
 ) -> tuple[NearEnd, bool]:
-    """Start the usable range at the first reading that saturation does not flatten."""
+    """Start the usable distances at the first reading that saturation does not flatten."""
     # The second result is whether the start has moved.
     part, place = curve.part(good), np.flatnonzero(good)
     first = ceilings.first_steep(part.distance)
@@ -197,7 +197,7 @@ def _steep_end(
 
 
 def _reports_distance(calibration: Calibration) -> str:
-    """Return the message for a sensor whose output is a distance."""
+    """Return an error message for a sensor that outputs a distance instead of a signal strength."""
     return (
         f"The sensor output is a distance in {calibration.unit}, and not a signal that falls with the distance, "
         "so no curve is fitted. Enter a sensor curve by hand, and set chain.measures_distance = true."
@@ -205,7 +205,7 @@ def _reports_distance(calibration: Calibration) -> str:
 
 
 def _rising(calibration: Calibration) -> str:
-    """Return the message for a sensor whose output rises with distance."""
+    """Return an error message for a sensor whose output rises with distance."""
     top = float(max([calibration.outputs.max(), *calibration.no_object]))
     highest = f"{top:g} {calibration.unit}".rstrip()
     return (
@@ -216,7 +216,7 @@ def _rising(calibration: Calibration) -> str:
 
 
 def _given_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingNoise) -> OffsetEstimate | None:
-    """Return the sensor offset if it is measured or declared, or None if it must be fitted."""
+    """Return the sensor offset if the user has measured or declared it, or None if it must be fitted."""
     if offset == "fit" or (offset == "auto" and not len(calibration.no_object)):
         return None
     if offset == "auto":
@@ -230,7 +230,7 @@ def _given_offset(calibration: Calibration, offset: OffsetChoice, noise: Reading
 
 
 def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimate:
-    """Average the readings without an object, excluding outliers, to measure the sensor offset."""
+    """Compute the sensor offset as the mean of the readings without an object, without outliers."""
     # A standard error that is not known yet is returned as -1.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
@@ -250,7 +250,7 @@ def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimat
 def _nothing(
     calibration: Calibration, curve: AveragedCurve, near: NearEnd, offset: OffsetEstimate | None, reason: str
 ) -> Prepared:
-    """Return the preparation of a calibration that has no usable signal, with the reason."""
+    """Return the preparation result of a calibration without a usable signal, with the reason."""
     window = UsableWindow(
         distances=(),
         start_reason=near.reason,
@@ -270,7 +270,7 @@ def _nothing(
 def _why_no_signal(
     tail: AveragedCurve, window: UsableWindow, offset: OffsetEstimate, noise: NoiseEstimate, unit: str
 ) -> tuple[str, ...]:
-    """Return the reasons why readings have no usable signal; the result is empty if they have one."""
+    """Return the reasons why readings contain no usable signal; the list is empty if they contain one."""
     reasons = []
     count = len(window.distances)
     chance = chance_of_falling(tail.output[: 2 * count])  # a long plateau does not inform about the window
@@ -294,7 +294,7 @@ def _why_no_signal(
 
 
 def chance_of_falling(output: FloatArray) -> float:
-    """Return the exact p-value of Kendall's rank test for readings that fall with distance."""
+    """Return the p-value of a trend test (Kendall) for readings that fall with distance."""
     # The p-value is the probability that a random order falls as much; ties count half.
     n = len(output)
     pairs = [float(output[j] - output[i]) for i in range(n) for j in range(i + 1, n)]

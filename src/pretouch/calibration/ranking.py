@@ -1,4 +1,4 @@
-"""Fit all curve models to one calibration, rank the models by AICc, and judge whether the sensor is usable."""
+"""Fit all sensor models to a calibration, rank the models by AICc, and judge whether the sensor is usable."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def rank_models(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> CalibrationReport:
-    """Fit all sensor models to the same readings, rank them by AICc, and judge whether the sensor is usable.
+    """Fit all sensor models to the same readings, rank the models by AICc, and judge if the sensor is usable.
 
     An invalid option raises `InvalidInputError`; a sensor without signal does not.
 
@@ -75,6 +75,6 @@ def rank_models(
 
 
 def _rank(fit: SensorFit) -> tuple[bool, bool, float, float]:
-    """Return the sort key of a sensor model: by AICc, then by cross-validation error, with the table last."""
+    """Return a sort key for ranking sensor models: first AICc, then cross-validation error, and tables last."""
     error = math.inf if fit.cross_validation is None else fit.cross_validation
     return fit.model == "table", fit.aicc is None, fit.aicc or 0.0, error

@@ -1,4 +1,4 @@
-"""Define the results of a calibration: estimates with uncertainty, the fit of each model, and their report."""
+"""Define the results of a calibration, such as fitted parameters with their uncertainties."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .data import Calibration
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlopeUncertainty(Value):
-    """The sensor slope and its uncertainty at the distances where most of the virtual force acts.
+    """The sensor slope and its uncertainty at those distances at which most of the virtual force acts.
 
     It is taken over all curves that fit the readings.
 
@@ -38,7 +38,7 @@ class SlopeUncertainty(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawnCurve(Value):
-    """A sensor curve drawn at random from the curves that fit the readings, with its offset.
+    """A random sensor curve that fits the readings, with its sensor offset.
 
     Args:
         sensor: the curve, valid on the window.
@@ -50,13 +50,13 @@ class DrawnCurve(Value):
 
 
 class AllowedCurves(Protocol):
-    """Interface of an object that generates sensor curves that fit the readings."""
+    """Interface of an object that generates random sensor curves that fit the readings."""
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Return sensor curves through all readings, monotone between neighbors and independent of any family."""
+        """Return random sensor curves that pass through all readings and are monotone between neighboring readings."""
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw random sensor curves with soft saturation by their posterior probabilities."""
+        """Draw random sensor curves with soft saturation according to their posterior probabilities."""
 
 
 _FINEST: Final = 1e-4  # smallest relative error of a mean: no sensor is better, and exact numbers need a weight
@@ -65,7 +65,7 @@ _WIDE: Final = 6.0  # standard errors: a 95 % interval wider than this is not de
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate(Value):
-    """An estimated number with its standard error and 95 % interval.
+    """An estimated value with its standard error and its 95 % interval.
 
     Args:
         value: the estimate, in SI.
@@ -82,14 +82,14 @@ class Estimate(Value):
     unit: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the estimate as a dictionary for JSON, in SI units."""
+        """Return the estimated value as a dictionary for JSON, in SI units."""
         interval = (self.low, self.high)
         return {"value": self.value, "standard_error": self.standard_error, "interval": interval, "unit": self.unit}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OffsetEstimate(Value):
-    """The sensor output without an object in range, which is subtracted before the logarithm is taken.
+    """The sensor output without an object in range (offset), with its uncertainty.
 
     Args:
         value: the offset o, in the unit of the outputs.
@@ -107,16 +107,16 @@ class OffsetEstimate(Value):
 
     @property
     def is_wide(self) -> bool:
-        """Whether the 95 % interval of the offset is so wide that the standard error alone would mislead."""
+        """Whether the 95 % interval of the offset is so wide that the standard error alone would be misleading."""
         return self.high - self.low > _WIDE * self.standard_error
 
     @property
     def error_in_words(self) -> str:
-        """The standard error of the offset as text with two digits."""
+        """The standard error of the offset as text with two significant digits."""
         return f"{self.standard_error:.{2 if self.standard_error < 100 else 6}g}"
 
     def in_words(self, unit: str, digits: int = 4) -> str:
-        """Return the offset with its standard error as text, or the offset alone if its interval is much wider.
+        """Return the offset with its standard error as text, or without it if the standard error would be misleading.
 
         Examples:
             >>> offset = OffsetEstimate(value=180.0, standard_error=1.2, low=177.6, high=182.4, kind="measured")
@@ -132,7 +132,7 @@ class OffsetEstimate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseEstimate(Value):
-    """Noise of the readings, which is random, and misfit of the curve, which is the same in every reading.
+    """Random noise of the readings, and systematic misfit between sensor curve and readings.
 
     The mean of n readings has the variance (output^2 + (relative xi)^2) / n + (misfit xi)^2 about the curve.
 
@@ -155,17 +155,17 @@ class NoiseEstimate(Value):
     relative_source: str = ""
 
     def relative_of_means(self, count: IntArray) -> FloatArray:
-        """Return the relative error of the mean of `count` readings from relative noise and misfit."""
+        """Return the relative error of the mean of `count` readings, caused by relative noise and misfit."""
         return np.asarray(np.maximum(np.sqrt(self.relative**2 / count + self.misfit**2), _FINEST))
 
     def of_means(self, count: IntArray, signal: FloatArray) -> FloatArray:
-        """Return the standard deviation of means of `count` readings, in the unit of the outputs."""
+        """Return the standard deviation of the mean of `count` readings, in the unit of the sensor outputs."""
         return np.asarray(np.hypot(self.output / np.sqrt(count), self.relative_of_means(count) * signal))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsableWindow(Value):
-    """The range of distances in which a sensor can be used, with the reason for each end.
+    """The range of distances in which a sensor is usable, with the reason for each end of the range.
 
     Args:
         distances: the measured distances inside the window [m], increasing; empty if no signal is above the floor.
@@ -199,7 +199,7 @@ class UsableWindow(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SensorFit(Described, Value):
-    """Fit of one sensor model to a calibration, with parameters, uncertainties and residuals.
+    """Result of fitting one sensor model to a calibration: parameters, uncertainties and residuals.
 
     Residuals and their statistics refer to the points that were used.
 
@@ -275,7 +275,7 @@ class SensorFit(Described, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CalibrationReport(Described, Value):
-    """Ranking of all sensor models for a calibration, and the verdict whether the sensor is usable.
+    """Result of ranking all sensor models for a calibration, with a verdict on the sensor.
 
     Args:
         calibration: the readings.
@@ -307,11 +307,11 @@ class CalibrationReport(Described, Value):
 
     @property
     def best(self) -> SensorFit | None:
-        """The fit of the best-ranked sensor model, or None without a usable signal."""
+        """The fit of the best sensor model, or None if the readings contain no usable signal."""
         return self.fits[0] if self.fits else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the calibration report as a dictionary for JSON, in SI units."""
+        """Return the calibration results as a dictionary for JSON, in SI units."""
         calibration, slope = self.calibration, self.slope
         source = calibration.source
         fields = {

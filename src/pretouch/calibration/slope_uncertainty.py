@@ -1,4 +1,4 @@
-"""Estimate the uncertainty of the sensor slope g, and warn if it is too large for a design.
+"""Estimate the uncertainty of the sensor slope, and warn if this uncertainty is too large for a design.
 
 The slope is judged from the nearest usable distance to the distance at which the signal has fallen to a tenth. The
 virtual force gives the impulse D_p ln(xi / xi_0) until xi has grown from xi_0 to xi. From a tenth of its value at
@@ -28,7 +28,7 @@ _NORMAL: Final = 1.959964  # standard deviations from the mean to the end of a 9
 
 
 def slope_knowledge(prepared: Prepared) -> SlopeUncertainty | None:
-    """Return the sensor slope and its uncertainty over all curves that fit, or None with too few readings."""
+    """Return the sensor slope and its uncertainty over all curves that fit, or None if there are too few readings."""
     curves, used, offset = prepared.possible_curves, prepared.used, prepared.offset
     if curves is None or offset is None:
         return None
@@ -47,7 +47,7 @@ def slope_knowledge(prepared: Prepared) -> SlopeUncertainty | None:
 
 
 def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertainty | None) -> list[str]:
-    """Return warnings about an uncertain sensor slope, each with what to measure."""
+    """Return warnings if the sensor slope is uncertain, and say in each warning what to measure."""
     # One warning is about readings whose slope differs from that of the best model.
     if slope is None:
         return []
@@ -83,7 +83,7 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
 
 
 def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[float, float, float] | None:
-    """Return the largest significant difference between the slopes of readings and fitted curve.
+    """Return the largest significant difference between the slope of the readings and the fitted slope.
 
     The distances between which it occurs follow [m]. Without a difference that is both significant and too large, the
     result is None.

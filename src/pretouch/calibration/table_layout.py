@@ -37,7 +37,7 @@ _FEW = 3  # fewest distances of a curve: a setting with fewer is not a label
 
 
 def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
-    """Find the columns of distances, outputs and labels in a table with one reading per row."""
+    """Find the columns of distances, outputs and labels in a table that has one reading per row."""
     # Options come first; names and units of the columns decide the rest.
     _refuse_no_header(table)
     distance_index, output_indices = _columns(table, options)
@@ -57,7 +57,7 @@ def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
 
 
 def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
-    """Find the distance column and the output columns of a table; several output columns are repeats."""
+    """Find the distance column and the output columns of a table; several output columns count as repeats."""
     selected = options.output.index(table)
     distance = _distance(table, options.distance, selected)
     repeats = _repeats(table, distance)
@@ -87,7 +87,7 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
 
 
 def _repeats(table: TextTable, distance: int | None) -> list[int]:
-    """Return the columns of repeated readings, if their units agree and no other column is the output."""
+    """Return the columns of repeated readings if their units agree and no other column can be the output."""
     numbered = [i for i, title in enumerate(table.header) if is_named(title, "repeat") and i != distance]
     units = {split_title(table.header[i])[1] for i in numbered}
     named = [i for i, title in enumerate(table.header) if is_named(title, "output") and i not in {*numbered, distance}]
@@ -111,7 +111,7 @@ def _refuse_no_header(table: TextTable) -> None:
 
 
 def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int | None:
-    """Find the distance column of a table by the user's option, by its name, or by its unit of length."""
+    """Find the distance column of a table by the option of the user, by its name, or by its unit of length."""
     if option.names_a_column:
         return option.index(table)
     units = [split_title(title)[1] for title in table.header]
@@ -127,7 +127,7 @@ def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int
 
 
 def _output(table: TextTable, distance: int | None) -> int | None:
-    """Find the output column of a table by name or unit, or because it is the only remaining column."""
+    """Find the output column of a table by its name or unit, or take the only remaining column."""
     free = [i for i in range(len(table.header)) if i != distance]
     others = [i for i in free if not is_named(table.header[i], "setting")]
     named = [i for i in others if is_named(table.header[i], "output")]
@@ -141,13 +141,13 @@ def _output(table: TextTable, distance: int | None) -> int | None:
 
 
 def _may_be_label(table: TextTable, index: int) -> bool:
-    """Return whether a column without a usual name may hold labels, such as text or repeated values."""
+    """Return True if a column may contain labels, because it holds text or repeated values."""
     counts = {cell: count for cell, count in Counter(table.columns[index]).items() if not is_missing(cell)}
     return not all(map(is_number, counts)) or len(counts) < max(_FEW, sum(counts.values()) / 2)
 
 
 def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | None:
-    """Return the only matching column, return None without a match, and refuse two matches."""
+    """Return the only matching column or None without a match, and refuse two matching columns."""
     if len(matches) < 2:
         return matches[0] if matches else None
     first, second = (f"{i + 1}: {quoted(table.header[i])}" for i in matches[:2])
@@ -190,7 +190,7 @@ def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOptio
 
 
 def default_output_unit(cells: Collection[str]) -> tuple[str, str]:
-    """Return the unit for outputs without a stated unit, and a phrase that describes it."""
+    """Return the unit of sensor outputs if the table states no unit, and a phrase that describes this unit."""
     filled = [cell for cell in cells if not is_missing(cell)]
     if filled and all(re.fullmatch(r"\+?\d+", cell) for cell in filled):
         return "counts", "counts, because all of them are integers"
@@ -198,7 +198,7 @@ def default_output_unit(cells: Collection[str]) -> tuple[str, str]:
 
 
 def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tuple[int, ...], list[str]]:
-    """Return the label columns of a table, and notes on columns that are not used."""
+    """Return the label columns of a table, and notes on columns that are ignored."""
     labels, notes = [], []
     for i, title in enumerate(table.header):
         if i in {distance, *outputs}:
@@ -218,7 +218,7 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
 
 
 def _drifts(table: TextTable, index: int, distance: int) -> bool:
-    """Return whether a column drifts, so that most of its values occur at too few distances for a curve."""
+    """Return True if a column cannot be a label, because most of its values occur at too few distances."""
     distances_of: dict[str, set[str]] = {}
     for cell, distance_cell in zip(table.columns[index], table.columns[distance], strict=True):
         distances_of.setdefault(cell, set()).add(distance_cell)
@@ -230,7 +230,7 @@ _BRACKETS = re.compile(r"([^\[\]()]*)[\[(]\s*([^\[\]()]*)\s*[\])]")
 
 
 def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
-    """Find the columns of a table in which each column header is a distance."""
+    """Find the columns of a table whose column headers are distances."""
     # The result is None for a long table. An option that selects a column implies a long table.
     if options.names_a_column or not looks_wide(table.header, declared=options.declares_distances):
         return None
@@ -263,7 +263,7 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
 
 
 def _refuse_ambiguity(table: TextTable, marks: dict[int, UnitMark], others: list[int]) -> None:
-    """Refuse headers that may be either distances or numbers of repeats, in a table with a distance column."""
+    """Refuse a table in which the column headers may be distances or repeat numbers."""
     corner = next((i for i in others if is_length(split_title(table.header[i])[1])), None)
     if corner is None or any(mark.unit or mark.number is None for mark in marks.values()):
         return
@@ -278,7 +278,7 @@ def _refuse_ambiguity(table: TextTable, marks: dict[int, UnitMark], others: list
 
 
 def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, UnitMark], others: list[int]) -> str:
-    """Return the unit of distances in column headers, from other headers, the option or the corner cell."""
+    """Return the unit of the distances in column headers, from a header, an option or the corner cell."""
     header_units = list(dict.fromkeys(mark.unit for mark in marks.values() if mark.unit))
     bare = [i for i, mark in marks.items() if mark.unit is None and mark.number is not None and float(mark.number)]
     option_unit = options.distance.unit
@@ -309,7 +309,7 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Un
 
 
 def _units(title: str) -> list[tuple[str, str]]:
-    """Return all names with units in a column header; the corner cell of a table may have two."""
+    """Return all names with units that a column header contains; a corner cell may contain two."""
     units = [(name, unit.strip()) for name, unit in _BRACKETS.findall(title)]
     name, unit = split_title(title)
     return units or ([(name, unit)] if unit else [("", title)])
@@ -323,7 +323,7 @@ def _is_distance_name(name: str) -> bool:
 def _output_unit(
     table: TextTable, options: ColumnOptions, marks: dict[int, UnitMark], others: list[int]
 ) -> tuple[str, float, list[str]]:
-    """Return the unit of the outputs in a table whose headers are distances."""
+    """Return the unit of the sensor outputs in a table whose column headers are distances."""
     # The unit comes from the option or from the corner cell; otherwise, integers are counts.
     unit_text = options.output.unit
     for i in others:
@@ -341,7 +341,7 @@ def _output_unit(
 
 
 def _counts_rows(table: TextTable, index: int) -> bool:
-    """Return whether a column only numbers the repeats, gives their times, or is empty."""
+    """Return True if a column contains only repeat numbers, times or empty cells."""
     title = table.header[index]
     cells = table.columns[index]
     distinct = len(set(cells)) == len(cells)
@@ -355,7 +355,7 @@ def _counts_rows(table: TextTable, index: int) -> bool:
 
 
 def _numbers_a_repeat(cell: str) -> bool:
-    """Return whether a cell is the number of a repeat, such as `3` or `trial 3`."""
+    """Return True if a cell contains the number of a repeat, such as `3` or `trial 3`."""
     return is_number(cell) or is_missing(cell) or is_named(re.sub(r"\d+$", "", cell), "count")
 
 

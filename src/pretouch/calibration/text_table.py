@@ -1,4 +1,4 @@
-"""Parse a text table such as CSV: detect encoding, delimiter, decimal mark and header, and split its rows."""
+"""Split a text table, such as a CSV file, into a header and rows of cells."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = Non
 
 
 def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
-    """Split each line of a list into its table cells, in place."""
+    """Replace each line of a list by its table cells."""
     # Lines of `plain` text have no quotes and are split faster.
     mark = None if delimiter == _BLANK else delimiter
     for i, line in enumerate(rows):
@@ -94,7 +94,7 @@ def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
 
 
 def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimiter: str) -> tuple[tuple[str, ...], int]:
-    """Split the header of a table, or number the columns if there is no header."""
+    """Split the header line of a table into column headers, or number the columns if there is no header."""
     # The second result is the number of rows with units below the header.
     widths = Counter(len(row) for row in rows[:_COUNTED] if is_row(row))
     width = max(widths, key=lambda cells: (widths[cells], cells)) if widths else None
@@ -108,7 +108,7 @@ def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimit
 
 
 def _without_empty_end(header: tuple[str, ...], rows: list[Any]) -> tuple[str, ...]:
-    """Remove empty last columns from the header and the rows of a table."""
+    """Remove the last columns of a table if they are empty."""
     whole = width = len(header)
     while width > 1 and not header[width - 1] and all(not r[width - 1] for r in rows if width <= len(r) <= whole):
         width -= 1
@@ -120,7 +120,7 @@ def _without_empty_end(header: tuple[str, ...], rows: list[Any]) -> tuple[str, .
 def _refuse_other_widths(
     file: str, header: tuple[str, ...], rows: Sequence[tuple[str, ...]], numbers: Sequence[int], delimiter: str
 ) -> None:
-    """Raise an error for table rows with another number of cells than the header."""
+    """Raise an error if a table row has more or fewer cells than the header."""
     for number, row in zip(numbers, rows, strict=True):
         if len(row) != len(header):
             place, hint = f"{file}, line {number}", _hint(row, delimiter)
@@ -131,7 +131,7 @@ def _refuse_other_widths(
 
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
-    """Decode the bytes of a text file, and return the text and its encoding."""
+    """Decode the bytes of a text file, and return the text with the name of its encoding."""
     marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in content and not marked:
         raise _refusal(f"{file}: the file contains binary data, but a calibration must be a text table such as CSV")
@@ -142,7 +142,7 @@ def _decode(content: bytes, file: str) -> tuple[str, str]:
 
 
 def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
-    """Return the lines of a file that are neither blank nor comments, with their line numbers."""
+    """Return all lines of a file except blank lines and comments, with their line numbers."""
     # The last comment may be the header.
     numbers = array("q")
     texts: list[str] = []
@@ -169,7 +169,7 @@ def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
 
 
 def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -> tuple[int, Lines, tuple[str, ...]]:
-    """Find the header line of a calibration file."""
+    """Find the header line in a calibration file."""
     # The index is -1 if the file has no header and needs none. Lines and notes are returned as well.
     # Numbers above the header are refused.
     index = _certain_header(lines, options)
@@ -193,7 +193,7 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
 
 
 def _certain_header(lines: Lines, options: ColumnOptions) -> int | None:
-    """Find the line that names a distance or a selected column and is followed by rows of equal width."""
+    """Find the line that names a distance or a selected column, and that is followed by rows of equal width."""
     width: int | None = None
     wanted: list[int] = []
     for i in range(min(len(lines), _SEARCHED)):
@@ -211,7 +211,7 @@ def _certain_header(lines: Lines, options: ColumnOptions) -> int | None:
 
 
 def _is_header(line: str, width: int, options: ColumnOptions) -> bool:
-    """Return whether a line of `width` cells names a distance or a column that the user selected."""
+    """Return True if a line with `width` cells names a distance, or a column that the user selected."""
     delimiter = _delimiter(line)
     header = _header_cells(line, delimiter, width)
     if len(header) != width or width < 2:
@@ -221,7 +221,7 @@ def _is_header(line: str, width: int, options: ColumnOptions) -> bool:
 
 
 def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[int, Lines]:
-    """Take the first line of a file as the header, unless numbers far below make this doubtful."""
+    """Find the header of a file without known column names, and raise an error if the header is doubtful."""
     data = next((i for i, (_, t) in enumerate(lines[:_SEARCHED]) if is_row(_cells(t, _any_delimiter(t)))), None)
     if data is None:
         return 0, lines
@@ -241,13 +241,13 @@ def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[
 
 
 def _delimiter(line: str) -> str:
-    """Find the delimiter of the columns in a header line, outside brackets and quotes."""
+    """Find the column delimiter in a header line, ignoring text in brackets and quotes."""
     bare = re.sub(rf'"[^"]*"|{_BRACKETED}', "", line)
     return next((mark for mark in ("\t", ";", ",") if mark in bare.strip()), _BLANK)
 
 
 def _any_delimiter(line: str) -> str:
-    """Find the delimiter of the columns in a row of numbers, in which commas may be decimal marks."""
+    """Find the column delimiter in a row of numbers that may have decimal commas."""
     delimiter = _delimiter(line)
     if delimiter != ",":
         return delimiter
@@ -267,7 +267,7 @@ def _cells(line: str, delimiter: str) -> tuple[str, ...]:
 
 
 def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str, ...]:
-    """Split a header line into column names, and keep units in brackets with their names."""
+    """Split a header line into column headers, and keep units in brackets together with their names."""
     if delimiter != _BLANK:
         return _cells(line, delimiter)
     words: list[str] = []
@@ -284,7 +284,7 @@ def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str,
 
 
 def _hint(row: Sequence[str], delimiter: str) -> str:
-    """Return a hint on why a table row has another number of cells than the header."""
+    """Return a hint that explains why a table row has more or fewer cells than the header."""
     if not is_row(row) and sum(is_number(cell) for cell in row) < 2:
         return "; put # before a line that holds no reading"
     if delimiter == ",":

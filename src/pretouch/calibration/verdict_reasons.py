@@ -1,4 +1,4 @@
-"""List why a sensor is not fully usable, how to correct each problem, and which readings were excluded."""
+"""Explain the verdict on a sensor: list its problems, how to solve them, and the excluded readings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SMALL_FALL = 0.3  # decrease of ln xi over the window below which only the mean
 
 
 def left_out(prepared: Prepared) -> tuple[str, ...]:
-    """Return a sentence for each group of readings that the fits do not use, such as outliers."""
+    """Return a sentence for each group of readings that the fits ignore, such as outliers."""
     calibration, window, groups = prepared.calibration, prepared.window, []
     at_bad = np.isin(calibration.distances, prepared.outlier_distances)
     single = [i for i in prepared.outliers if not at_bad[i]]
@@ -64,7 +64,7 @@ def _readings(count: Any) -> str:
 
 
 def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
-    """Return a sentence that describes how well the best model fits a usable sensor."""
+    """Return a sentence that describes how well the best sensor model fits the readings."""
     low, high = (format_quantity(d, "m") for d in (prepared.window.l_min, prepared.window.l_max))
     if not fits:
         return f"The sensor signal is usable from {low} to {high}, but none of the requested models fits the readings."
@@ -77,7 +77,7 @@ def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
 
 
 def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None) -> list[str]:
-    """Return warnings about a sensor with a usable signal, each with its remedy."""
+    """Return warnings about a sensor that has a usable signal, with a remedy in each warning."""
     calibration, window, used = prepared.calibration, prepared.window, prepared.used
     low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))
     signal = used.output - (fits[0].offset.value if fits else 0.0)
@@ -112,7 +112,7 @@ def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUnc
 
 
 def _offset_reservations(prepared: Prepared) -> list[str]:
-    """Return warnings about a sensor offset that is impossible or contradicts the readings."""
+    """Return warnings if the sensor offset is impossible or contradicts the readings."""
     unit, offset, noise, reasons = prepared.calibration.unit, prepared.offset, prepared.noise, []
     if offset is None or noise is None:
         return []

@@ -1,4 +1,4 @@
-"""Find the usable distances of a sensor, between saturation or a near-field peak and the noise floor."""
+"""Find the range of distances in which a sensor is usable."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SHARE: Final = 0.2  # outputs above the lowest one by less than this share of t
 
 
 def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
-    """Return whether the sensor output rises with distance instead of falling."""
+    """Return True if the sensor output rises with distance instead of falling."""
     # Toward a near-field peak the output rises, too, but then it falls farther.
     steady = curve.steady
     peak = int(np.argmax(steady))
@@ -35,7 +35,7 @@ def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
 
 
 def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
-    """Return how many points precede a renewed rise of the output; without a rise, return the number of points.
+    """Return the number of points before the sensor output rises again, or all points if it never rises.
 
     Points that may already include a part of the rise are excluded as well.
     """
@@ -53,7 +53,7 @@ def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
 
 
 def _error(curve: AveragedCurve, noise: ReadingNoise) -> float:
-    """Return the standard deviation of averaged readings in the flat part of the curve."""
+    """Return the standard deviation of the averaged readings where the output is flat."""
     if noise.sigma is not None:
         error = noise.sigma / np.sqrt(float(np.median(curve.count)))
         return float(np.hypot(error, noise.resolution / np.sqrt(12.0)))
@@ -72,7 +72,7 @@ _CLIPPED_SHARE: Final = 0.99  # share of full scale; converters and amplifiers c
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NearEnd:
-    """The near end of the usable distances: its index in the averaged readings, the reason, and the clipping level.
+    """The smallest usable distance of a sensor, with the reason for this limit and the saturation level.
 
     `flat` is true if the output has no slope there, as at a detected peak.
     """
@@ -92,7 +92,7 @@ def find_window(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> UsableWindow:
-    """Find the range of distances in which a sensor can be used.
+    """Find the range of distances in which a sensor is usable.
 
     The window starts beyond the last clipped distance, at the near-field peak or farther. It ends before the first
     distance at which the averaged signal is less than `floor_sigmas` standard errors above the offset, unless the next
@@ -139,7 +139,7 @@ def find_window(
 
 
 def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
-    """Convert a number, or a number and its standard error, to an estimate of the sensor offset."""
+    """Convert a sensor offset that the user declares, with or without standard error, to an `OffsetEstimate`."""
     value, error = offset if isinstance(offset, (tuple, list)) else (offset, 0.0)
     value, error = float(finite(value, "offset")), float(nonnegative(error, "standard error of the offset"))
     reach = 1.959964 * error
@@ -149,7 +149,7 @@ def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
 def find_near_end(
     calibration: Calibration, curve: AveragedCurve, saturation: float | str | None, near_field_peak: float | str | None
 ) -> NearEnd:
-    """Find the smallest usable distance of a sensor and the reason for it."""
+    """Find the smallest usable distance of a sensor, and the reason for this limit."""
     # If all readings are clipped, the index is the number of distances.
     level, source = _saturation(calibration, curve, saturation)
     saturated = calibration.outputs >= (np.inf if level is None else level)
@@ -169,7 +169,7 @@ def find_near_end(
 
 
 def _end_of_clipping(clipped: BoolArray) -> int:
-    """Return the index after the last clipped reading; an isolated clipped reading is an outlier."""
+    """Return the index of the first reading after all clipped readings; a single clipped reading is ignored."""
     supported = [
         i for i in np.flatnonzero(clipped) if i == 0 or clipped[i - 1] or (i + 1 < len(clipped) and clipped[i + 1])
     ]
@@ -177,7 +177,7 @@ def _end_of_clipping(clipped: BoolArray) -> int:
 
 
 def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | str | None) -> tuple[float | None, str]:
-    """Return the output level at which a sensor clips, and how the level was found."""
+    """Return the output at which a sensor clips, and how this level was found."""
     if option is None:
         return None, ""
     if not isinstance(option, str):
@@ -200,7 +200,7 @@ def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | 
 
 
 def _peak(curve: AveragedCurve, start: int, option: float | str | None) -> tuple[int, str]:
-    """Return the index of the distance beyond which the output falls, and how it was found."""
+    """Return the index of the distance at which the output has its maximum, and how the maximum was found."""
     if option is None:
         return start, ""
     if option != "auto":
@@ -228,7 +228,7 @@ def window_of(
     left_out: tuple[int, ...] = (),
     last: tuple[int, str] | None = None,
 ) -> UsableWindow:
-    """Find the largest usable distance of a sensor, and return the range of usable distances."""
+    """Find the largest usable distance of a sensor, and return the whole range of usable distances."""
     # Points `left_out` are skipped; `last` is the index after the last point that may be used, and the reason.
     stop, reason = last or (len(curve.distance), "last measured distance")
     indices = [i for i in range(near.index, stop) if i not in left_out]

@@ -1,4 +1,4 @@
-"""Draw other sensor curves that fit the same readings, so that a gain can be tested on these curves.
+"""Draw random sensor curves that fit the readings as well, so that a gain can be tested on these curves.
 
 The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's virtual
 force, L(2), is D_p times the change of ln(y - o). This impulse does not depend on the curve between the readings, or on
@@ -31,7 +31,7 @@ _STEEPEST: Final = 3.0  # times the flatter neighboring secant: with more, a cub
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Witness(Value):
-    """The readings of a calibration as a source of sensor curves that do not depend on the fitted model.
+    """Source of random sensor curves that fit the readings but do not depend on the fitted model.
 
     Args:
         distances: distances with a signal above the offset [m], increasing, shape (N,).
@@ -48,7 +48,7 @@ class Witness(Value):
     ceilings: CeilingFits
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Return sensor curves through the readings, within their errors, that are monotone between neighbors.
+        """Return random sensor curves that pass through the readings, within their errors.
 
         The first is linear in ln xi between neighbors, the second SciPy's PCHIP; the others alternate between linear
         and random slopes, and move each reading within its error.
@@ -74,14 +74,14 @@ class Witness(Value):
         return tuple(curves)
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw random sensor curves with soft saturation by their posterior probabilities."""
+        """Draw random sensor curves with soft saturation according to their posterior probabilities."""
         return self.ceilings.draw(count, seed)
 
 
 def witness_of(
     curve: AveragedCurve, offset: OffsetEstimate, noise: NoiseEstimate, ceilings: CeilingFits, farthest: float
 ) -> Witness | None:
-    """Return the usable readings as a source of sensor curves, or None if fewer than two carry a signal."""
+    """Return a source of random sensor curves from the readings, or None if fewer than two readings carry a signal."""
     part = curve.part((curve.output > offset.value) & (curve.distance <= farthest))
     if len(part.distance) < 2:
         return None
@@ -99,7 +99,7 @@ def witness_of(
 
 
 def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
-    """Return the falling sequence nearest to the log outputs, or the log outputs unchanged if they clearly rise."""
+    """Remove rises of the log output that noise can explain; otherwise return the log outputs unchanged."""
     if (np.diff(level) <= 0).all():
         return level
     from scipy.optimize import isotonic_regression  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -109,7 +109,7 @@ def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
 
 
 def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray) -> FloatArray:
-    """Return the slopes of a shape-preserving piecewise cubic (PCHIP) through the readings."""
+    """Return the slopes of a monotone piecewise cubic curve (PCHIP) through the readings."""
     if len(distance) == 2:
         return np.repeat(secants, 2)
     from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -118,7 +118,7 @@ def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray)
 
 
 def _bounded(slopes: FloatArray, secants: FloatArray) -> FloatArray:
-    """Limit slopes so that the cubic curve between readings is monotone."""
+    """Limit the slopes at the readings so that the cubic curve between the readings is monotone."""
     near, far = np.concatenate([secants[:1], secants]), np.concatenate([secants, secants[-1:]])
     size = _STEEPEST * np.minimum(np.abs(near), np.abs(far))
     same = np.sign(near) == np.sign(far)

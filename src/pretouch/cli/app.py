@@ -1,4 +1,4 @@
-"""Define the command `pretouch` with its subcommands and version option, and set up the process."""
+"""Define the command `pretouch` with its subcommands and its version option."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _EXAMPLES: Final = {  # in the order of the help: two commands for each verb, an
 
 
 def _epilog(first: str, second: str, page: str) -> str:
-    """Return the last part of the help of a command: examples and the page of the documentation."""
+    """Return the last part of the help text of a command: examples and the page of the documentation."""
     return f"\b\nExamples:\n  pretouch {first}\n  pretouch {second}\n\n\b\nDocumentation: docs/{page}"
 
 
@@ -60,11 +60,11 @@ def _root(
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Choose the gain of a proximity-sensor-based preemptive impact controller without one collision."""
+    """Choose the gain of a proximity-sensor-based preemptive impact controller without a single collision."""
 
 
 def _run() -> int:
-    """Run the command line, including help and usage errors, and return the exit status."""
+    """Run the command line, including help texts and usage errors, and return the exit status."""
     try:
         app(prog_name="pretouch")
     except SystemExit as ended:
@@ -73,7 +73,7 @@ def _run() -> int:
 
 
 def main() -> None:
-    """Run the command line with the arguments of this process and exit with the resulting status."""
+    """Run the command line with the arguments of this process, and exit with the resulting status."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its idle threads would compete with ours for the cores
     gc.set_threshold(100_000)  # imported libraries leave no garbage, but collecting takes a tenth of the run
     try:

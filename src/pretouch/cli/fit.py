@@ -91,19 +91,19 @@ def _show(request: FitRequest, shown: Presentation) -> None:
 
 
 def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
-    """Print the notes on a calibration curve, except notes that are printed already."""
+    """Print the notes on a calibration curve, except notes that are already printed."""
     for note in () if curve.source is None else curve.source.notes:
         if note not in printed:
             print_text(f"note: {note}")
 
 
 def _word_or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:
-    """Return a text unchanged if it is one of the allowed words; otherwise parse it."""
+    """Return an allowed word unchanged, and parse any other text."""
     return text if text in words else read(text, name=name)
 
 
 def _columns(text: str | None) -> dict[str, str]:
-    """Parse the option --columns, such as `distance=1,output=3 [V]`."""
+    """Parse the option --columns, such as `distance=1,output=3 [V]`, which selects columns of a table."""
     # A header may contain commas.
     if text is None:
         return {}
@@ -117,13 +117,13 @@ def _columns(text: str | None) -> dict[str, str]:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Parse a list of column names such as `day,sensor`; the word `none` results in no names."""
+    """Parse a list of column names such as `day,sensor`; the word `none` gives an empty list."""
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     return () if names == ("none",) else names
 
 
 def _selected(texts: list[str]) -> dict[str, str]:
-    """Parse labels of calibration curves, such as `day=30`."""
+    """Parse the option that selects calibration curves by their labels, such as `day=30`."""
     for text in texts:
         if not re.fullmatch(r"[^=]+=.+", text):
             raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")
@@ -142,7 +142,7 @@ def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:
 
 
 def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presentation) -> None:
-    """Fit several calibration curves and print a row or a JSON object for each of them."""
+    """Fit several calibration curves, and print a table row or a JSON object for each curve."""
     if shown.output is not None:
         raise InvalidInputError(
             f"--output: the file {request.path.name} contains {len(curves)} curves, but a report covers only one "

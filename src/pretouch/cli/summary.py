@@ -1,4 +1,4 @@
-"""Summarize a result for the terminal: answer, important numbers, limits, warnings and next step."""
+"""Summarize a result for the terminal: main answer, important numbers, warnings and next step."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: S
 
 
 def _figures(page: Page) -> list[str]:
-    """Return a line of text for each of the first four key figures of a page."""
+    """Return one line of text for each of the first four key figures of a report page."""
     rows = []
     for name, cell in page.key_figures[:_FIGURES]:
         label, _, comparison = name.partition("; ")
@@ -55,7 +55,7 @@ def _figures(page: Page) -> list[str]:
 
 
 def _fitting(paragraphs: Sequence[Sequence[str]], room: int, findings: int) -> list[str]:
-    """Return the first paragraphs that fit into a number of lines; a last line counts the omitted ones."""
+    """Return the first paragraphs that fit into a number of lines; the last line counts the omitted paragraphs."""
     lines: list[str] = []
     for i, paragraph in enumerate(paragraphs):
         rest = len(paragraphs) - i - 1
@@ -73,7 +73,7 @@ def _first_sentence(text: str) -> str:
 
 
 def _wrapped(text: str, *, first: str = "", indent: str = "") -> list[str]:
-    """Break a text into lines, but never between a number and its unit, or within a key and its quoted value."""
+    """Break a text into lines, but never between a number and its unit, or between a key and its quoted value."""
     together = r"(?<=\d) (?=[^\W\d]|%)|(?<=\bN) (?=s\b)|(?<=\w) (?== \")|(?<==) (?=\")"
     kept = re.sub(together, "\u00a0", plain_text(text))
     lines = textwrap.wrap(kept, WIDTH, initial_indent=first, subsequent_indent=indent, break_on_hyphens=False)

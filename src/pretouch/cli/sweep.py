@@ -1,4 +1,4 @@
-"""Implement the command `pretouch sweep`, which computes contacts or optimal gains over a grid of inputs."""
+"""Implement the command `pretouch sweep`, which solves encounters or finds gains over a grid of inputs."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _sweep(
     figure: Path | None,
     dask: str | None,
 ) -> None:
-    """Compute the sweep that the command line describes, and show its results."""
+    """Compute the sweep that the command line options describe, and show its results."""
     from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch.sweeps import sweep as run_sweep  # noqa: PLC0415
 
@@ -129,7 +129,7 @@ def _sweep(
 
 
 def _nominal(task: Task) -> Any:
-    """Return the designed gain of the nominal encounter, or the task itself if no gain is designed."""
+    """Return the designed gain of the nominal encounter; if there is no gain to design, return the task itself."""
     if task.gain is not None or task.objective is None or task.bounds is None or task.scenario.obstacle.course:
         return task
     from pretouch.design import design_gain  # noqa: PLC0415 - keeps `pretouch --help` quick
@@ -138,7 +138,7 @@ def _nominal(task: Task) -> Any:
 
 
 def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
-    """Parse the axes of a sweep from the command line."""
+    """Parse the sweep axes that the command line options define."""
     from pretouch.sweeps.axes import inputs_of, read_axis  # noqa: PLC0415
 
     contacts = task.gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)
@@ -155,7 +155,7 @@ def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
 
 
 def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
-    """Raise an error, before anything is computed, if a figure cannot be drawn or written."""
+    """Raise an error, before anything is computed, if the figure of a sweep cannot be drawn or written."""
     if path.suffix.lower() not in _FIGURES:
         raise InvalidInputError(
             f"--figure: found {str(path)!r}, expected a file name with the ending {', '.join(_FIGURES)}"

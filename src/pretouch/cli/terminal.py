@@ -1,4 +1,4 @@
-"""Provide options, terminal output, exit codes and report writing for all subcommands."""
+"""Provide the options, terminal output and exit codes that all subcommands share."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ _BROKEN_PIPE: Final = 141
 
 
 def option(metavar: str, description: str, **more: Any) -> Any:
-    """Return a command-line option with its type of value and its help text."""
+    """Return a command-line option with the type of its value and its help text."""
     return typer.Option(metavar=metavar, help=description, **more)
 
 
 def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
-    """Parse the option --gain in the unit of the control law; None if the option is missing."""
+    """Parse the option --gain in the unit of the control law's gain; None if the option is missing."""
     try:
         return None if text is None else read_quantity(text, law.number.unit, name="--gain")
     except UnitError as error:
@@ -76,7 +76,7 @@ def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
 
 
 def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
-    """Run a command and exit with its status; print an error as a message without traceback.
+    """Run a command and exit with its status; print errors as messages without traceback.
 
     With `json_wanted`, an error is also printed as a JSON object on stdout. Unexpected exceptions keep their traceback.
 
@@ -102,7 +102,7 @@ def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
 
 
 def guard_output(run: Callable[[], int]) -> int:
-    """Run a command and return its exit status, or a special status if standard output fails."""
+    """Run a command and return its exit status, or another status if writing to standard output fails."""
     try:
         code = run()
         _flush_output()
@@ -121,7 +121,7 @@ def guard_output(run: Callable[[], int]) -> int:
 
 
 class _OutputError(PretouchError, OSError):
-    """Error if standard output cannot be written.
+    """Error that is raised if standard output cannot be written.
 
     Examples are a full disk or a closed pipe.
     """
@@ -133,7 +133,7 @@ def _flush_output() -> None:
 
 
 def _output_failure(error: OSError) -> OSError | None:
-    """Return the failure of standard output that caused an error; None if the error has another cause."""
+    """Return the standard output error that caused another error; None if the error has a different cause."""
     if isinstance(error, _OutputError):
         return error.__cause__ if isinstance(error.__cause__, OSError) else error
     frame = error.__traceback__
@@ -150,20 +150,20 @@ def _output_failure(error: OSError) -> OSError | None:
 
 
 def _discard_output() -> None:
-    """Discard the buffer of standard output, so that flushing at exit does not fail a second time."""
+    """Discard buffered standard output, so that flushing at exit does not fail a second time."""
     if sys.stdout is not None:
         with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def end(*, good: bool) -> None:
-    """Exit with status 1 if the result is not good."""
+    """Exit with status 1 if the command's result is not good."""
     if not good:
         raise typer.Exit(_NO_RESULT)
 
 
 def print_text(text: str) -> None:
-    """Print a text to stdout and flush; characters that stdout cannot encode are replaced."""
+    """Print a text to standard output, and replace characters that standard output cannot encode."""
     if sys.stdout is None:
         raise _OutputError("it is closed")
     try:
@@ -173,14 +173,14 @@ def print_text(text: str) -> None:
 
 
 def print_message(text: str) -> None:
-    """Print a message to stderr, with the name of the program on each line; ignore failures."""
+    """Print a message to standard error with the name of the program on each line, and ignore failures."""
     # The exit status reports the problem in any case.
     with contextlib.suppress(OSError, AttributeError):  # full, or closed
         _write(sys.stderr, "\n".join(f"pretouch: {line}" for line in text.split("\n")))
 
 
 def print_progress(text: str) -> None:
-    """Print a progress message to stderr if stderr is a terminal."""
+    """Print a progress message to standard error if standard error is a terminal."""
     if sys.stderr is not None and sys.stderr.isatty():
         print_message(text)
 
@@ -288,13 +288,13 @@ class Presentation:
     def formatted(
         self, reservations: Reservations | None, as_dict: Callable[[], dict[str, Any]], as_text: Callable[[], str]
     ) -> str:
-        """Return a result as JSON or text, with the warnings about its calibration."""
+        """Return a result as JSON or text, including the warnings about the sensor's calibration."""
         if self.json:
             return as_json(as_dict() if reservations is None else reservations.around_dict(as_dict()))
         return as_text() if reservations is None else reservations.around_text(as_text())
 
     def _summary(self, result: Any, reservations: Reservations | None, lines: int) -> str:
-        """Return the summary of a result, with the verdict on its calibration."""
+        """Return the summary of a result, including the answer to whether the calibration is good enough."""
         from pretouch._core.blocks import page_of  # noqa: PLC0415 - `pretouch --help` stays fast
 
         from .summary import summary_of  # noqa: PLC0415

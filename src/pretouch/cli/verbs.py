@@ -28,7 +28,7 @@ LoopSeed: TypeAlias = Annotated[int | None, option("NUMBER", "Seed of the noise;
 
 
 def _load(file: Path, activity: str) -> Task:
-    """Load a scenario file and print what is computed next."""
+    """Load a scenario file, and print which computation comes next."""
     from pretouch.config import load_scenario  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     task = load_scenario(file)
@@ -37,7 +37,7 @@ def _load(file: Path, activity: str) -> Task:
 
 
 def _load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> Task:
-    """Load a scenario file with a sampled loop; the options --gain and --seed override the file."""
+    """Load a scenario file with a sampled loop; the options --gain and --seed override values in the file."""
     task = _load(file, activity)
     number = read_gain(gain, task.law)
     loop = task.loop if seed is None or task.loop is None else replace(task.loop, seed=seed)
@@ -46,7 +46,7 @@ def _load_loop(file: Path, activity: str, gain: str | None, seed: int | None) ->
 
 @verb
 def design(shown: Presentation, *, file: ScenarioFile) -> None:
-    """Choose the optimal gain for a scenario file (TOML), and the admittance if the file has bounds for it.
+    """Choose the optimal gain for a scenario file (TOML), and the optimal admittance if the file gives its bounds.
 
     If the law is a virtual drag with an effect, chooses the drag by that effect.
 
@@ -118,7 +118,7 @@ def robust(
 
 @verb
 def simulate(shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed: LoopSeed = None) -> None:
-    """Simulate one encounter of a scenario file (TOML) on the sampled loop: sensor, controller, robot, contact.
+    """Simulate one encounter of a scenario file (TOML) with sampled sensor, controller, robot and contact.
 
     Prints the simulated contact compared with the prediction and with no mitigation, the moment of detection, every
     contact with its force, and the status of the controller. Writes a report with the time series of the run,
@@ -148,7 +148,7 @@ def verify(
         bool, typer.Option("--changes/--no-changes", help="Search for the single change that would help most.")
     ] = True,
 ) -> None:
-    """Verify by simulation that a gain holds on the sampled loop of a scenario file (TOML).
+    """Verify by simulation that a gain meets its limits on the sampled loop of a scenario file (TOML).
 
     Simulates many encounters with sensor noise and the uncertain inputs of [uncertainty]; if the file names a
     calibration, also with all sensor curves that its readings allow. Prints a verdict, the predicted and the simulated
@@ -175,7 +175,7 @@ def reproduce(
         list[str] | None, typer.Argument(metavar="ID", help="What to reproduce; by default everything.")
     ] = None,
 ) -> None:
-    """Reproduce the tables and figures of the letter.
+    """Reproduce the tables and figures of the published letter.
 
     Compares every printed number with the computed one. Prints how many agree, the differences with their reasons, and
     contradictions between the letter's text and its equations. Writes letter-reproduction.html in this folder, a report

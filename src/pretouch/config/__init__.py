@@ -1,4 +1,4 @@
-"""Load a scenario file (TOML with units), check it against a schema, and build a Task from it."""
+"""Load a scenario file (TOML with units), check it against a schema, and create a design task from it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtrac
 
 @check_arguments
 def load_scenario(path: str | os.PathLike[str]) -> Task:
-    """Read a scenario file (TOML) and return its task.
+    """Read a scenario file (TOML) and return the task that the file describes.
 
     docs/scenario-file.md lists the sections and keys of a scenario file.
 
@@ -104,7 +104,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
 
 
 def _task(builder: _Builder) -> Task | None:
-    """Build the task that a scenario file describes; None if the file has mistakes."""
+    """Build the task that a scenario file describes; return None if the file contains mistakes."""
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
     options = {"impact": builder.make("impact"), **builder.freedom(), **builder.settings("motion")}
     options |= {section: builder.options(section) for section in OPTIONS}
@@ -137,7 +137,7 @@ def _task(builder: _Builder) -> Task | None:
 
 
 def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
-    """Return a sentence on the distances that the calibration supports; empty without a calibration."""
+    """Return a sentence on the distances that the calibration supports; an empty text without a calibration."""
     if calibration is None:
         return ""
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
@@ -150,13 +150,13 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
 
 
 class _Builder(Reading):
-    """Builds the parts of a task from the sections of a scenario file.
+    """Builds sensor, encounter, objective and constraints of a task from the sections of a scenario file.
 
     A part with a mistake is None.
     """
 
     def sensor(self) -> tuple[SensorModel | None, CalibrationReport | None]:
-        """Build the sensor of the scenario file; fit the sensor curve if the file names a calibration."""
+        """Build the sensor of the scenario file, and fit its curve if the file names a calibration."""
         values = self.values("sensor")
         if values is None:
             return None, None
@@ -173,7 +173,7 @@ class _Builder(Reading):
         )
 
     def _calibrated(self, values: Mapping[str, Any]) -> tuple[SensorModel | None, CalibrationReport | None]:
-        """Fit the sensor curve to the calibration file that the section [sensor] names."""
+        """Fit the sensor curve to the calibration file that the section [sensor] of the scenario file names."""
         data, folder = self.data["sensor"], self.source.path.parent
         outputs: dict[str, Any] = {
             key: values[key] if isinstance(values[key], str) else read_output(data[key], name=key)
@@ -200,7 +200,7 @@ class _Builder(Reading):
         return self.attempt("sensor", lambda: _extend(sensor, values.get("recess"), limits)), report
 
     def scenario(self) -> Scenario | None:
-        """Build the encounter from the sections of the scenario file."""
+        """Build the encounter from the scenario file."""
         parts = {
             name: self.make(name, tuple(FREE))
             for name in ("admittance", "obstacle", "plant", "reference")
@@ -211,7 +211,7 @@ class _Builder(Reading):
         return self.attempt("obstacle", lambda: Scenario(**parts))
 
     def freedom(self) -> dict[str, tuple[float, float]]:
-        """Return the bounds of natural frequency and damping ratio, if the scenario file has them."""
+        """Return the bounds of natural frequency and damping ratio, if the scenario file contains such bounds."""
         values = self.values("admittance") or {}
         return {key.removesuffix("_bounds"): (values[key][0], values[key][1]) for key in FREE if key in values}
 
@@ -240,17 +240,17 @@ class _Builder(Reading):
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
 
     def needs_impact_of_quantities(self) -> None:
-        """Refuse forces as quantities of a Pareto front, if [impact] is missing."""
+        """Report a mistake if a Pareto front needs the impact force but the section [impact] is missing."""
         for i, name in enumerate((self.values("pareto") or {}).get("quantities", ())):
             self._needs_impact(name, ("pareto", "quantities", i))
 
     def needs_impact_of_effect(self) -> None:
-        """Report a mistake if a drag is chosen by its impact force but the section [impact] is missing."""
+        """Report a mistake if a virtual drag is chosen by its impact force but the section [impact] is missing."""
         if "impact_force" in (self.values("law") or {}):
             self._needs_impact("impact_force", ("law", "impact_force"))
 
     def check_range(self, sensor: SensorModel, scenario: Scenario, calibration: CalibrationReport | None) -> None:
-        """Report a mistake if the encounter starts or ends outside the valid range of the sensor."""
+        """Report a mistake if the encounter starts or ends outside the usable distance range of the sensor."""
         low, high = sensor.valid_range
         recess = getattr(sensor, "recess", 0.0)
         window = None if calibration is None else calibration.window
@@ -280,7 +280,7 @@ class _Builder(Reading):
             )
 
     def check_frequencies(self, scenario: Scenario | None) -> None:
-        """Report a mistake if the admittance is too fast for any control loop."""
+        """Report a mistake if the natural frequency of the admittance is too high for any control loop."""
         values = self.values("admittance") or {}
         frequencies = {key: values[key][1] for key in FREE if key == "natural_frequency_bounds" and key in values}
         if scenario is not None:
@@ -295,7 +295,7 @@ class _Builder(Reading):
                 )
 
     def check_slope(self, sensor: SensorModel) -> None:
-        """Report a mistake if the sensor curve is implausibly steep at contact."""
+        """Report a mistake if the slope of the sensor curve at contact is implausibly steep."""
         # An implausible curve falls by a factor of e within less than a micrometer.
         nearest = max(sensor.valid_range[0], 0.0)
         slope = abs(float(sensor.log_slope(nearest)))
@@ -317,12 +317,10 @@ class _Builder(Reading):
 
 
 def _without_content(error: PretouchError, path: Path) -> str:
-    """Return the message of a calibration error without any content of the calibration file.
+    """Return the message of a calibration error without quoting the contents of the calibration file.
 
     A scenario may name any file, so the message must not reveal its content. If the mistake is not in the file, the
     message names the key of [sensor] with the mistake.
-
-    If the mistake is not in the file, the message names the key of [sensor] with the mistake.
     """
     if not isinstance(error, CalibrationDataError):
         return str(error)
@@ -335,7 +333,7 @@ def _without_content(error: PretouchError, path: Path) -> str:
 
 
 def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
-    """Apply the recess to a fitted curve, and extend or cut the curve to the requested distances."""
+    """Move a fitted curve by the recess of the sensor, and extend or cut it to the requested distances."""
     if recess is None:
         return dataclasses.replace(sensor, **limits)
     low, high = sensor.valid_range
@@ -346,7 +344,7 @@ def _extend(sensor: SensorModel, recess: float | None, limits: Mapping[str, floa
 
 
 def _terms(values: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[str, Any]]]:
-    """Yield the terms of an objective, each with the keys that define its quantity and its scale."""
+    """Yield the terms of an objective, each with the file keys that define its quantity and its scale."""
     for i, term in enumerate(values.get("terms", ())):
         path: KeyPath = ("objective", "terms", i)
         yield (*path, "quantity"), (*path, "scale"), term

@@ -1,4 +1,4 @@
-"""Build the sampled controller from the section [controller] of a scenario file."""
+"""Create the sampled controller from the section `[controller]` of a scenario file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _LAW: Final = ("approach_only", "release", "ramp_time")
 def make_controller(
     file: Reading, values: Mapping[str, Any], chain: SensorChain, scenario: Scenario, positioned: bool
 ) -> Controller | None:
-    """Build the controller and check that it accepts the initial state of the encounter."""
+    """Build the controller and check that the controller accepts the initial state of the encounter."""
     period = 1 / values["rate"] if "rate" in values else values["period"]
     sensing = _conditioning(file, values, chain, period)
     law = _law(file, values, chain)
@@ -58,7 +58,7 @@ def make_controller(
 
 
 def _law(file: Reading, values: Mapping[str, Any], chain: SensorChain) -> Law | None:
-    """Build the sampled control law, with gain 0 if the scenario file has no gain."""
+    """Build the sampled control law; its gain is 0 if the scenario file has no gain."""
     if file.law == DRAG:
         return sampled_drag(file, chain)
     if file.law != DAMPER:
@@ -111,7 +111,7 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
 def refuse_curve_below_floor(
     file: Reading, sensor: SensorModel, conditioning: Conditioning, part: SensorPart | None
 ) -> None:
-    """Report a mistake if the sensor output at contact is below the controller's detection threshold."""
+    """Report a mistake if the sensor output at contact is too low for the controller to detect the object."""
     if not sensor.contains(0.0):
         return  # another check refuses this curve
     log_output = float(sensor.log_output(0.0))  # its exponential may overflow

@@ -1,4 +1,4 @@
-"""Read a scenario file and parse its TOML; explain a syntax error by its line and a probable correction."""
+"""Read a scenario file, parse its TOML, and explain syntax errors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TWICE: Final = re.compile(r"Cannot (overwrite|declare|mutate|redefine)|already"
 
 
 def read_document(path: str | os.PathLike[str]) -> tuple[bytes, str, dict[str, Any]]:
-    """Return the bytes, the text and the parsed TOML of a scenario file."""
+    """Return the bytes, the text and the parsed contents of a scenario file (TOML)."""
     place = Path(path)
     content = _read(place)
     text = _decode(place, content)
@@ -31,7 +31,7 @@ def read_document(path: str | os.PathLike[str]) -> tuple[bytes, str, dict[str, A
 
 
 def _read(path: Path) -> bytes:
-    """Return the bytes of a scenario file; if it cannot be read, raise an error with the reason."""
+    """Return the bytes of a scenario file; if the file cannot be read, raise an error that gives the reason."""
     try:
         return read_regular_file(path, most=_MOST_BYTES, refuse=ScenarioFileError)
     except FileNotFoundError:
@@ -53,7 +53,7 @@ def _scenarios_in_folder(path: Path) -> list[str]:
 
 
 def _decode(path: Path, content: bytes) -> str:
-    """Decode a scenario file as UTF-8, with or without a byte order mark, and normalize line ends."""
+    """Decode a scenario file as UTF-8, with or without a byte order mark, and normalize its line ends."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise ScenarioFileError(f"{path}, line 1: the text is encoded in UTF-16; save the file as UTF-8")
     try:
@@ -67,7 +67,7 @@ def _decode(path: Path, content: bytes) -> str:
 
 
 def _parse(path: Path, text: str) -> dict[str, Any]:
-    """Parse a TOML text; explain a syntax error with its line and a hint."""
+    """Parse a TOML text; the message of a syntax error gives the line and a suggested correction."""
     deep = _DEEP.search(text)
     if deep is not None:
         line = text.count("\n", 0, deep.start()) + 1
@@ -94,7 +94,7 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
 
 
 def _hint(path: Path, message: str, line: str) -> str:
-    """Return the probable correction of a wrong TOML line, or else the message of the parser."""
+    """Return a probable correction of a wrong TOML line, or else the message of the TOML parser."""
     key, _, value = (part.strip() for part in re.sub(r"\s#.*", "", line).partition("="))
     if path.suffix.lower() in {".csv", ".tsv", ".txt"}:
         return "expected a scenario file (TOML); for a calibration run: pretouch fit"

@@ -24,7 +24,7 @@ _PLAIN: Final = re.compile(r"[^,\]}#\n]*")
 
 
 def key_lines(text: str) -> Mapping[KeyPath, int]:
-    r"""Map every key of a TOML text to its line number.
+    r"""Return the line number of every key of a TOML text.
 
     Returns:
         The line number of each key, counted from 1, by the path of the key.
@@ -60,7 +60,7 @@ class _Scan:
         return self.lines
 
     def header(self) -> KeyPath:
-        """Parse a section header `[a.b]` or `[[a.b]]` and return the path of the section."""
+        """Parse a section header `[a.b]` or `[[a.b]]`, and return the names in this header."""
         start = self.position
         double = self.text.startswith("[[", start)
         self.position += 2 if double else 1
@@ -88,7 +88,7 @@ class _Scan:
         self.value(path)
 
     def dotted(self) -> list[str]:
-        """Parse a key and return the parts between its dots."""
+        """Parse a key such as `a.b` and return the names between its dots."""
         keys = []
         while True:
             self.skip(_BLANK)
@@ -103,7 +103,7 @@ class _Scan:
             self.position += 1
 
     def value(self, path: KeyPath) -> None:
-        """Parse a value, and record the lines of the keys and list elements inside it."""
+        """Parse a TOML value, and record the lines of the keys and list elements inside the value."""
         self.skip(_BLANK)
         opening = self.text[self.position : self.position + 1]
         if opening in {'"', "'"}:
@@ -129,14 +129,14 @@ class _Scan:
             self.skip(_PLAIN)
 
     def skip(self, pattern: re.Pattern[str]) -> None:
-        """Move to the end of the text that matches a pattern at the current position."""
+        """Move the parser to the end of the text that matches a pattern at its current position."""
         match = pattern.match(self.text, self.position)
         if match is None:
             raise ValueError(f"nothing readable at {self.position}")
         self.position = match.end()
 
     def mark(self, path: KeyPath, position: int) -> None:
-        """Record the line number of a key."""
+        """Record the line number of a key of the TOML text."""
         self.lines.setdefault(path, bisect.bisect_right(self.starts, position))
 
 

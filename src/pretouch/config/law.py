@@ -1,4 +1,4 @@
-"""Build the control law from the section [law] of a scenario file: kind, number and sampled form."""
+"""Create the control law from the section `[law]` of a scenario file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def law_fields(
     file: Reading, scenario: Scenario | None, uncertain: Mapping[str, Any], has_loop: bool
 ) -> dict[str, Any]:
-    """Return the fields of a task that describe the law; no fields for a damper, or if there are mistakes."""
+    """Return the task fields that describe the control law; empty for a virtual damper or for a faulty file."""
     values = file.values("law")
     if file.law is None or file.law == DAMPER or values is None:
         return {}
@@ -50,7 +50,7 @@ def law_fields(
 
 
 def sampled_law(file: Reading) -> Law | None:
-    """Build the sampled form of a law that describes itself, with the number 0 if the file has none."""
+    """Build the sampled form of a control law with declared parameters; its gain is 0 if the file has none."""
     values, law = file.values("law"), file.make("law")
     if values is None or law is None:
         return None
@@ -66,7 +66,7 @@ def sampled_law(file: Reading) -> Law | None:
 
 
 def sampled_drag(file: Reading, chain: SensorChain) -> VirtualDrag | None:
-    """Build the sampled drag, with the noise of the sensor chain unless the section [law] has a noise."""
+    """Build the sampled virtual drag, with the sensor's noise unless the section [law] of the file sets the noise."""
     values = file.values("law")
     if values is None:
         return None

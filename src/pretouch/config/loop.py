@@ -1,4 +1,4 @@
-"""Build the sampled control loop from a scenario file: sensor chain, controller, robot and contact."""
+"""Create the simulated control loop from a scenario file: sensor chain, controller, robot and contact."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def loop_fields(
     sensor: SensorModel | None,
     calibration: CalibrationReport | None,
 ) -> dict[str, Any]:
-    """Return the fields of a task that describe the sampled loop; empty if there are mistakes."""
+    """Return the task fields that describe the sampled loop; empty if the scenario file contains mistakes."""
     _refuse_missing_sections(file)
     plant, contact = _plant(file), _contact(file)
     settings = file.settings("loop")
@@ -84,7 +84,7 @@ def _refuse_missing_sections(file: Reading) -> None:
 
 
 def _plant(file: Reading) -> PlantModel | None:
-    """Build the robot of the sampled loop; None if its section has a mistake."""
+    """Build the robot model of the sampled loop; return None if its section of the file contains mistakes."""
     if "robot" not in file.data:
         return IdealPlant()
     plant: PlantModel | None = file.make("robot")
@@ -93,7 +93,7 @@ def _plant(file: Reading) -> PlantModel | None:
 
 
 def _contact(file: Reading) -> ContactModel | None:
-    """Build the contact model; None if the section [contact] is missing or has mistakes."""
+    """Build the contact model; return None if the section [contact] is missing or contains mistakes."""
     robot = file.data.get("robot", {} if "robot" in file.meant else {"kind": "ideal"})
     if "contact" in file.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
         file.refuse(
@@ -126,7 +126,7 @@ def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationRepor
 
 
 def _fitted(calibration: CalibrationReport | None, rate: Any) -> dict[str, float]:
-    """Return the fields of a sensor chain that a calibration determines, such as noise and resolution."""
+    """Return the properties of a sensor chain that a calibration determines, such as noise and resolution."""
     if calibration is None or calibration.best is None:
         return {}
     chain = chain_of_fit(calibration.best, rate=rate)

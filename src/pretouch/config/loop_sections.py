@@ -58,7 +58,7 @@ def _check_margin(values: Mapping[str, Any]) -> None:
 
 
 def _stiffness_reader(exponent: float | None) -> Callable[[Any], Any]:
-    """Make a parser for a contact stiffness, such as "1e6 N/m^1.5", whose unit depends on the exponent."""
+    """Make a function that parses a contact stiffness, such as "1e6 N/m^1.5", whose unit depends on the exponent."""
     power = 1.5 if exponent is None else exponent
 
     def read(value: Any) -> Any:
@@ -94,7 +94,7 @@ _CHAIN: Final = Section(
 
 
 def _controller(law: ContinuousLaw) -> Section:
-    """Return the keys of the section [controller] for a control law."""
+    """Return the keys that the section [controller] of a scenario file may have for a control law."""
     # The virtual admittance is that of the section [admittance].
     keys = {
         "rate": Key(Quantity("Hz", '"1 kHz"', "positive")),
@@ -112,7 +112,7 @@ def _controller(law: ContinuousLaw) -> Section:
 
 
 def _check_drag(values: Mapping[str, Any]) -> None:
-    """Check that a drag is given by a number, by exactly one effect, or by the objective."""
+    """Check that the file chooses the virtual drag in exactly one way: by a number, an effect, or the objective."""
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
@@ -137,7 +137,7 @@ AT_A_SPEED: Final = ("acceleration", "contact_speed", "impact_force")
 
 
 def law_section(law: Any) -> Section:
-    """Return [law] of a law that describes itself: its number, and the declared fields of its class."""
+    """Return the description of the file section [law] for a control law that declares its parameters."""
     return described_section(law, {law.number.key: Key(gain_of(law))})
 
 

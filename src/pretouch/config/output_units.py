@@ -1,4 +1,4 @@
-"""Check that all sensor outputs of a scenario file have the same unit: V or counts."""
+"""Check that all sensor outputs in a scenario file have the same unit, volts or counts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
-    """Report a mistake if the sensor part or the loop has another output unit than the sensor curve."""
+    """Report a mistake if the sensor component or the sampled loop has another output unit than the sensor curve."""
     path, unit = _unit_of_sensor(file, calibration)
     if part is not None and unit and part.unit not in {"", unit}:
         file.refuse(
@@ -47,7 +47,7 @@ def _unit_of_sensor(file: Reading, calibration: CalibrationReport | None) -> tup
 
 
 def _loop_outputs(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
-    """Yield key, text and unit of each output of the sampled loop that has a unit."""
+    """Yield key, text and unit of each value in the sampled loop that is given in a unit of the sensor output."""
     for section in ("chain", "controller", "law"):
         keys = file.sections[section][0].keys if section in file.sections else {}
         for key, value in file.data[section].items() if keys else ():
@@ -58,6 +58,6 @@ def _loop_outputs(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
 
 
 def _location(file: Reading, path: KeyPath) -> str:
-    """Return a key with its line number, for use in messages."""
+    """Return a key together with its line number, as text for error messages."""
     line = file.source.lines.get(path)
     return f"{'.'.join(map(str, path))}" + (f", line {line}" if line else "")

@@ -1,4 +1,4 @@
-"""Read quantities with units from a scenario file, and explain wrong values."""
+"""Parse quantities with units in a scenario file, and explain invalid values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _LONGEST: Final = 60
 
 
 class UnfitValueError(ValueError):
-    """Error for a value that is not allowed for its key.
+    """Error that is raised for a value that a key of a scenario file does not allow.
 
     Args:
         sentence: the message; if it starts with "expected", the message begins with the wrong value.
@@ -42,14 +42,14 @@ class UnfitValueError(ValueError):
 
     @classmethod
     def of(cls, mistakes: Iterable[tuple[KeyPath, str]]) -> UnfitValueError:
-        """Combine several mistakes in a value to one error."""
+        """Combine several mistakes in one value into one error."""
         error = cls("")
         error.mistakes = list(mistakes)
         return error
 
 
 def shown(value: Any) -> str:
-    """Return a value as it is written in a TOML file; long values are shortened.
+    """Return a value as a TOML file shows it; long values are shortened.
 
     Returns:
         Text for a message.
@@ -75,7 +75,7 @@ def shown(value: Any) -> str:
 
 
 def printable(text: str) -> str:
-    r"""Escape the line breaks and control characters of a text for use in messages.
+    r"""Replace line breaks and control characters in a text by escape sequences, for error messages.
 
     Returns:
         The text on one line.
@@ -89,7 +89,7 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Parser of one quantity: text with a unit, or a bare number in SI units.
+    """A function object that parses a quantity: a text with a number and a unit, or a bare number in SI units.
 
     Args:
         unit: the expected SI unit; empty for a pure number; "output" for a sensor output, which may be in V, in counts
@@ -116,7 +116,7 @@ class Quantity:
 
     @property
     def expected(self) -> str:
-        """A description of the allowed values, for messages."""
+        """A description of the allowed values, for error messages."""
         return self._described("")
 
     def _described(self, adjective: str) -> str:
@@ -129,7 +129,7 @@ class Quantity:
         return text + "".join(f' or "{word}"' for word in self.words)
 
     def __call__(self, value: Any) -> float | str:
-        """Convert a TOML value to a number in SI units, and accept words such as "auto" without conversion."""
+        """Convert a TOML value to a number in SI units; allowed words such as "auto" are returned unchanged."""
         if isinstance(value, str) and value in self.words:
             return value
         if self.unit == "rad/s" and isinstance(value, str) and "Hz" in value:
@@ -164,7 +164,7 @@ class Quantity:
         raise UnfitValueError(f"expected {self.expected}{_reason(value)}")
 
     def _with_unit(self, text: str) -> str:
-        """Return what to write instead of a number without its unit; empty if no unit is missing."""
+        """Return a suggested value with unit for a number that lacks its unit; empty if no unit is missing."""
         volts, counts, _ = _OUTPUT_UNITS.get(self.unit, (self.unit, "", ""))
         instead = missing_unit(text, volts)
         if counts and instead:
@@ -186,7 +186,7 @@ def _in_unit(value: float | str, unit: str) -> float | None:
 
 
 def output_unit(value: Any) -> str:
-    """Return the unit of a sensor output or of its rate of change: V or counts; empty for anything else."""
+    """Return the unit of a sensor output or of its rate of change, V or counts; empty for other quantities."""
     names = {"": ("", "1/s"), "V": ("V", "V/s"), "counts": ("counts", "counts/s")}
     if not isinstance(value, str):
         return ""
@@ -194,7 +194,7 @@ def output_unit(value: Any) -> str:
 
 
 def _reason(value: Any) -> str:
-    """Return why a text is not a quantity, for example because of a decimal comma."""
+    """Return why a text cannot be parsed as a quantity, for example because of a decimal comma."""
     # The result is empty if only the dimension is wrong.
     if not isinstance(value, str):
         return ""

@@ -1,4 +1,4 @@
-"""Read the sections of a scenario file, and report all mistakes together, each with its key and line."""
+"""Parse the sections of a scenario file, and report all mistakes together with their line numbers."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _KEY_OF_NAME: Final[dict[str, KeyPath]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioSource:
-    """The scenario file that a task was read from.
+    """The scenario file that describes a task.
 
     Args:
         path: path of the file.
@@ -66,7 +66,7 @@ class ScenarioSource:
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """All files that were read for this task, which no output may overwrite."""
+        """All files from which the task was read; pretouch refuses to overwrite these files."""
         return (self.path, *self.calibration_files)
 
     @property
@@ -75,7 +75,7 @@ class ScenarioSource:
         return _lines_of(self.text)
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Convert an error of a function to an error that names the line of the scenario file."""
+        """Convert an error to an error whose message names the line of the scenario file."""
         if isinstance(error, ScenarioFileError):  # converted already by a nested verb
             return error
         message = self.explained(error)
@@ -84,11 +84,11 @@ class ScenarioSource:
         return ScenarioFileError(self.listed([(path, sentence)]) if has_line else f"{self.path}: {message}")
 
     def explained(self, error: InvalidInputError) -> str:
-        """Return the message of an error; for a distance out of range, add the calibrated range."""
+        """Return the message of an error; if a distance is out of range, add the calibrated range."""
         return f"{error}; {self.supported}" if self.supported and isinstance(error, OutOfRangeError) else str(error)
 
     def listed(self, mistakes: Iterable[Mistake]) -> str:
-        """List mistakes in the scenario file, one per row, in the order of their lines."""
+        """Return a text that lists the mistakes in the scenario file, one per line, sorted by line number."""
         # A missing key has the line of its section, or else the last line.
         last = self.text.rstrip().count("\n") + 1
         rows = []
@@ -153,7 +153,7 @@ _TAGS: Final = {"sensor": "model", "objective": "kind", "robot": "kind", "contac
 
 
 class Reading:
-    """The sections of a scenario file with their values, and all mistakes in them.
+    """The sections of a scenario file with their values, and all mistakes in the file.
 
     Args:
         source: the file.
@@ -182,7 +182,7 @@ class Reading:
                 self.unread.append(((name,), f"found no such section, expected [{name}] with {examples[name]}"))
 
     def _read(self, name: str, content: Any) -> None:
-        """Read one section of the scenario file and record its mistakes."""
+        """Read one section of the scenario file, and record the mistakes in the section."""
         if not isinstance(content, dict):
             what = f"[[{name}]]" if isinstance(content, list) else shown(content)
             self.unread.append(((name,), f"found {what}, expected a section [{name}] with keys"))
@@ -203,7 +203,7 @@ class Reading:
         self.mistakes.append((path, sentence))
 
     def attempt(self, section: str, make: Callable[[], T], path: KeyPath = ()) -> T | None:
-        """Call `make`; if it raises an error, record a mistake at the key that the error names."""
+        """Call the function `make`; if it raises an error, record a mistake at the key that the error names."""
         # A `path` takes precedence over the key in the message.
         try:
             return make()
@@ -213,22 +213,22 @@ class Reading:
             return None
 
     def values(self, section: str) -> dict[str, Any] | None:
-        """Return the values of a section of the scenario file; None if the section is missing or has mistakes."""
+        """Return the values of a section of the scenario file; None if the section is missing or contains mistakes."""
         return self.sections[section][1] if section in self.sections else None
 
     def settings(self, section: str) -> dict[str, Any]:
-        """Return the values of an optional section of the scenario file, or its default values."""
+        """Return the values of an optional section of the scenario file, or the default values."""
         return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
 
     def options(self, section: str) -> Any:
-        """Make the options that a section describes; if it is missing, with its default values."""
+        """Make the options object that a file section describes; if the section is missing, use the default values."""
         if section in self.data:
             return self.make(section)
         variant: Any = _variant(section, {}, (self.law or DAMPER).kind)
         return variant.make(**variant({}))
 
     def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
-        """Make the object that a section of the scenario file describes, without using some of its keys."""
+        """Make the object that a section of the scenario file describes, ignoring some keys of the section."""
         if section not in self.sections:
             return None
         variant, values = self.sections[section]
@@ -237,7 +237,7 @@ class Reading:
 
 
 def _law(kind: Any) -> Any:
-    """Return the law of a kind, or its class; None if there is none, or if it cannot be imported."""
+    """Return the control law with a given name, or its class; None if it does not exist or cannot be imported."""
     try:
         return LAW_KINDS.find(kind) if isinstance(kind, str) else None
     except InvalidInputError:  # reported when [law] is read
@@ -262,7 +262,7 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
 
 
 def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mistake:
-    """Choose the variant of a section by its keys or by the control law, or return a mistake."""
+    """Choose the variant of a file section by its keys or by the control law; return a mistake if none fits."""
     if name == "sensor":
         curves = sensor_variants(foreign=True)
         calibrated = curves.pop(CALIBRATION)
@@ -324,7 +324,7 @@ _INSTEAD: Final = {
 
 
 def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, content: Mapping[str, Any], key: str) -> str:
-    """Return a message about a key that is not allowed for the selected kind of its section."""
+    """Return a message about a key that is not allowed in the selected variant of its section."""
     owners = [tag for tag, other in variants(name).items() if key in other.keys]
     if name == "sensor" and CALIBRATION in content:
         return (

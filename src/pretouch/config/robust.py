@@ -1,4 +1,4 @@
-"""Build distributions and required probabilities for `design_robust_gain` from [uncertainty] and [robust]."""
+"""Create distributions and chance constraints from `[uncertainty]` and `[robust]` of a scenario file."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def robust_fields(
     calibration: CalibrationReport | None,
     constraints: tuple[Constraint, ...],
 ) -> dict[str, Any]:
-    """Return the uncertain inputs of a task, and its constraints with their probabilities.
+    """Return the uncertain inputs of a task, and the constraints with their required probabilities.
 
     Contradictions are noted as mistakes of the file. Arguments that could not be built are None.
     """
@@ -61,7 +61,7 @@ def robust_fields(
 def _required(
     file: Reading, probabilities: Mapping[str, float], constraints: tuple[Constraint, ...]
 ) -> Iterator[Constraint | Required]:
-    """Yield the constraints, each with its required probability if the scenario file has one."""
+    """Yield the constraints, each with its required probability if the scenario file gives one."""
     limited = {c.name for c in constraints}
     for name in probabilities:
         if name not in limited:
@@ -78,7 +78,7 @@ def _required(
 def _uncertainty(
     file: Reading, measure: str, sensor: SensorModel | None, calibration: CalibrationReport | None
 ) -> dict[str, JointDistribution]:
-    """Build the probability distribution of each uncertain input."""
+    """Build the probability distribution of each uncertain input from the scenario file."""
     distributions: dict[str, JointDistribution] = {}
     parts = file.values("uncertainty")
     if parts is None:
@@ -113,7 +113,7 @@ def _uncertainty(
 
 
 def _fitted(file: Reading, path: tuple[str, ...], calibration: CalibrationReport | None) -> CorrelatedNormal | None:
-    """Return the joint distribution of the fitted sensor parameters, from their covariance."""
+    """Return the joint distribution of the fitted sensor parameters, computed from their covariance."""
     if calibration is None or calibration.best is None:
         if "calibration" not in file.data.get("sensor", {}):
             file.refuse(
@@ -125,7 +125,7 @@ def _fitted(file: Reading, path: tuple[str, ...], calibration: CalibrationReport
 
 
 def _distribution(values: Mapping[str, Any]) -> Distribution:
-    """Make the probability distribution of one input."""
+    """Make the probability distribution of one uncertain input."""
     if "between" in values:
         (mean, deviation), (low, high) = values["normal"], values["between"]
         return TruncatedNormal(location=mean, deviation=deviation, low=low, high=high)
@@ -143,7 +143,7 @@ def _distribution(values: Mapping[str, Any]) -> Distribution:
 
 
 def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncertainty: Uncertainty) -> None:
-    """Report mistakes if inputs contradict each other or if their mean values are no valid encounter."""
+    """Report mistakes if uncertain inputs contradict each other, or if their mean values form no valid encounter."""
     means: dict[str, list[float]] = {}
     for name, value in uncertainty.items():
         if name in means:

@@ -1,4 +1,4 @@
-"""Define the keys of the sections [uncertainty] and [robust] of a scenario file.
+"""Define the keys of the sections `[uncertainty]` and `[robust]` of a scenario file.
 
 The keys of [uncertainty] are the inputs of `pretouch.motion.scenario`, each with its unit.
 """
@@ -50,7 +50,7 @@ _FIRST: Final = {
 
 
 def _check_distribution(values: Mapping[str, Any]) -> None:
-    """Check that the distribution of an input has exactly one kind, with valid numbers."""
+    """Check that an uncertain input has exactly one type of distribution, and that its numbers are valid."""
     kinds = [kind for kind in values if kind != "between"]
     if len(kinds) != 1:
         what = " and ".join(kinds) or ("between alone" if "between" in values else "nothing")
@@ -77,7 +77,7 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
 
 
 def _distribution_section(unit: str) -> Section:
-    """Return the scenario-file section that describes the distribution of an input in a given unit."""
+    """Return the description of the file section for the distribution of an input with a given unit."""
     what = f"quantities in {written_unit(unit)}" if unit else "numbers"
     example = f"[{_EXAMPLES.get(unit, _EXAMPLES[''])}]"
     pair = f"a list of two {what}, the smaller one first"
@@ -104,7 +104,7 @@ def _distribution_section(unit: str) -> Section:
 
 
 def _described_distribution(unit: str, name: str) -> Key | None:
-    """Return the key of a distribution of an installed package: a table with the declared fields of its class."""
+    """Return the file key for a type of distribution that an installed package provides."""
     described = None if name in DISTRIBUTION_KINDS.built_in() else DISTRIBUTION_KINDS.find(name)
     if described is None:
         return None
@@ -141,7 +141,7 @@ def _inputs(part: str) -> dict[str, str]:
 
 
 def _part(part: str) -> Callable[[Any], Any]:
-    """Make a parser for the uncertain inputs of one part of the encounter, such as the obstacle."""
+    """Make a function that parses the uncertain inputs of one part of the encounter, such as the obstacle."""
     keys = {name: Key(_distribution_section(unit)) for name, unit in _inputs(part).items()}
     section = Section(keys | ({FROM_CALIBRATION: Key(_from_calibration)} if part == "sensor" else {}))
 
@@ -156,12 +156,12 @@ def _part(part: str) -> Callable[[Any], Any]:
 
 
 def uncertainty_section() -> Section:
-    """Return the section [uncertainty]: a table of uncertain inputs for each part of the encounter."""
+    """Return the description of the section [uncertainty] of a scenario file, which lists the uncertain inputs."""
     return Section({part: Key(_part(part)) for part in _FIRST})
 
 
 def read_probability(value: Any) -> float:
-    """Read a probability between 0 and 1, excluding both."""
+    """Parse a probability between 0 and 1, where 0 and 1 are not allowed."""
     number = Quantity("")(value)
     if not (isinstance(number, float) and 0 < number < 1):
         raise UnfitValueError("expected a probability between 0 and 1, such as 0.95")
@@ -169,7 +169,7 @@ def read_probability(value: Any) -> float:
 
 
 def _required(value: Any) -> dict[str, float]:
-    """Read the required probability of each constraint."""
+    """Parse the required probability of each constraint."""
     if not isinstance(value, Mapping):
         raise UnfitValueError("expected constraints and probabilities, such as { relative_velocity = 0.99 }")
     for name, number in value.items():

@@ -1,4 +1,4 @@
-"""Define the schema of a scenario file: its sections, their keys, and the unit of each key.
+"""Define which sections and keys a scenario file may have, and the unit of each key.
 
 Messages and the test of docs/scenario-file.md use this schema.
 """
@@ -46,7 +46,7 @@ _OBSTACLE: Final = ("obstacle speed",)
 
 
 def _check_second_term(values: Mapping[str, Any]) -> None:
-    """Check that the second term of the objective L(20) or L(22) is either contact velocity or impact force."""
+    """Check that the objective L(20) or L(22) weighs either the contact velocity or the impact force, but not both."""
     expected = 'expected either velocity_scale = "0.3 m/s" or force_scale = "100 N"'
     if {"velocity_scale", "force_scale"} <= set(values):
         raise UnfitValueError(f"found both velocity_scale and force_scale, {expected}", "force_scale")
@@ -60,7 +60,7 @@ def _check_second_term(values: Mapping[str, Any]) -> None:
 
 
 def _two_term_objective(first: str, unit: str, example: str) -> Section:
-    """Return the scenario-file section of an objective with two terms."""
+    """Return the description of the file section for an objective with two terms."""
     # The second term is contact velocity or impact force.
     return Section(
         {
@@ -77,7 +77,7 @@ def _two_term_objective(first: str, unit: str, example: str) -> Section:
 
 
 def _scale(quantity: str | None) -> Any:
-    """Make a parser for the typical value of a quantity, in the unit of the quantity."""
+    """Make a function that parses the typical value of a quantity, in the unit of this quantity."""
     if quantity is None:  # another check refuses this
         return lambda _: 1.0
     words = _OBSTACLE if "velocity" in quantity or "speed" in quantity else ()
@@ -85,7 +85,7 @@ def _scale(quantity: str | None) -> Any:
 
 
 def _quantity_name(value: Any) -> str:
-    """Read the name of a quantity: a built-in one, or one of an installed package."""
+    """Parse the name of a quantity, which is built in or comes from an installed package."""
     try:
         found = None if not isinstance(value, str) else find_quantity(value)
     except InvalidInputError as error:
@@ -129,7 +129,7 @@ FREE: Final = {
 
 
 def _check_order(*keys: str, unit: str = "", what: str = "the lower first") -> Callable[[Mapping[str, Any]], None]:
-    """Make a check that lower bounds come before upper bounds."""
+    """Make a function that checks that lower bounds are smaller than upper bounds."""
 
     def check(values: Mapping[str, Any]) -> None:
         for key in keys:
@@ -174,7 +174,7 @@ def _limit(unit: str) -> Key:
 
 
 def _added_limit(name: str) -> Key | None:
-    """Return the key of a constraint on a user-defined quantity; None if there is none of this name."""
+    """Return the file key of a constraint on a user-defined quantity; None if no such quantity exists."""
     if name in QUANTITY_KINDS.built_in() or find_quantity(name) is None:
         return None
     return _limit(QUANTITY_UNITS[name])
@@ -278,7 +278,7 @@ def needed(law: ContinuousLaw, chosen: Iterable[str]) -> dict[str, str]:
 
 
 def variants(section: str) -> Mapping[str, Section]:
-    """Return the variants of a section of the scenario file, such as one for each sensor model."""
+    """Return the variants of a section of the scenario file, such as one variant for each sensor model."""
     if section == "sensor":
         return sensor_variants()
     if section == "uncertainty":
@@ -291,7 +291,7 @@ def variants(section: str) -> Mapping[str, Section]:
 
 
 def extensions_of(section: str) -> tuple[Extensions, Callable[[Any], Section]] | None:
-    """Return the kinds that installed packages may add to a section, and the function that makes their section."""
+    """Return the types that installed packages add to a file section, and the function that describes this section."""
     if section == "sensor":
         return CURVE_KINDS, section_of_curve
     if section == "objective":
@@ -308,5 +308,5 @@ def extensions_of(section: str) -> tuple[Extensions, Callable[[Any], Section]] |
 
 
 def keys_of(section: str) -> tuple[str, ...]:
-    """Return all keys that a section of the scenario file may have, in the order of the schema."""
+    """Return all keys that a section of the scenario file may have, in the documented order."""
     return tuple(dict.fromkeys(key for variant in variants(section).values() for key in variant.keys))

@@ -1,4 +1,4 @@
-"""Describe which keys a section of a scenario file can have, and check the section as a whole."""
+"""Describe the keys of one section of a scenario file, and check a section against this description."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REQUIRED: Final[Any] = object()
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """One key of a section of the scenario file.
+    """Description of one key in a section of a scenario file.
 
     Args:
         read: the reader of its value; a `Quantity` for a quantity.
@@ -37,7 +37,7 @@ class Key:
     after: tuple[str, Callable[[Any], Reader]] | None = None
 
     def missing(self, name: str) -> str:
-        """Return a message about a missing key, with what is expected and an example."""
+        """Return a message about a missing key, with the expected value and an example."""
         if isinstance(self.read, Quantity):
             example = written_unit(self.read.example)
             return f"this key is missing, but {self.read.expected} is required; add, for example: {name} = {example}"
@@ -46,7 +46,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A section of the scenario file, or a table inside a section; unknown keys raise an error.
+    """Description of a section or table of a scenario file; unknown keys in the section raise an error.
 
     Args:
         keys: its keys, in the order of messages.
@@ -95,7 +95,7 @@ class Section:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of all keys, including those that installed packages add."""
+        """The names of all keys of the section, including keys that installed packages add."""
         return (*self.keys, *(() if self.more is None else self.more[0].installed()))
 
     def _unknown(self, name: str) -> str:
@@ -105,7 +105,7 @@ class Section:
 
 
 def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPath, str]]) -> Any:
-    """Read a value and record its mistakes, each with its path."""
+    """Parse a value and record its mistakes, each with the path of its key."""
     try:
         return read(value)
     except UnfitValueError as unfit:
@@ -123,7 +123,7 @@ TAG: Final = Key(lambda _: None, REQUIRED)
 
 
 def _found(find: Callable[[str], Key | None], name: str) -> Key | None:
-    """Return the key of an extension, or None; a broken extension is a mistake at its name."""
+    """Return the file key that an installed package adds, or None; record a mistake if the package is broken."""
     try:
         return find(name)
     except InvalidInputError as error:
@@ -131,7 +131,7 @@ def _found(find: Callable[[str], Key | None], name: str) -> Key | None:
 
 
 def checked(holds: Callable[[Any], bool], what: str) -> Reader:
-    """Make a parser that accepts a value only if a condition holds."""
+    """Make a function that parses a value and accepts the value only if a condition is met."""
 
     def read(value: Any) -> Any:
         if not holds(value):
@@ -142,18 +142,18 @@ def checked(holds: Callable[[Any], bool], what: str) -> Reader:
 
 
 def text(example: str) -> Reader:
-    """Make a parser that accepts only text that is not empty."""
+    """Make a function that accepts only text that is not empty."""
     return checked(lambda v: isinstance(v, str) and bool(v.strip()) and "\0" not in v, f"text, for example {example}")
 
 
 def whole(least: int, example: str) -> Reader:
-    """Make a parser that accepts only integers of at least a given size."""
+    """Make a function that accepts only integers that are not smaller than a given number."""
     what = f"a whole number of at least {least}, such as {example}"
     return checked(lambda v: type(v) is int and least <= v < 2**31, what)
 
 
 def name_of(*names: str) -> Reader:
-    """Make a parser that accepts only one of several names."""
+    """Make a function that accepts only one of several names."""
 
     def read(value: Any) -> str:
         if not isinstance(value, str) or value not in names:
@@ -164,7 +164,7 @@ def name_of(*names: str) -> Reader:
 
 
 def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
-    """Make a parser for a list whose number of elements lies between `least` and `most`."""
+    """Make a function that parses a list whose number of elements lies between `least` and `most`."""
 
     def read_all(value: Any) -> list[Any]:
         if not isinstance(value, list) or len(value) < least or (most is not None and len(value) > most):
@@ -179,7 +179,7 @@ def list_of(read: Reader, least: int, most: int | None, what: str) -> Reader:
 
 
 def one_of(value: Any, names: tuple[str, ...]) -> str:
-    """Return a message that lists the expected names, and suggests the name most similar to the value.
+    """Return a message that lists the allowed names, and suggests the name most similar to the value.
 
     Returns:
         The part of a message after the value.
@@ -212,7 +212,7 @@ def nearest(name: str, valid: tuple[str, ...]) -> str | None:
 
 
 class ByLaw(dict[str, Section]):
-    """The variants of a section that depends on the law, by the kind of the law.
+    """The variants of a section that depends on the control law, by the name of the law.
 
     Iteration gives the variants of the built-in laws; that of an installed law is made when it is read.
 
@@ -229,13 +229,13 @@ class ByLaw(dict[str, Section]):
 
 
 def gain_of(law: ContinuousLaw) -> Quantity:
-    """Return the reader of the gain of a law."""
+    """Return the function that parses the gain of a control law."""
     n = law.number
     return Quantity(n.unit, '"-0.7 N*s"' if law == DAMPER else f'"{n.sign * 0.0144} {n.unit}"', of=law.kind)
 
 
 def example_bounds(law: ContinuousLaw) -> str:
-    """Return an example of the bounds of a law's number, as TOML."""
+    """Return an example of the bounds for the gain of a control law, as TOML."""
     if law == DAMPER:
         return '["-10 N*s", "-0.01 N*s"]'
     unit = written_unit(law.number.unit)
@@ -263,7 +263,7 @@ def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] 
 
 
 def described_section(described: Any, keys: Mapping[str, Key] | None = None) -> Section:
-    """Make the section of a class or value that describes itself.
+    """Describe the scenario-file section of a class from the declared fields of this class.
 
     Args:
         described: a class whose declared fields are keys, or a value; the fields of a value have default values.
@@ -285,7 +285,7 @@ def described_section(described: Any, keys: Mapping[str, Key] | None = None) -> 
 
 
 def _reader_of(metadata: Mapping[str, Any]) -> Reader | None:
-    """Return a parser for a dataclass field from its metadata; None if the field is not declared."""
+    """Return the function that parses a dataclass field; None if the field is not declared as a file key."""
     if "unit" in metadata:
         unit = metadata["unit"] if metadata.get("of_output") is None else "output"
         return Quantity(unit, metadata["example"], metadata["sign"], metadata["infinite"])

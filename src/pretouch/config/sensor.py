@@ -1,4 +1,4 @@
-"""Build the sensor curve from the section [sensor] of a scenario file, or fit it to a calibration file."""
+"""Create the sensor curve from the section `[sensor]` of a scenario file, or fit it to a calibration."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ _GEOMETRY: Final = {
 
 
 def section_of_curve(curve: type[SensorModel]) -> Section:
-    """Make the scenario-file section of a sensor curve from its parameters and lists of points."""
+    """Describe the scenario-file section of a sensor curve by its parameters and lists of points."""
     points = {f.name: _points(f.metadata["points"]) for f in fields(curve) if "points" in f.metadata}
     return Section({**_GEOMETRY, **declared_keys(curve), "model": TAG, **points}, make=curve)
 
 
 def sensor_variants(*, foreign: bool = False) -> dict[str, Section]:
-    """Return the variants of the section [sensor]: one for each curve, and one for a calibration."""
+    """Return the variants of the section [sensor]: one variant for each sensor curve, and one for a calibration."""
     return {name: section_of_curve(curve) for name, curve in sensor_curves(foreign=foreign).items()} | {
         CALIBRATION: _CALIBRATED
     }
@@ -54,7 +54,7 @@ def _points(unit: str) -> Key:
     outputs = list_of(Quantity(unit, sign="positive"), 2, None, "a list of two or more sensor outputs")
 
     def read(value: Any) -> Any:
-        """Read sensor outputs; refuse a mixture of volts and counts."""
+        """Parse sensor outputs; raise an error if volts and counts are mixed."""
         if isinstance(value, list) and len({output_unit(v) for v in value if isinstance(v, str)}) > 1:
             raise UnfitValueError("expected outputs of one unit, all in V or all in counts")
         return outputs(value)
@@ -77,7 +77,7 @@ def _model(value: Any) -> str:
 
 
 def _level_or_file(value: Any) -> float | str:
-    """Read the sensor output without an object, or the path of a file with such readings."""
+    """Parse the sensor output without an object, or the path of a file with such readings."""
     if isinstance(value, str) and re.search(r"\.[A-Za-z]\w*$", value):
         return value
     try:
@@ -121,7 +121,7 @@ OutputValue: TypeAlias = tuple[float, str]
 
 
 def read_output(value: float | str, *, name: str) -> OutputValue:
-    """Read a sensor output in V, in counts or as a bare number.
+    """Parse a sensor output in V, in counts or as a bare number.
 
     Returns:
         The number, in SI, and its unit.
@@ -142,7 +142,7 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
 
 
 def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
-    """Read the sensor output without an object, or the path of a file with such readings, in `folder`."""
+    """Parse the sensor output without an object, or the path of a file in `folder` with such readings."""
     try:
         return read_output(value, name=name)
     except UnitError:
@@ -182,11 +182,11 @@ class FitRequest:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that are read for the fit."""
+        """All files that are read when the sensor curve is fitted."""
         return (self.path, self.no_object) if isinstance(self.no_object, Path) else (self.path,)
 
     def read(self) -> tuple[Calibration, ...]:
-        """Read the calibration curves that `select` matches; raise an error if there is none."""
+        """Read the calibration curves that match the labels in `select`; raise an error if no curve matches."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
@@ -211,7 +211,7 @@ class FitRequest:
         return matches
 
     def _is_calibration(self) -> bool:
-        """Return whether the header of the file shows a calibration, so that messages may quote its content."""
+        """Return True if the file is a readable calibration, so that messages may quote its contents."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         try:
@@ -221,7 +221,7 @@ class FitRequest:
         return True
 
     def rank(self, calibration: Calibration) -> CalibrationReport:
-        """Fit all curve models to one calibration and rank them."""
+        """Fit all curve models to one calibration and rank the fitted curves."""
         from pretouch.calibration import rank_models  # noqa: PLC0415
 
         models = {"models": self.models} if self.models else {}
@@ -251,7 +251,7 @@ def _as_toml(label: str) -> str:
 
 
 def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> float:
-    """Return the number of a sensor output; raise an error if its unit differs from the calibration's."""
+    """Return the number of a sensor output; raise an error if its unit differs from the calibration's unit."""
     number, unit = value
     if unit and unit != calibration.unit:
         raise UnitError(
@@ -262,7 +262,7 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
 
 
 def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
-    """Fit a sensor curve to the one calibration that the options select."""
+    """Fit a sensor curve to the calibration curve that the options select; exactly one curve must match."""
     # several calibration curves, or a curve without a usable fit, raise an error
     curves = request.read()
     if len(curves) > 1:

@@ -1,4 +1,4 @@
-"""Implement the sampled controller, which turns sensor readings into a reference for the robot's controller.
+"""Implement the sampled controller, which turns sensor readings into a reference motion of the robot.
 
 This package contains everything that the robot runs. It uses no sensor model and no motion model, and imports only
 `_core`. A `Law` turns changes of the reading into a force. A custom law is built from `observe`, `push_by_drag` and

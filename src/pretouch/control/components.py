@@ -1,4 +1,4 @@
-"""Define components of a controller: conditioning of readings, virtual admittance and limits of the motion."""
+"""Define components of the controller: filters for sensor readings, virtual admittance, and motion limits."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ HIGHEST_ORDER = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditioning:
-    """Conditioning of sensor readings: offset, detection threshold, median filter, low-pass and rejection rules.
+    """Settings for processing the sensor readings: offset, detection threshold, filters and rejection rules.
 
     It runs at the sensor's rate.
 
@@ -91,7 +91,7 @@ class Conditioning:
             )
 
     def numbers(self, period: float) -> SensingNumbers:
-        """Return the conditioning as a C structure for a control loop with a given period [s]."""
+        """Return the settings for processing the readings as a C structure, for a given control period [s]."""
         sensor_period = period if self.sensor_period is None else self.sensor_period
         if sensor_period < period * (1 - 1e-9):
             raise InvalidInputError(
@@ -120,7 +120,7 @@ class Conditioning:
         )
 
     def fade_step(self, period: float) -> float:
-        """Return the share of the virtual force that fades in one loop period [s] if a reading is overdue."""
+        """Return by which share the virtual force decreases per control period [s] while a reading is overdue."""
         # A share of 1 removes the force at once.
         sensor_period = period if self.sensor_period is None else self.sensor_period
         fade_time = _FADE_PERIODS * sensor_period if self.fade_time is None else self.fade_time
@@ -128,7 +128,7 @@ class Conditioning:
 
 
 def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[FilterSection, ...]:
-    """Design a Butterworth low-pass of order 0 (none) to 8 for a sensor's sampling rate [Hz]."""
+    """Design a Butterworth low-pass filter of order 0 (no filter) to 8 for a given sampling rate [Hz]."""
     # The result equals that of scipy.signal, which a test checks. Importing scipy.signal would take too long.
     if not isinstance(order, int) or isinstance(order, bool) or not 0 <= order <= HIGHEST_ORDER:
         raise InvalidInputError(
@@ -155,13 +155,13 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[F
 
 
 def _first_order(warped: float) -> FilterSection:
-    """Return the first-order filter section of a real pole, by the bilinear transform."""
+    """Return the first-order filter section with a given real pole, by the bilinear transform."""
     b = warped / (1 + warped)
     return FilterSection(b, b, 0.0, (warped - 1) / (1 + warped), 0.0)
 
 
 def _second_order(warped: float, damping: float) -> FilterSection:
-    """Return the second-order filter section of a complex pole pair, by the bilinear transform."""
+    """Return the second-order filter section with a given complex pole pair, by the bilinear transform."""
     square = warped * warped
     size = 1 + 2 * damping * warped + square
     b = square / size
@@ -170,7 +170,7 @@ def _second_order(warped: float, damping: float) -> FilterSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualAdmittance:
-    """Virtual mass, damping and stiffness of the controller's admittance, M_a, D_a and K_a of L(1).
+    """Virtual mass M_a, damping D_a and stiffness K_a of the controller's admittance L(1).
 
     Args:
         mass: M_a > 0 [kg].
@@ -191,7 +191,7 @@ class VirtualAdmittance:
 
 
 def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumbers:
-    """Discretize the admittance L(1) exactly for one control period with a constant force.
+    """Discretize the admittance L(1) exactly for one control period of constant force.
 
     Let z_1, z_2 be the roots of the free motion times the period. All six numbers follow from the divided differences
     G_0 = exp[z_1, z_2] and G_1 = exp[0, z_1, z_2]. Both are entire functions, so critical damping, zero stiffness and
@@ -214,7 +214,7 @@ def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumber
 
 
 def _differences(p: float, q: float) -> tuple[float, float]:
-    """Return divided differences of the exponential function, from which the discretization follows."""
+    """Return divided differences of the exponential function, which are needed to discretize the admittance."""
     # The results are exp[z1, z2] and exp[0, z1, z2] for z1 + z2 = p <= 0 and z1 z2 = q >= 0.
     d = p * p / 4 - q
     magnitude = -p / 2 + math.sqrt(d) if d > 0 else math.sqrt(q)
@@ -277,7 +277,7 @@ class Limits:
 
 
 def stopping_distance(limits: MotionLimits, speed: float) -> float:
-    """Return the distance [m] in which the robot stops from a speed [m/s], braking in whole control periods.
+    """Return the distance [m] that the robot needs to stop from a speed [m/s], if it brakes in whole control periods.
 
     The deceleration is constant in each period.
 
@@ -291,5 +291,5 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
 
 
 def format_output(value: float) -> str:
-    """Format a sensor output as text; a controller does not know the unit of its readings."""
+    """Format a sensor output as text without a unit, which the controller does not know."""
     return f"{value:.6g} (unit of the readings)"

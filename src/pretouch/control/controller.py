@@ -1,4 +1,4 @@
-"""Define the sampled controller: its settings, and the parameters and state of its compiled step."""
+"""Define the sampled controller, which runs one control step in each period of the control loop."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _new: Final[Any] = tuple.__new__
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Controller:
-    """The sampled controller of the letter's Fig. 1, which turns sensor readings into a robot's reference motion.
+    """The sampled controller, which turns sensor readings into a reference motion of the robot.
 
     Args:
         period: period T of the control loop [s].
@@ -89,14 +89,14 @@ class Controller:
 
     @property
     def step(self) -> Callable[..., Any]:
-        """One control step as a function from parameters, state and sample to next state and output.
+        """The control step as a function, which computes the next state and output from parameters, state and sample.
 
         Robots use `begin` instead.
         """
         return as_step(self.law.step)
 
     def begin(self, position: float = 0.0, velocity: float = 0.0) -> Run:
-        """Start a run of the controller for a robot's control loop.
+        """Start a run of this controller.
 
         The run holds parameters and state, and a step takes about a microsecond.
 
@@ -112,7 +112,7 @@ class Controller:
         return run(step, self.parameters(), self.start(position, velocity))
 
     def parameters(self) -> Any:
-        """Return all parameters of the control step."""
+        """Return all parameters of the control step, in the form in which the step needs them."""
         # With the letter's law, the parameters are `pretouch_parameters` of pretouch_law.h.
         sensing = self.conditioning.numbers(self.period)
         drive = DriveNumbers(
@@ -127,7 +127,7 @@ class Controller:
         return _join_parts(ControllerNumbers, sensing, drive, self.law.numbers(self))
 
     def start(self, position: float = 0.0, velocity: float = 0.0) -> Any:
-        """Return the controller's state before the first step, with nothing detected and no force."""
+        """Return the state of the controller before its first step, without a detected object and without force."""
         x, v = finite(position, "position", "m"), finite(velocity, "velocity", "m/s")
         limits = self._motion_limits()
         ahead = x if v >= 0 else -x
@@ -142,7 +142,7 @@ class Controller:
         return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())
 
     def with_gain(self, gain: float) -> Controller:
-        """Return a copy of the controller with another gain D_p [N s]; its law must be a damper."""
+        """Return a copy of the controller in which the virtual damper has another gain D_p [N s]."""
         law: Any = self.law
         if not hasattr(law, "with_gain"):
             raise InvalidInputError(
@@ -152,11 +152,11 @@ class Controller:
         return replace(self, law=law.with_gain(gain))
 
     def with_value(self, value: float) -> Controller:
-        """Return a copy of the controller with another value of its law's number, such as the gain D_p."""
+        """Return a copy of the controller whose control law has another gain D_p, drag phi or other coefficient."""
         return replace(self, law=self.law.with_value(value))
 
     def rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the controller and its law, for a report."""
+        """Yield the parameters of the controller and of its control law as table rows for a report."""
         name = getattr(self.law, "continuous", None)  # a user-defined law is shown by its own name
         yield "law", name.replace("-", " ") if isinstance(name, str) else type(self.law).__name__
         yield "period", Measured(self.period, "s")
@@ -180,7 +180,7 @@ class Controller:
         yield "contact threshold", Measured(self.contact_threshold, "N")
 
     def _conditioning_rows(self) -> Iterator[Row]:
-        """Yield table rows with the conditioning of sensor readings, for a report."""
+        """Yield the settings for processing the sensor readings as table rows for a report."""
         c, numbers = self.conditioning, self.conditioning.numbers(self.period)
         yield "nominal time between readings", Measured(numbers.sensor_period, "s")
         yield "subtracted offset", format_output(c.offset)
@@ -202,7 +202,7 @@ class Controller:
 
 
 def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law: Any) -> Any:
-    """Join the parameters (or the state) of sensing, drive and law of a controller."""
+    """Combine the parameters or states of signal processing, robot motion and control law in one object."""
     # For a compiled step, all parts are one block of memory, in which the law's part comes last.
     if not isinstance(law, ctypes.Structure):
         return Parts(sensing, drive, law)
@@ -212,7 +212,7 @@ def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law
 
 @cache
 def _with_law(base: type[Structure], law: type[ctypes.Structure]) -> type[Structure]:
-    """Return a copy of a C structure type in which the type of the law's part is replaced."""
+    """Return a copy of a C structure type in which the field `law` has another type."""
     fields = [(name, law if name == "law" else kind) for name, kind in base._fields_]
     return type(base.__name__, (Structure,), {"_fields_": fields})
 
@@ -222,7 +222,7 @@ def _limit(value: float | None) -> float:
 
 
 class Run:
-    """A running controller that holds parameters and state, and updates the state at each step.
+    """A running controller, which updates its state at each control step.
 
     `Controller.begin` makes one. Only one thread at a time may call `step`.
 
@@ -248,7 +248,7 @@ class Run:
 
     @property
     def state(self) -> Any:
-        """A copy of the controller's state after the last step."""
+        """A copy of the state of the controller after its latest step."""
         return copy_of(self._memory)
 
     def step(
@@ -262,7 +262,7 @@ class Run:
         reference_velocity: float = 0.0,
         reference_acceleration: float = 0.0,
     ) -> Output:
-        """Run one control period: take a sensor reading, and return the reference motion of the robot."""
+        """Run one control period: process a sensor reading, and return the reference motion of the robot."""
         _pack_sample(
             *(self._sample, 0, reading, age, contact_force),
             *(reference_position, reference_velocity, reference_acceleration, 1 if fresh else 0),

@@ -1,4 +1,4 @@
-"""Define the sampled virtual drag, which reduces every approach speed by the same factor before contact."""
+"""Define the sampled virtual drag, a control law that reduces every approach speed by the same factor."""
 
 from __future__ import annotations
 
@@ -104,12 +104,12 @@ class VirtualDrag:
 
     @property
     def continuous(self) -> str:
-        """The name of the continuous-time law that this sampled law approximates."""
+        """The name of the continuous-time law that this sampled virtual drag approximates."""
         return "virtual-drag"
 
     @property
     def value(self) -> float:
-        """The drag phi [N s^2], which is the number that a design chooses."""
+        """The coefficient phi [N s^2] of the virtual drag, which a design chooses."""
         return self.drag
 
     @property
@@ -146,7 +146,7 @@ class VirtualDrag:
         )
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield table rows with the parameters of the virtual drag other than phi, for a report."""
+        """Yield the parameters of the virtual drag except phi as table rows for a report."""
         yield "noise of a reading", format_output(self.noise)
         yield "relative noise of a reading", Measured(self.relative_noise)
         yield "step of the readings", format_output(self.resolution)
@@ -161,7 +161,7 @@ class VirtualDrag:
             yield "known acceleration of the object", Measured(self.known_acceleration, "m/s^2")
 
     def with_value(self, value: float) -> VirtualDrag:
-        """Return a copy of the virtual drag with another drag phi [N s^2]."""
+        """Return a copy of the virtual drag with another coefficient phi [N s^2]."""
         return replace(self, drag=value)
 
     def start(self) -> DragState:

@@ -1,4 +1,4 @@
-"""Define the interface of sampled control laws, the virtual damper, and functions to build custom laws."""
+"""Define the sampled virtual damper, and the interface for custom sampled control laws."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _drive: Final = kernel("drive", POINTER, POINTER, POINTER, POINTER, POINTER, POI
 
 
 class Parts(NamedTuple):
-    """Parameters or state of a controller in three parts: sensing, drive and law.
+    """Parameters or state of a controller, divided into signal processing, robot motion and control law.
 
     The law is a Python function.
 
@@ -59,7 +59,7 @@ class Parts(NamedTuple):
 
 
 class Setting(Protocol):
-    """The settings of a `Controller` on which the parameters of its law may depend."""
+    """Interface of the controller settings on which the parameters of a control law may depend."""
 
     @property
     def period(self) -> float:
@@ -67,7 +67,7 @@ class Setting(Protocol):
 
     @property
     def conditioning(self) -> Conditioning:
-        """How the controller conditions raw sensor readings."""
+        """The settings for processing the sensor readings."""
 
     @property
     def admittance(self) -> VirtualAdmittance:
@@ -75,23 +75,23 @@ class Setting(Protocol):
 
 
 class SteppedLaw(Protocol):
-    """Interface of a control law that a controller can run.
+    """Interface of any control law that a controller can run in steps.
 
     Unlike a `Law`, it needs no number that a design chooses.
     """
 
     @property
     def step(self) -> Any:
-        """The whole control step with this law, in Python or compiled, which runs once per period."""
+        """The function that runs the whole control step with this law once per period, in Python or compiled."""
 
     def numbers(self, controller: Setting) -> Any:
-        """Return the parameters of the control law, as a ctypes structure if the step is compiled.
+        """Return the parameters of the control law, as a ctypes structure if the control step is compiled.
 
         `Controller.parameters` calls this before a run. The step reads the result from `parameters.law`.
         """
 
     def start(self) -> Any:
-        """Return the state of the control law before the first reading, as a ctypes structure if the step is compiled.
+        """Return the state of the law before the first reading, as a ctypes structure if the control step is compiled.
 
         `Controller.start` calls this. The step reads the result from `state.law`. States are never changed in place:
         a step in Python returns the next state.
@@ -99,7 +99,7 @@ class SteppedLaw(Protocol):
 
 
 class Law(SteppedLaw, Protocol):
-    """Interface of a sampled control law, which turns the log output and the robot's own motion into a force.
+    """Interface of a sampled control law, which computes a force from the log output and the robot's own motion.
 
     A custom law is a dataclass with these six members and one function. In Python the function is
     `state, output = step(parameters, state, sample)`: it calls `observe`, computes the force of the law, and calls
@@ -113,25 +113,27 @@ class Law(SteppedLaw, Protocol):
 
     @property
     def continuous(self) -> Any:
-        """The continuous-time law that this sampled law approximates, used for predictions.
+        """The continuous-time law that this sampled law approximates, which predictions use.
 
         It is a name or a ContinuousLaw.
         """
 
     @property
     def value(self) -> float:
-        """The number that a design chooses, such as the gain [N s] of a damper.
+        """The coefficient of the control law that a design chooses, such as the gain [N s] of a damper.
 
         `continuous` defines its unit.
         """
 
     def with_value(self, value: float) -> Law:
-        """Return a copy of the control law with another value of the number that a design chooses."""
+        """Return a copy of the control law with another value of the coefficient that a design chooses."""
 
 
 @dataclass(frozen=True, slots=True)
 class CompiledStep:
-    """A control step as machine code, with the signature of `pretouch_law_step` in native/law/pretouch_law.h.
+    """A control step in machine code, called like the C function `pretouch_law_step`.
+
+    The C header native/law/pretouch_law.h declares this function.
 
     Args:
         function: the compiled function, such as a scipy.LowLevelCallable; or the name of a step of the compiled core.
@@ -140,7 +142,7 @@ class CompiledStep:
     function: Any
 
     def located(self) -> int:
-        """Return the memory address of the compiled function, or raise an error for a Python function."""
+        """Return the memory address of the compiled function, and raise an error for a Python function."""
         address = entry(self.function) if isinstance(self.function, str) else machine_code(self.function)
         if address is None:
             raise InvalidInputError(f"step: found {self.function!r}, expected a compiled function")
@@ -155,13 +157,13 @@ class CompiledStep:
 
 
 def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
-    """Return a control step, compiled or not, as a Python function."""
+    """Return a control step as a Python function, whether or not the step is compiled."""
     # A step is called as `state, output = step(parameters, state, sample)`.
     return step if isinstance(step, CompiledStep) or machine_code(step) is None else CompiledStep(step)
 
 
 def start_sensing(numbers: SensingNumbers) -> SensingState:
-    """Return the state of the reading filters before the first reading, with nothing detected.
+    """Return the state of the signal processing before the first reading, without a detected object.
 
     `Controller.start` calls this.
 
@@ -174,7 +176,7 @@ def start_sensing(numbers: SensingNumbers) -> SensingState:
 
 
 def start_drive(position: float, velocity: float) -> DriveState:
-    """Return the state of the virtual object at the start, with no force.
+    """Return the state of the virtual object at the start of a run, without force.
 
     `Controller.start` calls this.
 
@@ -188,7 +190,7 @@ def start_drive(position: float, velocity: float) -> DriveState:
 
 
 def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tuple[SensingState, Observation]:
-    """Check, filter and difference a sensor reading; this is the first block of a control step.
+    """Check and filter a sensor reading, and compute the change of the log output since the previous reading.
 
     Args:
         numbers: `parameters.sensing` of the controller.
@@ -206,7 +208,7 @@ def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tup
 def push_by_drag(
     numbers: DragNumbers, state: DragState, observation: Observation, drive_state: DriveState
 ) -> tuple[DragState, Push]:
-    """Compute the force of a virtual drag in a control step, for custom laws based on a drag.
+    """Compute the force of the virtual drag in one control step, as a building block of custom control laws.
 
     It is called after `observe` and before `drive`.
 
@@ -230,7 +232,7 @@ def push_by_drag(
 def drive(
     numbers: DriveNumbers, state: DriveState, observation: Observation, push: Push, sample: Sample
 ) -> tuple[DriveState, Output]:
-    """Move the virtual object over one control period by the force and the admittance L(1).
+    """Compute the motion of the virtual object over one control period from the force and the admittance L(1).
 
     This is the last block of a step.
 
@@ -250,7 +252,7 @@ def drive(
 
 
 def raw_sample(sample: Any) -> RawSample:
-    """Convert the inputs of a control step to their C structure."""
+    """Convert the inputs of a control step to a C structure."""
     s, fresh = sample, bool(sample.fresh)
     return RawSample(
         s.reading, s.age, s.contact_force, s.reference_position, s.reference_velocity, s.reference_acceleration, fresh
@@ -258,7 +260,7 @@ def raw_sample(sample: Any) -> RawSample:
 
 
 def output_of(raw: RawOutput) -> Output:
-    """Convert the C structure of a control step's output to a named tuple."""
+    """Convert the output of a control step from a C structure to a named tuple."""
     return Output(*(getattr(raw, name) for name in Output._fields))
 
 
@@ -267,7 +269,7 @@ _STEP = CompiledStep("step_damper")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualDamper:
-    """The letter's virtual damper, F_p = D_p xi'/xi of L(2), applied as an impulse for each new reading.
+    """Virtual damper F_p = D_p xi'/xi of the published letter, L(2), applied as one impulse per reading.
 
     The impulses D_p d(ln xi) are exact at any sampling rate.
 
@@ -295,26 +297,26 @@ class VirtualDamper:
 
     @property
     def continuous(self) -> str:
-        """The name of the continuous-time virtual damper L(2) that this sampled law applies."""
+        """The name of the continuous-time virtual damper, L(2), that this sampled law approximates."""
         return "virtual-damper"
 
     @property
     def value(self) -> float:
-        """The gain D_p [N s], which is the number that a design chooses."""
+        """The gain D_p [N s] of the virtual damper, which a design chooses."""
         return self.gain
 
     @property
     def step(self) -> CompiledStep:
-        """The controller's compiled step for the virtual damper, `pretouch_step` of native/law/pretouch_law.c."""
+        """The compiled control step with the virtual damper, `pretouch_step` of native/law/pretouch_law.c."""
         return _STEP
 
     def numbers(self, controller: Setting) -> DamperNumbers:
-        """Return the parameters of the virtual damper as a C structure, for the controller's period."""
+        """Return the parameters of the virtual damper as a C structure for the controller's period."""
         ramp_step = min(controller.period / self.ramp_time, 1.0) if self.ramp_time > 0 else 1.0
         return DamperNumbers(self.gain, self.release, ramp_step, bool(self.approach_only))
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield table rows with the parameters of the virtual damper other than its gain, for a report."""
+        """Yield the parameters of the virtual damper except its gain as table rows for a report."""
         if self.approach_only:
             yield (
                 "acts",
@@ -325,11 +327,11 @@ class VirtualDamper:
             yield "ramp of the gain", Measured(self.ramp_time, "s")
 
     def with_gain(self, gain: float) -> VirtualDamper:
-        """Return a copy of the virtual damper with another gain [N s]."""
+        """Return a copy of the virtual damper with another gain D_p [N s]."""
         return replace(self, gain=gain)
 
     def with_value(self, value: float) -> VirtualDamper:
-        """Return a copy of the virtual damper with another gain [N s]."""
+        """Return a copy of the virtual damper with another gain D_p [N s]."""
         return self.with_gain(value)
 
     def start(self) -> DamperState:

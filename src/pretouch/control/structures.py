@@ -1,4 +1,4 @@
-"""Define the C structures of a controller step: its sample, output, status, parameters and state.
+"""Define the C structures that hold inputs, outputs, parameters and state of a control step.
 
 native/law/pretouch_law.h explains the fields of the structures.
 """
@@ -17,7 +17,7 @@ _integers = partial(numbers, kind=ctypes.c_int32)
 
 
 class Status(IntFlag):
-    """Status flags of a control step, of which several may be set together.
+    """Status flags that a control step reports; several flags may be set together.
 
     DETECTING: the filtered output is above the floor. STALE: a reading is due and no usable one arrived.
     SATURATED, INVALID (not finite, late or out of order), IMPLAUSIBLE (faster than any approach): the reason why a
@@ -40,7 +40,7 @@ class Status(IntFlag):
 
 
 class Sample(NamedTuple):
-    """Inputs of the controller at the start of a control period.
+    """Inputs of the controller at the start of a control period, such as a sensor reading.
 
     Any number is accepted, also NaN.
 
@@ -64,7 +64,7 @@ class Sample(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Output of a control step: the reference of the robot's own controller for one period.
+    """Output of a control step: the reference motion of the robot for one period.
 
     The period lasts from t_k to t_k + T.
 
@@ -86,7 +86,7 @@ class Output(NamedTuple):
 
 
 class RawSample(Structure):
-    """The inputs of a control step (`Sample`) as a C structure."""
+    """Inputs of a control step as a C structure."""
 
     _fields_ = (
         *numbers("reading", "age", "contact_force"),
@@ -96,7 +96,7 @@ class RawSample(Structure):
 
 
 class RawOutput(Structure):
-    """The output of a control step (`Output`) as a C structure."""
+    """Output of a control step as a C structure."""
 
     _fields_ = (
         *numbers("position", "velocity", "acceleration", "virtual_force", "log_level"),
@@ -105,13 +105,13 @@ class RawOutput(Structure):
 
 
 class FilterSection(Structure):
-    """Coefficients of a second-order section of the low-pass filter."""
+    """Coefficients of one second-order section of the low-pass filter for sensor readings."""
 
     _fields_ = numbers("b0", "b1", "b2", "a1", "a2")
 
 
 class SensingNumbers(Structure):
-    """Parameters of the conditioning of sensor readings, as a C structure.
+    """Parameters for processing the sensor readings, as a C structure.
 
     See `Conditioning`.
     """
@@ -124,7 +124,7 @@ class SensingNumbers(Structure):
 
 
 class MedianState(Structure):
-    """The last readings in the median filter, in order of arrival and sorted by size."""
+    """The latest readings in the median filter, both in order of arrival and sorted by size."""
 
     _fields_ = (
         ("arrived", ctypes.c_double * _MEDIAN),
@@ -134,7 +134,7 @@ class MedianState(Structure):
 
 
 class SensingState(Structure):
-    """State of the conditioning of sensor readings: the last usable reading and the filters."""
+    """State of the processing of sensor readings: the latest usable reading, and the filter states."""
 
     _fields_ = (
         *numbers("quiet", "measured", "level", "filtered", "log_level"),
@@ -145,7 +145,7 @@ class SensingState(Structure):
 
 
 class Observation(Structure):
-    """The conditioned sensor signal on which a control law acts.
+    """The processed sensor signal, from which a control law computes its force.
 
     Args:
         change: change of ln xi since the previous usable reading; 0 if there is none.
@@ -167,7 +167,7 @@ class Observation(Structure):
 
 
 class DamperNumbers(Structure):
-    """Parameters of the virtual damper as a C structure, with the gain [N s].
+    """Parameters of the virtual damper as a C structure, including its gain [N s].
 
     The others are the width of the release, the rise of the ramp per period, and whether the law acts on approaches
     only.
@@ -177,7 +177,7 @@ class DamperNumbers(Structure):
 
 
 class DamperState(Structure):
-    """State of the virtual damper: the active share of its gain, and the level that counts as a new approach.
+    """State of the virtual damper: how far its gain has faded in, and which signal level counts as a new approach.
 
     ln xi has to exceed this level if the law acts on approaches only.
     """
@@ -199,7 +199,7 @@ class DragNumbers(Structure):
 
 
 class DragState(Structure):
-    """State of the virtual drag: smoothed log output and rate, detection threshold and remaining hold time.
+    """State of the virtual drag: smoothed log output and rate, detection threshold, and remaining hold-off time.
 
     The level of ln xi has to exceed the threshold.
     """
@@ -219,7 +219,7 @@ class Push(Structure):
 
 
 class AdmittanceNumbers(Structure):
-    """Exact discretization of the admittance L(1) by a transition matrix and an input vector.
+    """Transition matrix and input vector of the exactly discretized admittance L(1).
 
     The state is (x~, x~'), and the force is constant over a period.
     """
@@ -235,7 +235,7 @@ class AdmittanceNumbers(Structure):
 
 
 class MotionLimits(Structure):
-    """Control period and largest speed, acceleration and excursion, as a C structure.
+    """Control period and motion limits of the robot (speed, acceleration, excursion) as a C structure.
 
     `NO_LIMIT` stands for a missing limit.
     """
@@ -244,7 +244,7 @@ class MotionLimits(Structure):
 
 
 class DriveNumbers(Structure):
-    """Parameters of the virtual object that moves the robot, as a C structure.
+    """Parameters for the motion of the virtual object that the robot follows, as a C structure.
 
     See `Controller`.
     """
@@ -257,7 +257,7 @@ class DriveNumbers(Structure):
 
 
 class Delivery(Structure):
-    """An impulse that the controller applies to the robot over several periods.
+    """An impulse that acts on the virtual object as a force over several control periods.
 
     The fields are constant force [N], remaining impulse [N s], impulse delivered ahead [N s], and fading.
     """
@@ -266,24 +266,24 @@ class Delivery(Structure):
 
 
 class MotionState(Structure):
-    """Position [m] and velocity [m/s] of the virtual object relative to the reference."""
+    """Position [m] and velocity [m/s] of the virtual object relative to its reference."""
 
     _fields_ = numbers("position", "velocity")
 
 
 class DriveState(Structure):
-    """State of the virtual object: impulse in delivery, motion, and last reference position."""
+    """State of the virtual object that the robot follows: motion, reference position, and undelivered impulses."""
 
     _fields_ = (("delivery", Delivery), ("motion", MotionState), *numbers("reference"))
 
 
 class ControllerNumbers(Structure):
-    """Parameters of a control step with the letter's virtual damper, as a C structure."""
+    """Parameters of a control step with the virtual damper, as a C structure."""
 
     _fields_ = (("sensing", SensingNumbers), ("drive", DriveNumbers), ("law", DamperNumbers))
 
 
 class ControllerState(Structure):
-    """State of a control step with the letter's virtual damper, as a C structure."""
+    """State of a control step with the virtual damper, as a C structure."""
 
     _fields_ = (("sensing", SensingState), ("drive", DriveState), ("law", DamperState))

@@ -1,4 +1,4 @@
-"""Design gains: define tasks, objectives and constraints, and find the optimal gain with evidence for it."""
+"""Find the gain that minimizes an objective and meets all constraints, with evidence of optimality."""
 
 from pretouch.motion.evaluator import Evaluator
 

@@ -1,4 +1,4 @@
-"""Optimize the gain together with the natural frequency and damping ratio of the admittance."""
+"""Optimize the gain together with natural frequency and damping ratio of the admittance controller."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _ONE: Final = np.ones(1)
 @check_arguments
 @with_file_location
 def design_admittance(task: Task) -> AdmittanceDesign:
-    """Find the optimal gain D_p together with the optimal natural frequency, damping ratio or both.
+    """Find the optimal gain D_p together with the optimal natural frequency or damping ratio of the admittance.
 
     A grid over all free parameters locates the minima. SciPy's SLSQP refines each one, with exact gradients if the
     objective depends only on quantities at contact. Two tests follow: encounters at other points, and a complete
@@ -107,7 +107,7 @@ def design_admittance(task: Task) -> AdmittanceDesign:
 
 
 class _AdmittanceSearch:
-    """Search for the local minima over gain and admittance, from grid points and from test points."""
+    """Search for the local minima of the objective over the gain and the admittance parameters."""
 
     def __init__(self, trials: Trials) -> None:
         self.trials = trials
@@ -119,7 +119,7 @@ class _AdmittanceSearch:
         self.local_minima: list[AdmittanceMinimum] = []
 
     def minima(self) -> list[AdmittanceMinimum]:
-        """Search from the lowest grid points, then from test points that are better than the best minimum."""
+        """Search for local minima, first from the best grid points and then from test points with lower objectives."""
         for i in self._starts():
             self.add_start(self.grid[i])
         for _ in range(_ROUNDS):
@@ -133,7 +133,7 @@ class _AdmittanceSearch:
         return self.local_minima
 
     def add_start(self, start: FloatArray) -> list[AdmittanceMinimum]:
-        """Search from one more starting point and return all local minima, best first."""
+        """Start one more local search at a given point, and return all local minima, best first."""
         trials = self.trials
         descended = descend(trials, start, _ONE)
         tried = [start] if descended is None else [descended, start]
@@ -157,7 +157,7 @@ class _AdmittanceSearch:
         return self.local_minima
 
     def _starts(self) -> IntArray:
-        """Return the grid points from which the local searches start, best first."""
+        """Return the grid points at which the local searches start, best first."""
         from scipy.ndimage import minimum_filter  # noqa: PLC0415
 
         shape = self._shape()
@@ -177,7 +177,7 @@ class _AdmittanceSearch:
         return tuple(len(np.unique(column)) for column in self.grid.T)
 
     def map(self) -> AdmittanceMap:
-        """Return the best objective over all gains for each admittance of the grid."""
+        """Return, for each admittance of the grid, the best objective that any gain reaches."""
         shape = self._shape()
         grid, values = self.grid.reshape(*shape, -1), self.values.reshape(shape)
         best, middle = values.min(axis=0), np.take_along_axis(grid[..., 0], values.argmin(axis=0)[None], axis=0)[0]
@@ -192,14 +192,14 @@ class _AdmittanceSearch:
         return AdmittanceMap(natural_frequency=frequency, damping_ratio=ratio, objective=best)
 
     def best_ratio(self) -> float | None:
-        """Return how far the best grid point exceeds its limits, as |quantity| / limit; None if a point is feasible."""
+        """Return the smallest ratio |quantity| / limit among infeasible grid points; None if a point is feasible."""
         worst = self._worst()
         if not self.trials.constraints or not np.isfinite(worst).any():
             return None
         return float(worst.min()) if worst.min() > HELD else None
 
     def answer(self, unchanged: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
-        """Return the joint design from the gain designs with the unchanged and with the optimal admittance."""
+        """Return the joint design, made from the gain designs with the unchanged and with the optimal admittance."""
         freedom, certificate = self.trials.freedom, None
         status = DesignStatus.INFEASIBLE if np.isfinite(self.rows).all(axis=1).any() else DesignStatus.NO_CONTACT
         if chosen is not None:

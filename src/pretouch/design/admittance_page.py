@@ -1,4 +1,4 @@
-"""Build the report of a joint design of gain and admittance."""
+"""Build the report on a gain and an admittance that were optimized together."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Row = tuple[Cell, ...]
 
 
 def admittance_page(design: AdmittanceDesign) -> Page:
-    """Return the report page of a joint design of gain and admittance."""
+    """Return the report page of a design that optimizes the gain and the admittance together."""
     chosen = design.gain_design is not None
     page = gain_page(design.gain_design or design.unchanged)
     head = ("", "natural frequency", "damping ratio", design.number.label, "objective")

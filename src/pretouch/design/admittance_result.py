@@ -1,4 +1,4 @@
-"""Define the result of a joint design of gain and admittance, with the evidence that it is optimal."""
+"""Define the result of optimizing the gain and the admittance together."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class AdmittanceCertificate(Value):
     active: tuple[tuple[str, float], ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the certificate as one JSON object."""
+        """Return the evidence for the optimum as one JSON object."""
         active = [{"name": name, "multiplier": multiplier} for name, multiplier in self.active]
         names = ("grid", "tests", "residual", "local_minima")
         return {**{name: getattr(self, name) for name in names}, "active": active}
@@ -83,7 +83,7 @@ class AdmittanceMap(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class AdmittanceDesign(Answer):
-    """Result of `design_admittance`: the optimal gain and admittance.
+    """Result of `design_admittance`: the optimal gain and the optimal admittance.
 
     Args:
         problem: the task and the bounds of the gain.
@@ -122,7 +122,7 @@ class AdmittanceDesign(Answer):
 
     @property
     def scenario(self) -> Scenario:
-        """The encounter with the optimal admittance, or the task's encounter if there is no optimum."""
+        """The encounter with the optimal admittance; if there is no optimum, the encounter of the task."""
         return self.problem.task.scenario if self.gain_design is None else self.gain_design.scenario
 
     @property
@@ -149,7 +149,7 @@ class AdmittanceDesign(Answer):
         return None if self.certificate is None else self.certificate.local_minima[0].damping_ratio
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the gain design as one JSON object, extended by the results for the admittance."""
+        """Return the optimal gain and the optimal admittance, with their evidence, as one JSON object."""
         names = ("free", "natural_frequency", "damping_ratio", "natural_frequency_bounds", "damping_ratio_bounds")
         chosen = None if self.gain_design is None else self.admittance
         document = {
@@ -164,7 +164,7 @@ class AdmittanceDesign(Answer):
 
     @property
     def headline(self) -> str:
-        """The result of the design in one or two sentences."""
+        """A summary of the design in one or two sentences."""
         if self.gain_design is None or self.objective is None:
             if self.status is DesignStatus.NO_CONTACT:
                 return "No gain and admittance within the bounds end in contact."

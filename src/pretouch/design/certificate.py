@@ -1,4 +1,4 @@
-"""Define the parts of a design result: status, constraints, trade-off, evidence of optimality and sensitivities."""
+"""Define the evidence that a design result contains, such as local minima and active constraints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ACTIVE: Final = 1e-6
 
 
 class DesignStatus(StrEnum):
-    """Status of a design: an optimal gain, no feasible gain, or no gain that ends in contact."""
+    """Status of a design: an optimal gain, no feasible gain, or no gain with which the object reaches contact."""
 
     OPTIMAL = "optimal"
     INFEASIBLE = "infeasible"
@@ -26,7 +26,7 @@ class DesignStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConstraintOutcome(Value):
-    """Value, limit and margin of one constraint at the chosen gain.
+    """Value, limit and margin of one constraint at the designed gain.
 
     Args:
         name: short name, as in a scenario file.
@@ -53,7 +53,7 @@ class ConstraintOutcome(Value):
 
     @property
     def achievable(self) -> bool:
-        """Whether some gain within the bounds meets this constraint, regardless of other constraints."""
+        """True if some gain within the bounds meets this constraint, even if the gain violates other constraints."""
         return self.best_value is not None and self.best_value <= self.limit
 
     def to_dict(self) -> dict[str, Any]:
@@ -63,7 +63,7 @@ class ConstraintOutcome(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TradeOff(Value):
-    """Objective and state at contact for every gain that the search scanned.
+    """Objective and quantities at contact for every gain that the search evaluated.
 
     Args:
         gain: the law's number, such as D_p [N s], ascending, shape (n,).
@@ -80,7 +80,7 @@ class TradeOff(Value):
     state: ContactState
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scanned gains and their results as columns; results without contact are infinite."""
+        """Return the evaluated gains and their results as columns of numbers; results without contact are infinite."""
         state = {name: getattr(self.state, name) for name in ("time", "displacement", "relative_velocity")}
         columns = {"objective": self.objective, **state}
         finite = {name: np.where(self.reached, values, np.inf) for name, values in columns.items()}
@@ -92,7 +92,7 @@ class TradeOff(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate(Value):
-    """Evidence that the gain is the global optimum within the bounds.
+    """Evidence that the designed gain is the global optimum within the bounds.
 
     Args:
         scanned: number of gains of the scan, which covers the bounds.
@@ -115,7 +115,7 @@ class Certificate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensitivity(Value):
-    """Sensitivity of the optimal gain to one input.
+    """The change of the optimal gain when one input of the design changes.
 
     Args:
         name: the input, such as `obstacle.velocity` or `sensor.exponent`.
@@ -137,7 +137,7 @@ class Sensitivity(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdealDesign(Value):
-    """The gain that is optimal in continuous time, compared with the gain designed on a sampled loop.
+    """The optimal gain in continuous time, compared with the gain that was designed for a sampled control loop.
 
     Args:
         gain: the optimal gain in continuous time, L(1), with a perfect sensor: the law's number, such as D_p [N s].

@@ -1,4 +1,4 @@
-"""Define constraints, which limit quantities such as the excursion or the contact speed."""
+"""Define design constraints, which limit quantities such as the excursion or the contact speed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .quantities import CONSTRAINT_NAMES, QUANTITY_KINDS, QUANTITY_UNITS, quanti
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Constraint:
-    """An upper limit of the magnitude of a quantity, such as the excursion.
+    """An upper limit on the magnitude of a quantity, such as the excursion of the robot.
 
     Args:
         name: a key of CONSTRAINT_NAMES: `excursion` (|x - x_d| over the whole motion), `travel` (|x - x(0)| over the
@@ -47,7 +47,7 @@ class Constraint:
 
     @property
     def quantity(self) -> str:
-        """The quantity that this constraint limits."""
+        """The name of the limited quantity, such as `excursion`."""
         return CONSTRAINT_NAMES[self.name]
 
     @property

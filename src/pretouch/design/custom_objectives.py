@@ -1,4 +1,4 @@
-"""Accept user-defined objectives: objects with a method `value`, or functions of the state at contact."""
+"""Accept objectives that the user defines as an object or as a function of the state at contact."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _SUM: Final = 1e-9  # largest relative error of the sum of the parts: far above 
 
 
 class Valued(Protocol):
-    """A user-defined objective: an object whose method `value` evaluates a contact."""
+    """Interface of a user-defined objective: its method `value` computes the objective at contact."""
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None) -> Any:
-        """Return the objective at contact, a number >= 0 that the design minimizes."""
+        """Return the value of the objective at contact, a number >= 0 that the design minimizes."""
 
 
 AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
@@ -34,7 +34,7 @@ AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomObjective(Objective):
-    """Objective that wraps a user-defined object, or a function of the state at contact.
+    """Wrapper that makes an objective of a user-defined object, or of a function of the state at contact.
 
     Its parts are those that the object's method `parts` returns, if they add up to the value; otherwise it has none.
 
@@ -51,7 +51,7 @@ class CustomObjective(Objective):
         pass
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> FloatArray:
-        """Evaluate the user-defined objective; return values with the shape of the state."""
+        """Compute the user-defined objective for an array of contacts, and return an array of the same shape."""
         try:
             if callable(getattr(self.given, "value", None)):
                 value = self.given.value(state, obstacle_speed, impact)
@@ -72,7 +72,7 @@ class CustomObjective(Objective):
         return np.broadcast_to(numbers, np.shape(state.time))
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return the terms that a user-defined objective declares; none if their sum is not the objective."""
+        """Return the contribution of each quantity to a user-defined objective; empty if the sum is inconsistent."""
         if not _declares_parts(self.given):
             return {}
         parts: Mapping[str, Any] = self.given.parts(state, obstacle_speed, impact)
@@ -84,7 +84,7 @@ class CustomObjective(Objective):
 
 
 def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an objective has no kind of its own
-    """Return what is wrong with the objective of an entry point; empty if nothing."""
+    """Return an error message if the objective of an installed package is invalid; otherwise return an empty text."""
     if callable(getattr(objective, "value", None)) or (callable(objective) and not isinstance(objective, type)):
         return ""
     return (
@@ -137,7 +137,7 @@ def appraise(
     obstacle_speed: Any,
     impact: ImpactModel | None,
 ) -> FloatArray:
-    """Evaluate an objective, which is infinite without contact; reject negative or NaN values."""
+    """Compute the objective of encounters, infinite without contact; raise an error for negative or NaN values."""
     value = objective.value(state, obstacle_speed, impact)
     if type(objective) is CustomObjective:
         wrong = np.asarray(reached) & ~(value >= 0)
@@ -151,7 +151,7 @@ def appraise(
 
 
 def _declares_parts(given: Any) -> bool:
-    """Return whether a user-defined objective declares its terms by its own method `parts`."""
+    """Return True if the class of a user-defined objective defines a method `parts` that returns the terms."""
     if not callable(getattr(given, "parts", None)):
         return False
     if not isinstance(given, Objective):

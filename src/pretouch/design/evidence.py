@@ -1,4 +1,4 @@
-"""Compute the evidence of a gain design when it is read: scanned gains, minima, constraints, sensitivities."""
+"""Compute the evidence that a designed gain is optimal, and its sensitivity to the inputs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SMOOTH = 1e-2
 
 
 def _part(make: Callable[[Any], R]) -> cached_property[R]:
-    """Decorator for a cached property that only the design of a single encounter has."""
+    """Make a cached property that raises an error if the design has more than one encounter."""
 
     @wraps(make)
     def part(evidence: GainEvidence) -> R:
@@ -46,7 +46,7 @@ def _part(make: Callable[[Any], R]) -> cached_property[R]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class GainEvidence(Answer):
-    """Evidence of a gain design: all scanned gains, the local minima and the results computed from them.
+    """Evidence of a gain design: all evaluated gains, the local minima and the results computed from them.
 
     Args:
         settled: status, optimal gain and objective, if a fast search has already found them, without the whole scan;
@@ -69,7 +69,7 @@ class GainEvidence(Answer):
 
     @property
     def status(self) -> Any:
-        """The status: optimal, infeasible (no gain meets all constraints) or no-contact (no gain ends in contact).
+        """The status: optimal, infeasible (no gain meets all constraints) or no-contact (no gain results in contact).
 
         For an array of encounters, it is an array of statuses.
         """
@@ -87,7 +87,7 @@ class GainEvidence(Answer):
 
     @_part
     def scanned(self) -> Scan:
-        """The scan over all gains, refined until the objective is well interpolated between them."""
+        """The objective at a series of gains, dense enough to interpolate accurately between neighboring gains."""
         return scan(self.problem.landscape, *self.problem.axis.span)
 
     @_part
@@ -101,7 +101,7 @@ class GainEvidence(Answer):
         return self.problem.landscape(coordinate).merit
 
     def _between_gains(self) -> list[Minimum]:
-        """Find minima in a feasible range so narrow that the scan has no gain inside."""
+        """Find minima in a feasible range of gains that is narrower than the distance between evaluated gains."""
         near = self._least_excess
         if near is None or near.value > HELD:
             return []
@@ -113,43 +113,43 @@ class GainEvidence(Answer):
 
     @_part
     def _least_excess(self) -> Minimum | None:
-        """The gain that exceeds the limits least; None if no gain makes contact."""
+        """The gain with the smallest violation of the limits; None if no gain results in contact."""
         scanned, problem = self.scanned, self.problem
         near = refine(lambda u: problem.landscape(u).worst_ratio, scanned.coordinate, scanned.landscape.worst_ratio)
         return near[0] if near else None
 
     @_part
     def nearest_gain(self) -> float | None:
-        """If a design is infeasible, the gain that exceeds the limits least; otherwise None."""
+        """The gain with the smallest violation of the limits if the design is infeasible; otherwise None."""
         if self.minima or self._least_excess is None:
             return None
         return float(self.problem.axis.gain(self._least_excess.coordinate))
 
     @_part
     def result(self) -> ContactResult | None:
-        """The encounter at the optimal gain; None if there is no optimum."""
+        """The predicted motion and contact at the optimal gain; None if there is no optimum."""
         return None if self.gain is None else self.problem.run(self.gain)
 
     @_part
     def nearest(self) -> ContactResult | None:
-        """If a design is infeasible, the encounter at the gain that exceeds the limits least; otherwise None."""
+        """For an infeasible design, the motion and contact at the gain with the smallest violation; otherwise None."""
         if self.gain is not None or self.nearest_gain is None:
             return None
         return self.problem.run(self.nearest_gain)
 
     @_part
     def no_mitigation(self) -> ContactResult:
-        """The encounter without mitigation, that is, with a gain of 0."""
+        """The predicted motion and contact without mitigation, that is, with a gain of 0."""
         return self.problem.run(0.0)
 
     @_part
     def scan_result(self) -> ContactResult:
-        """The encounters that were solved at all scanned gains."""
+        """The predicted motions and contacts for all gains that the search evaluated."""
         return self.problem.run(self.problem.axis.gain(self.scanned.coordinate))
 
     @_part
     def trade_off(self) -> TradeOff:
-        """Objective and state at contact for every scanned gain."""
+        """Objective and quantities at contact for every gain that the search evaluated."""
         return TradeOff(
             gain=self.problem.axis.gain(self.scanned.coordinate),
             objective=self.scanned.landscape.objective,
@@ -160,7 +160,7 @@ class GainEvidence(Answer):
 
     @_part
     def constraints(self) -> tuple[ConstraintOutcome, ...]:
-        """The value of each constraint at the chosen gain, and the smallest value that any gain reaches."""
+        """The value of each constraint at the designed gain, and the smallest value that any gain reaches."""
         shown = self.result or self.nearest
         return tuple(self._outcome(i, constraint, shown) for i, constraint in enumerate(self.problem.task.limits))
 
@@ -184,7 +184,7 @@ class GainEvidence(Answer):
 
     @_part
     def place(self) -> str:
-        """Where the optimum lies, for example inside the range, on a bound or at an edge of contact."""
+        """The position of the optimum: inside the range of gains, on a bound, or at the edge of contact."""
         if self.settled is not None or not self.minima or not self.minima[0].edge:
             return "interior"
         best = self.minima[0]
@@ -198,7 +198,7 @@ class GainEvidence(Answer):
 
     @_part
     def certificate(self) -> Certificate | None:
-        """Evidence that the gain is the global optimum; None if there is no optimum."""
+        """Evidence that the designed gain is the global optimum; None if there is no optimum."""
         if not self.minima:
             return None
         axis, best = self.problem.axis, self.minima[0]
@@ -213,14 +213,14 @@ class GainEvidence(Answer):
         )
 
     def _at_answer(self, best: Minimum) -> Minimum:
-        """Return the best minimum of the scan, moved to the optimal gain if a fast search found that gain."""
+        """Return the best local minimum of the search, moved to the optimal gain if a faster search found that gain."""
         if self.settled is None:
             return best
         return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))
 
     @_part
     def sensitivities(self) -> tuple[Sensitivity, ...]:
-        """Derivatives of the optimum with respect to each input; empty if the optimum is not differentiable."""
+        """Derivatives of the optimal gain with respect to each input; empty if the optimum is not differentiable."""
         if self.gain is None or self.place == "corner":
             return ()
         p = self.problem
@@ -229,13 +229,13 @@ class GainEvidence(Answer):
         return gain_sensitivities(p, self.gain, self.place)
 
     def _is_smooth(self) -> bool:
-        """Return whether the objective of a user-defined evaluator is smooth enough for finite differences."""
+        """Return True if the objective is smooth enough for derivatives by finite differences."""
         slope = _stationarity(self.problem, self.minima[0]) if self.minima else None
         return slope is not None and slope < _SMOOTH
 
     @_part
     def ideal(self) -> IdealDesign | None:
-        """The gain that is optimal in continuous time, and how much worse it is on the sampled loop."""
+        """The optimal gain in continuous time, and how much worse the sampled loop performs with this gain."""
         # None without `evaluate`, without an optimal gain, or if the obstacle has a course
         p = self.problem
         if p.task.evaluate is None or p.task.scenario.obstacle.course or self.gain is None:
@@ -251,7 +251,7 @@ class GainEvidence(Answer):
 
 
 def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
-    """Design gains by fast searches; return None if the result for a single encounter is uncertain."""
+    """Design gains by faster searches; return None if the result for a single encounter is uncertain."""
     if problem.task.scenario.shape:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()
@@ -268,7 +268,7 @@ def _search_one(problem: GainProblem) -> tuple[Any, Any, Any]:
 
 
 def _stationarity(problem: GainProblem, best: Minimum) -> float | None:
-    """Return the relative slope of the objective at an interior optimum, by a five-point difference."""
+    """Return the relative slope of the objective at an optimum between the bounds, by a five-point difference."""
     narrow = min(1e-2, 0.1 * (best.bracket[1] - best.bracket[0]))  # a sharp minimum has a narrow bracket
     step = narrow if problem.task.evaluate is None else 0.05  # wider than the ripples of a sampled loop
     f = problem.landscape(best.coordinate + step * np.array([-2.0, -1.0, 1.0, 2.0])).objective

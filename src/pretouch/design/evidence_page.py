@@ -1,4 +1,4 @@
-"""Build the report sections on the evidence of a gain design and on its sensitivities."""
+"""Build the report sections on the optimality of a designed gain and on its sensitivities."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PLACES: Final = {
 
 
 def evidence_section(design: GainDesign) -> PageSection:
-    """Return the report section with the evidence that a gain is optimal."""
+    """Return the report section that shows why the gain is optimal."""
     certificate = design.certificate
     note = "The scan covers the whole range, so the optimum does not depend on a starting point."
     if solved_on(design) != "loop":
@@ -76,7 +76,7 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
 
 
 def ideal_in_words(ideal: IdealDesign, number: LawNumber) -> str:
-    """Return a phrase about the ideal gain and its loss, as in `-0.7463 N s, which here is 24 % worse`."""
+    """Return text that states the ideal gain and its loss, such as `-0.7463 N s, which here is 24 % worse`."""
     text = f"{number.text(ideal.gain)}, which here "
     if not math.isfinite(ideal.objective):
         return text + "ends without contact"
@@ -87,7 +87,7 @@ def ideal_in_words(ideal: IdealDesign, number: LawNumber) -> str:
 
 
 def sensitivity_section(design: GainDesign) -> PageSection:
-    """Return the report section with the sensitivities of the optimal gain, largest first."""
+    """Return a report table of the sensitivities of the optimal gain to the inputs, largest first."""
     ranked = sorted(design.sensitivities, key=lambda s: abs(s.gain_change_per_percent), reverse=True)
     largest = max(abs(s.gain_change_per_percent) for s in ranked)
     rows, n = [], design.number

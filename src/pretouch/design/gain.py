@@ -1,4 +1,4 @@
-"""Find the optimal gain within its bounds and constraints."""
+"""Find the optimal gain that lies within its bounds and meets all constraints."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 
 def designed_number(task: Task) -> float | None:
-    """Return the designed gain of a task, or the drag if the task requires an effect of a virtual drag.
+    """Return the designed gain of a task, or the coefficient of the virtual drag whose effect the task requires.
 
     Returns:
         The number, such as D_p [N s] or phi [N s^2]; None if no gain meets the constraints or ends in contact.
@@ -43,7 +43,7 @@ def designed_number(task: Task) -> float | None:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class GainDesign(GainEvidence):
-    """Result of `design_gain`: the optimal gain, with evidence that is computed when it is first read.
+    """Result of `design_gain`: the optimal gain and its evidence, which is computed when it is first accessed.
 
     Args:
         problem: the task and the bounds of the gain.
@@ -60,17 +60,17 @@ class GainDesign(GainEvidence):
         return design
 
     def at(self, *index: int) -> GainDesign:
-        """Return the design of one encounter of an array; `index` has one integer per axis."""
+        """Return the design for one encounter of an array; `index` has one integer per axis."""
         return GainDesign.of(self.problem.at(index)) if self.scenario.shape else self
 
     @property
     def method(self) -> str:
-        """Method that solved the encounters: `closed-form`, `integration`, `uniform-motion` or `loop`."""
+        """Name of the method that computed the motions: `closed-form`, `integration`, `uniform-motion` or `loop`."""
         return self.no_mitigation.method
 
     @property
     def objective_parts(self) -> dict[str, float]:
-        """The terms of the objective by quantity, which add up to the objective; empty if there is no optimum.
+        """The contribution of each quantity to the objective; empty if there is no optimum.
 
         A user-defined objective declares its parts by a method `parts`; empty if they do not add up to its value.
         """
@@ -81,7 +81,7 @@ class GainDesign(GainEvidence):
 
     @property
     def damping_at_contact(self) -> Any:
-        """The damping [N s/m] of the virtual force at contact, which is D_p g(0) for the virtual damper.
+        """The damping coefficient [N s/m] of the virtual force at contact, which is D_p g(0) for the virtual damper.
 
         For other laws, the damping dF/dl' at contact; NaN if the law does not give it.
         """
@@ -93,7 +93,7 @@ class GainDesign(GainEvidence):
         return float_or_array(law.damping(self.gain, slope, self.problem.run(self.gain).end.relative_velocity))
 
     def gradient(self, by: str) -> Any:
-        """Return the derivative of the optimal gain by one input, such as the obstacle's velocity.
+        """Return the derivative of the optimal gain with respect to one input, such as the velocity of the obstacle.
 
         The derivative is exact if objective and limits are taken at contact.
 
@@ -113,12 +113,12 @@ class GainDesign(GainEvidence):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings to read before relying on the gain, most important first."""
+        """Warnings about the designed gain, most important first."""
         return tuple(_warnings(self, self.scan_result))
 
     @cached_property
     def without_margin(self) -> GainDesign | None:
-        """The optimal design without the required gain margin if that margin alone makes this one infeasible."""
+        """The optimal design without the required gain margin, if only this margin makes the design infeasible."""
         task = self.problem.task
         if self.scenario.shape or self.status is not DesignStatus.INFEASIBLE or task.stability_margin is None:
             return None
@@ -127,7 +127,7 @@ class GainDesign(GainEvidence):
 
     @property
     def headline(self) -> str:
-        """The result of the design in one or two sentences."""
+        """A summary of the design in one or two sentences."""
         if self.result is not None and self.gain is not None:
             speed = abs(self.result.end.relative_velocity)
             n = self.number
@@ -173,7 +173,7 @@ class GainDesign(GainEvidence):
 
 
 def _conflict(design: GainDesign) -> str:
-    """Describe which constraints the nearest gain exceeds, and which of them no gain meets."""
+    """Return a sentence on which constraints the nearest gain violates, and which of them no gain meets."""
     exceeded = [o for o in design.constraints if o.margin is None or o.margin < 0]
     gain = design.number.equals(float(design.nearest.gain) if design.nearest else 0.0)
     if len(exceeded) == 1:
@@ -196,7 +196,7 @@ def _conflict(design: GainDesign) -> str:
 
 
 def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
-    """Yield warnings to read before relying on a design, most important first."""
+    """Yield the warnings about a designed gain, most important first."""
     yield from _about_contact(design, scanned)
     if design.certificate is not None and design.certificate.at == "bound":
         yield (
@@ -229,7 +229,7 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 
 
 def _depends_on_noise(design: GainDesign) -> bool:
-    """Return whether other sensor noise changes the encounter at the optimal gain."""
+    """Return True if other random sensor noise changes the predicted contact at the optimal gain."""
     evaluator = design.problem.task.evaluate
     if design.result is None or not isinstance(evaluator, NoisyEvaluator):
         return False
@@ -238,7 +238,7 @@ def _depends_on_noise(design: GainDesign) -> bool:
 
 
 def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
-    """Yield warnings about gains that end without contact."""
+    """Yield warnings about gains with which the object does not reach contact."""
     status = np.asarray(scanned.status)
     for kind in ContactStatus:
         count = int((status == kind).sum())
@@ -265,7 +265,7 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 @check_arguments
 @with_file_location
 def design_gain(task: Task) -> GainDesign:
-    """Find the gain D_p that minimizes an objective within constraints: the letter's problems L(20) to L(23).
+    """Find the gain D_p that minimizes an objective within constraints, as in the design problems L(20) to L(23).
 
     The whole range of gains is scanned until each gain is well interpolated from its neighbors. Then each local
     minimum is refined, and the best one is the answer. The result does not depend on a starting point. With another

@@ -1,4 +1,4 @@
-"""Model the impact of robot and obstacle: compute the peak force from the relative velocity."""
+"""Model the impact of robot and obstacle, and compute the peak force from the relative velocity."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # central dif
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpactModel(ABC):
-    """Model of a lossless normal impact between two free bodies.
+    """Base class for models of a lossless normal impact between robot and obstacle as two free bodies.
 
     Losses would only make the peak force smaller.
 
@@ -52,7 +52,7 @@ class ImpactModel(ABC):
         """Return the peak force [N] of an impact at the given relative velocity [m/s]."""
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
-        """Return the derivative of the peak force [N s/m] by the relative velocity l' [m/s], which must not be 0."""
+        """Return the derivative [N s/m] of the peak force with respect to the nonzero relative velocity l' [m/s]."""
         # Models without a formula use a difference of order 8, with an error of about 1e-13 of force over velocity.
         v = np.asarray(relative_velocity, dtype=np.float64)
         step = _STEP * v
@@ -62,7 +62,7 @@ class ImpactModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElasticImpact(ImpactModel):
-    """Impact with an elastic contact force k d^n, which depends on the depth d of the contact.
+    """Impact with an elastic contact force k d^n, which depends on the penetration depth d.
 
     The peak force is k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)) at a speed v, with the reduced mass mu.
     It follows from 1/2 mu v^2 = k d^(n+1) / (n+1): at the largest depth, the contact has stored all energy.
@@ -89,7 +89,7 @@ class ElasticImpact(ImpactModel):
 
     @property
     def speed_exponent(self) -> float:
-        """Exponent of the speed in the peak force, 2 n / (n+1) for a contact with the exponent n."""
+        """Exponent with which the peak force grows with the speed: 2 n / (n+1) for a contact force with exponent n."""
         return 2 * self.exponent / (self.exponent + 1)
 
     def peak_force(self, relative_velocity: ArrayLike) -> Any:
@@ -99,14 +99,14 @@ class ElasticImpact(ImpactModel):
         return float_or_array(factor * np.abs(relative_velocity) ** power)
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
-        """Return the derivative of the peak force by the relative velocity [N s/m]."""
+        """Return the derivative of the peak force with respect to the relative velocity [N s/m]."""
         force = np.asarray(self.peak_force(relative_velocity))
         return float_or_array(self.speed_exponent * force / np.asarray(relative_velocity))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpringImpact(ElasticImpact):
-    """Impact on a linear contact stiffness.
+    """Impact on a contact with constant stiffness.
 
     The peak force is F = |v| sqrt(mu k) at a speed v, from 1/2 mu v^2 = 1/2 F^2 / k with the reduced mass mu.
 
@@ -125,7 +125,7 @@ class SpringImpact(ElasticImpact):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HertzImpact(ElasticImpact):
-    """Impact of a sphere by Hertz's law (K. L. Johnson, Contact Mechanics, 1985, 11.4).
+    """Impact of a sphere with a Hertzian contact force (K. L. Johnson, Contact Mechanics, 1985, 11.4).
 
     The force at depth d is F = 4/3 E* sqrt(R) d^(3/2).
 
@@ -158,7 +158,7 @@ class HertzImpact(ElasticImpact):
 
 
 def impact_rows(impact: ImpactModel | None) -> Iterator[tuple[Cell, ...]]:
-    """Yield table rows with the masses of robot and obstacle; none without an impact model."""
+    """Yield table rows with the masses of robot and obstacle; no rows without an impact model."""
     if impact is not None:
         yield "physical mass of the robot", Measured(impact.robot_mass, "kg")
         yield "mass of the obstacle", Measured(impact.obstacle_mass, "kg")

@@ -1,4 +1,4 @@
-"""Test whether a stronger gain provably delays contact, and bound the objective of all stronger gains."""
+"""Test for which encounters a stronger gain provably delays contact."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _PROBES: Final = 257
 
 
 def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
-    """Return which encounters provably make contact later with a stronger gain."""
+    """Return for which encounters it is proven that a stronger gain makes contact later."""
     # The proof is in docs/developers/fast-designs.md.
     falling = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
     return np.asarray(premises_hold(scenario) & falling)
 
 
 def premises_hold(scenario: Scenario) -> BoolArray:
-    """Return which encounters meet the premises of the proof that a stronger gain makes contact later."""
+    """Return which encounters meet the assumptions of the proof that a stronger gain makes contact later."""
     # The premise that ln xi falls with the distance is tested by `falls`.
     m, d, k, x0, u0, _, v, a, _, _ = scenario.relative_columns()
     room = np.asarray(d) * d - 4.0 * np.asarray(m) * k
@@ -51,5 +51,5 @@ def least_objective(objective: Objective, state: ContactState, obstacle_speed: A
 
 @cache_by_curve(256)
 def falls(sensor: SensorModel, reach: float) -> bool:
-    """Return whether the log output ln xi falls with the distance, from contact to `reach` [m]."""
+    """Return True if the log output ln xi falls with the distance everywhere from contact to `reach` [m]."""
     return bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, _PROBES))) < 0).all())

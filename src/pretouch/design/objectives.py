@@ -1,4 +1,4 @@
-"""Define objectives: weighted sums of squared contact quantities, such as excursion and contact speed."""
+"""Define objectives as weighted sums of squares, for example of excursion and contact speed."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Term:
             raise InvalidInputError("scale: found 0, expected a typical value other than 0")
 
     def scale_for(self, obstacle_speed: Any) -> Any:
-        """Return the scale of an objective's term in SI units, such as the obstacle's speed [m/s]."""
+        """Return the scale that normalizes a quantity in the objective, such as the obstacle's speed [m/s]."""
         if not isinstance(self.scale, str):
             return self.scale
         if np.any(np.asarray(obstacle_speed) == 0):
@@ -61,14 +61,14 @@ class Term:
         return np.abs(obstacle_speed)
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Any:
-        """Return the value of an objective's term at contact, weight * (quantity / scale)^2."""
+        """Return the value of one term at contact: weight * (quantity / scale)^2."""
         # `obstacle_speed` is |x_o'| at the start [m/s].
         return self.weight * (quantity_of(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Objective:
-    """Objective to minimize: a weighted sum of squared, scaled quantities at contact.
+    """A design objective: a weighted sum of squared, scaled quantities at contact.
 
     A subclass that overrides `value` needs no terms; reports then show the name of the class.
 
@@ -91,7 +91,7 @@ class Objective:
             raise InvalidInputError("terms: found none with a positive weight, expected one or more")
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> FloatArray:
-        """Evaluate the objective at contact.
+        """Return the value of the objective at contact.
 
         Args:
             state: the state at contact.
@@ -104,7 +104,7 @@ class Objective:
         return np.asarray(sum(self.parts(state, obstacle_speed, impact).values()), dtype=np.float64)
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return for each quantity the sum of its terms in the objective."""
+        """Return the contribution of each quantity to the objective, that is, the sum of its terms."""
         parts: dict[str, Any] = {}
         for term in self.terms:
             part = term.value(state, obstacle_speed, impact)
@@ -116,7 +116,7 @@ class Objective:
 def excursion_objective(
     *, position_scale: float, velocity_scale: Scale, position_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the letter's objective L(20), which trades excursion against relative velocity at contact.
+    """Make the objective L(20), the weighted sum of squared excursion and squared relative velocity at contact.
 
     Args:
         position_scale: x_typ [m]; x is the deviation from the reference at contact, x - x_d.
@@ -142,7 +142,7 @@ def excursion_objective(
 def time_objective(
     *, time_scale: float, velocity_scale: Scale, time_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the letter's objective L(22), which trades time of contact against relative velocity at contact.
+    """Make the objective L(22), the weighted sum of squared time of contact and squared relative velocity at contact.
 
     Args:
         time_scale: t_typ [s].

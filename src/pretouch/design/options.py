@@ -1,4 +1,4 @@
-"""Options of a task that only one verb reads: the Pareto front, the robust design and the verdict."""
+"""Define the task options for Pareto fronts, robust designs and verification."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 class ExplainsNames:
-    """Base class of dataclasses that explain a misspelled name, or one that belongs in the value of another field."""
+    """Base class whose constructor explains a misspelled field name, or a name that belongs to another object."""
 
     __slots__ = ()
 
     def __new__(cls, *_: Any, **values: Any) -> Self:
-        """Refuse unknown names with the place where they belong."""
+        """Raise an error for unknown field names that says where these names belong."""
         for name in values:
             if name not in cls.__dataclass_fields__:  # type: ignore[attr-defined]
                 raise TypeError(f"{cls.__name__}: found an unknown name {name!r}{_hint(cls, name)}")
@@ -33,7 +33,7 @@ class ExplainsNames:
 
 
 def _hint(cls: Any, name: str) -> str:
-    """Return where an unknown name belongs, or else the most similar name; empty if there is none."""
+    """Return where an unknown name belongs, or else the most similar valid name; an empty text if there is none."""
     places: dict[str, list[str]] = {}
     for f in fields(cls):
         places.setdefault(f.name, []).append(f.name)
@@ -49,7 +49,7 @@ def _hint(cls: Any, name: str) -> str:
 
 
 class Choice(Protocol):
-    """A design that can be marked as the user's choice on a Pareto front."""
+    """Interface of a design that a Pareto plot can mark as the user's choice."""
 
     @property
     def gain(self) -> Any:
@@ -57,12 +57,12 @@ class Choice(Protocol):
 
     @property
     def scenario(self) -> Scenario:
-        """The encounter with its admittance."""
+        """The encounter for which the gain was designed, with its admittance."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParetoOptions(ExplainsNames, Value):
-    """Options of `pareto_front`; in a scenario file the section [pareto].
+    """Options of `pareto_front`, which a scenario file sets in its section [pareto].
 
     Args:
         quantities: the quantities of the front: two or three names of QUANTITY_UNITS; magnitudes are minimized.
@@ -91,7 +91,7 @@ class ParetoOptions(ExplainsNames, Value):
 
 @dataclass(frozen=True, kw_only=True)
 class RobustOptions(ExplainsNames, Value):
-    """Options of `design_robust_gain`; in a scenario file the section [robust].
+    """Options of `design_robust_gain`, which a scenario file sets in its section [robust].
 
     Args:
         measure: the measure that a robust gain minimizes, of the objective over all encounters: Quantile,
@@ -122,7 +122,7 @@ class RobustOptions(ExplainsNames, Value):
 
 @dataclass(frozen=True, kw_only=True)
 class VerifyOptions(ExplainsNames, Value):
-    """Options of `verify_gain`; in a scenario file the section [verify].
+    """Options of `verify_gain`, which a scenario file sets in its section [verify].
 
     Args:
         runs: number of simulated runs, 1 or more.

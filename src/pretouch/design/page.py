@@ -1,4 +1,4 @@
-"""Build the report of a gain design: the gain, the resulting contact, and the evidence of optimality."""
+"""Build the report of a gain design: optimal gain, state at contact, and evidence of optimality."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ _MOTION_NOTES: Final = {
 
 
 def task_page(task: Task) -> Page:
-    """Return the report page of a task: its encounter, sensor, objective and limits."""
+    """Return the report page that describes the problem of a task: encounter, sensor, objective and limits."""
     if task.scenario.shape:
         return Page(kind="Task", headline=f"Task for encounters of shape {task.scenario.shape}")
     number = task.law.number
@@ -77,7 +77,7 @@ def task_page(task: Task) -> Page:
 
 
 def gain_page(design: GainDesign) -> Page:
-    """Return the report page of the gain design of one encounter."""
+    """Return the report page on the designed gain of one encounter."""
     if design.scenario.shape:
         raise ResultUnavailableError("page: found an array of designs, expected one; select it with .at(index)")
     advice = _ADVICE.get(design.status)
@@ -128,7 +128,7 @@ def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
 
 
 def _findings(design: GainDesign) -> Iterator[str]:
-    """Yield a sentence about each constraint, with its value and its limit."""
+    """Yield one sentence for each constraint, with the value of the limited quantity and its limit."""
     for c in design.constraints:
         met = c.margin is not None and c.margin >= -ACTIVE * c.limit
         yield limit_in_words(design.number.entry(c.quantity).words, c.value, c.limit, c.unit, met=met)
@@ -257,7 +257,7 @@ def _valued_terms(design: GainDesign) -> Iterator[Row]:
 
 
 def objective_rows(objective: Objective, number: LawNumber) -> Iterator[Row]:
-    """Yield a table row with quantity, typical value and weight for each term of an objective."""
+    """Yield a table row for each term of an objective, with its quantity, typical value and weight."""
     if isinstance(objective, CustomObjective):
         yield f"{objective.name}: a user-defined objective", "", ""
         return
@@ -268,7 +268,7 @@ def objective_rows(objective: Objective, number: LawNumber) -> Iterator[Row]:
 
 
 def traded_quantity(design: GainDesign) -> str:
-    """Return the quantity that the objective trades for a lower contact speed, such as the excursion."""
+    """Return the quantity that the objective weighs against the contact speed, such as the excursion."""
     for term in design.definition.terms:
         if term.quantity not in {"relative_velocity", "impact_force"} and term.weight > 0:
             return term.quantity
@@ -276,7 +276,7 @@ def traded_quantity(design: GainDesign) -> str:
 
 
 def shows_equals(design: GainDesign) -> bool:
-    """Return whether a plot can show contour lines of the objective over its two quantities."""
+    """Return True if a plot can show contour lines of the objective over its two quantities."""
     quantities = sorted(t.quantity for t in design.definition.terms if t.weight > 0)
     return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
 
@@ -305,7 +305,7 @@ _FORCE_LAWS: Final = {
 
 
 def _gain_and_sensor(design: GainDesign) -> PageSection | None:
-    """Return the report section with the coefficient of the force law, computed from gain and sensor slope."""
+    """Return a report table of the force law's coefficient at start and contact, such as D_p g for the damper."""
     run, n, law = _displayed_result(design), design.number, design.law
     if run is None or law.degree is None:
         return None

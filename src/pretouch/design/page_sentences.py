@@ -1,4 +1,4 @@
-"""Sentences that the pages of several designs share."""
+"""Format sentences that the reports of several designs share."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from .task import Task
 
 
 def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, *, met: bool) -> str:
-    """Return a limit with the value of the limited quantity, and whether it is met."""
+    """Return a sentence with the value of a limited quantity, its limit, and whether the limit is met."""
     reached = "none" if value is None else format_quantity(value, unit, 3)
     return f"{quantity} {reached}, limit {format_quantity(limit, unit, 3)}: {'met' if met else 'exceeded'}"
 
 
 def verify_step(task: Task) -> str:
-    """Return the next step after a successful design: to verify its number on the loop."""
+    """Return the text of the next step after a successful design: to verify the gain on the sampled loop."""
     describe = "" if task.loop is not None else "describe sensor chain and controller, then "
     return f"{describe}run `pretouch verify` to check the {task.law.number.name} on the sampled loop"

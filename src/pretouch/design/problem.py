@@ -1,4 +1,4 @@
-"""Define the search problem of a gain design: the task, the search coordinate, and criteria that judge a gain."""
+"""Define the search problem of a gain design, and evaluate the objective and constraints for a gain."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ _WITH_GRADIENTS: Final = frozenset(
 # contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """A number that rates an encounter, such as the objective, with its derivatives by contact quantities."""
+    """A number that rates an encounter, such as the objective, with its derivatives by the contact quantities."""
 
     value: Callable[[ContactResult], Any]
     rates: Callable[[ContactState], Rates]
     has_gradients: bool  # False if a quantity needs the whole motion, or if a user-defined class computes the number
 
     def slope(self, state: ContactState, of: Slope) -> FloatArray:
-        """Return the derivative of the criterion by one input, in SI units."""
+        """Return the derivative of the criterion with respect to one input, in SI units."""
         # `along` makes the function `of`.
         total = np.zeros(np.shape(state.time))
         for quantity, rate in self.rates(state):
@@ -56,7 +56,7 @@ class Criterion:
 
 
 def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
-    """Return a function that gives the derivative of any quantity by the input `by`."""
+    """Return a function that gives the derivative of any contact quantity with respect to one input."""
     # `of` returns the derivative of a quantity by an input, as `ContactGradients` does. `velocity` is the obstacle's
     # velocity at the start [m/s]; it is needed for scales that equal the obstacle's speed.
 
@@ -71,12 +71,12 @@ def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
 
 
 def ratio(constraint: Constraint, impact: ImpactModel | None) -> Criterion:
-    """Return the ratio |quantity| / limit of a constraint as a criterion."""
+    """Make a search criterion from the ratio |quantity| / limit of a constraint."""
     return magnitude(constraint.quantity, impact, constraint.limit)
 
 
 def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> Criterion:
-    """Return the magnitude of a quantity, divided by a unit, as a criterion."""
+    """Make a search criterion from the magnitude of a contact quantity, divided by a given number."""
 
     def rates(state: ContactState) -> Rates:
         return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)) / unit, state, impact)]
@@ -89,7 +89,7 @@ def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> C
 
 
 def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None) -> Criterion:
-    """Return an objective as a criterion, with its derivatives by the quantities at contact."""
+    """Make a search criterion from an objective, with derivatives with respect to the quantities at contact."""
 
     def rates(state: ContactState) -> Rates:
         rates_by_quantity = []
@@ -110,7 +110,7 @@ def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None)
 
 
 def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactModel | None) -> tuple[str, Any]:
-    """Convert derivatives by the impact force to derivatives by the relative velocity at contact."""
+    """Convert derivatives with respect to the impact force to derivatives with respect to the contact velocity."""
     if quantity != "impact_force":
         return quantity, rate
     if impact is None:
@@ -122,7 +122,7 @@ def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactMod
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainProblem(Value):
-    """A task together with the scaled gain over which its optimum is searched.
+    """A task, and the scaled axis of gains on which the search looks for the optimum.
 
     Args:
         task: the task.
@@ -134,37 +134,37 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """Whether encounters have exact derivatives by all inputs, which only the virtual damper provides."""
+        """True for the virtual damper in continuous time, for which contact quantities have exact derivatives."""
         return self.is_continuous and self.task.law == DAMPER
 
     @property
     def is_continuous(self) -> bool:
-        """Whether the full motion equations are solved in continuous time."""
+        """True if the complete motion equations are solved in continuous time."""
         return self.task.evaluate is None and self.task.method != "uniform-motion"
 
     @property
     def is_noisy(self) -> bool:
-        """Whether each encounter has different noise, which depends on its position in the array."""
+        """True if each encounter has its own random noise, which depends on the encounter's position in the array."""
         return isinstance(self.task.evaluate, NoisyEvaluator)
 
     @property
     def merit(self) -> Criterion:
-        """The objective of the task, with its derivatives by contact quantities."""
+        """The objective of the task, with its derivatives with respect to contact quantities."""
         return merit(self.task.goal, abs(self.task.scenario.obstacle.velocity), self.task.impact)
 
     def changed(self, **changes: Any) -> GainProblem:
-        """Return a copy of the problem with other values of some fields of its task."""
+        """Return a copy of the problem in which some fields of the task have new values."""
         return GainProblem(task=self.task.replace(**changes), axis=self.axis)
 
     def solve(self, scenario: Scenario, gain: Any) -> ContactResult:
-        """Solve encounters with the task's `evaluate` function, or in continuous time if there is none."""
+        """Compute encounters with the task's function `evaluate`, or in continuous time if the task has none."""
         task = self.task
         if task.evaluate is not None:
             return task.evaluate(scenario, task.sensor, gain)
         return task.law.contact(scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
 
     def run(self, gain: Any) -> ContactResult:
-        """Solve the task's encounters with one or several gains."""
+        """Compute the task's encounters with one or several gains."""
         return self.solve(self.task.scenario, gain)
 
     def at(self, index: tuple[int, ...]) -> GainProblem:
@@ -176,7 +176,7 @@ class GainProblem(Value):
         return self.changed(scenario=scenario, evaluate=evaluate)
 
     def within_gain_limit(self) -> GainProblem:
-        """Return a problem in which constraints on the gain are replaced by narrower bounds of the gain.
+        """Return an equivalent problem in which narrower bounds of the gain replace constraints on the gain.
 
         An optimum inside these bounds is an optimum of the problem itself. If no interval remains, the problem is
         returned unchanged.
@@ -192,7 +192,7 @@ class GainProblem(Value):
         return GainProblem(task=self.task.replace(constraints=others), axis=GainAxis(low=low, high=high))
 
     def column(self, which: IntArray) -> GainProblem:
-        """Return selected encounters as a column, so that each can be combined with a row of gains."""
+        """Return selected encounters as a column array, which NumPy combines with every gain of a row."""
         shape = self.task.scenario.shape
 
         def select(value: Any) -> Any:
@@ -201,7 +201,7 @@ class GainProblem(Value):
         return self.changed(scenario=map_fields(self.task.scenario, select))
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Evaluate the objective and the constraints at gains that are given on the scaled axis of the search."""
+        """Compute the objective and the constraints at scaled gains of the search axis."""
         task, result = self.task, self.run(self.axis.gain(coordinate))
         reached, speed = result.reached, abs(task.scenario.obstacle.velocity)
         ratios = [c.magnitude(result.end, task.impact) / c.limit for c in task.limits]
@@ -223,7 +223,7 @@ class Answer(Described, Value):
 
     @property
     def headline(self) -> str:
-        """The result in one or two sentences; empty in this base class."""
+        """A summary of the result in one or two sentences; empty in this base class."""
         return ""
 
     def __repr__(self) -> str:
@@ -231,22 +231,22 @@ class Answer(Described, Value):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The lower and the upper bound of the gain, in the unit of the law's parameter."""
+        """The lower and the upper bound of the gain, in the unit of the gain."""
         return self.problem.axis.ends
 
     @property
     def law(self) -> ContinuousLaw:
-        """The control law whose parameter was designed."""
+        """The control law whose gain was designed."""
         return self.problem.task.law
 
     @property
     def number(self) -> LawNumber:
-        """Name, symbol and unit of the control law's parameter, which is called the gain."""
+        """Name, symbol and unit of the gain of the control law."""
         return self.law.number
 
     @property
     def scenario(self) -> Scenario:
-        """The encounter of the task."""
+        """The encounter that the task describes."""
         return self.problem.task.scenario
 
     @property
@@ -256,7 +256,7 @@ class Answer(Described, Value):
 
     @property
     def impact(self) -> ImpactModel | None:
-        """The impact model with the masses of robot and obstacle, or None."""
+        """The impact model with the masses of robot and obstacle; None if the task has no impact model."""
         return self.problem.task.impact
 
     @property
@@ -266,5 +266,5 @@ class Answer(Described, Value):
 
     @property
     def on_evaluator(self) -> bool:
-        """Whether the task's function `evaluate`, such as a `ClosedLoop`, solved the encounters."""
+        """True if a function `evaluate` of the task, such as a simulated loop, computed the encounters."""
         return self.problem.task.evaluate is not None

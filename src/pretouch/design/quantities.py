@@ -1,4 +1,4 @@
-"""Define the contact quantities that objectives, constraints, Pareto fronts and sweeps can use."""
+"""Define the quantities, such as the contact speed, that objectives and constraints can use."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CONSTRAINT_NAMES: Final[dict[str, str]] = {entry.limit: name for name, entry in 
 
 
 class ContactQuantity(str):
-    """A user-defined quantity of a contact, for objectives, constraints, Pareto fronts, sweeps, verdicts and reports.
+    """A user-defined contact quantity for objectives, constraints, Pareto fronts, sweeps, verification and reports.
 
     It is the name of the quantity, with all that describes it. Its `name` is also that of its constraint. If two
     have the same name, the later one replaces the earlier one.
@@ -92,7 +92,7 @@ class ContactQuantity(str):
 
 
 def _quantity_problem(name: str, quantity: Any) -> str:
-    """Return what is wrong with the quantity of an entry point; empty if nothing."""
+    """Return an error message if the quantity of an installed package is invalid; otherwise return an empty text."""
     if not isinstance(quantity, ContactQuantity):
         return f"is {short_repr(quantity)}, expected a pretouch.design.ContactQuantity"
     return "" if quantity == name else f'has another name than its quantity "{quantity}"; use the same name for both'
@@ -103,14 +103,14 @@ QUANTITY_KINDS: Final = Extensions(group="pretouch.terms", built_in=lambda: _BUI
 
 
 def find_quantity(name: str) -> Entry | None:
-    """Return a quantity: built in, user-defined or of an installed package; None if there is none."""
+    """Return the quantity with a given name: built-in, user-defined or from an installed package; None if unknown."""
     if name not in QUANTITY_UNITS and QUANTITY_KINDS.find(name) is None:
         return None
     return QUANTITIES[name]
 
 
 def check_quantity(name: str, argument: str) -> None:
-    """Refuse the name of an unknown quantity; `argument` is used in the message."""
+    """Raise an error if no quantity has the given name; the message names the `argument` that contains this name."""
     if find_quantity(name) is None:
         names = dict.fromkeys((*QUANTITY_UNITS, *QUANTITY_KINDS.names()))
         raise InvalidInputError(f"{argument}: found {name!r}, expected one of {', '.join(names)}")
@@ -118,7 +118,7 @@ def check_quantity(name: str, argument: str) -> None:
 
 @check_arguments
 def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = None) -> Any:
-    """Return a quantity at contact by its name, such as `impact_force`.
+    """Return the value of a quantity at contact, given the name of the quantity, such as `impact_force`.
 
     Args:
         name: a key of QUANTITY_UNITS. `drive_force` is the physical mass times the largest acceleration;
@@ -144,5 +144,5 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
 
 
 def size_of(name: str, value: Any) -> Any:
-    """Return what limits and Pareto fronts use of a quantity: its magnitude, or its signed value."""
+    """Return the number that is compared with the limit of a quantity: its magnitude, or its signed value."""
     return np.abs(value) if QUANTITIES[name].is_magnitude else np.asarray(value)

@@ -1,4 +1,4 @@
-"""Optimize the virtual drag as a function of the reading, for a sensor of uncertain output scale.
+"""Optimize a virtual drag that depends on the sensor reading, if the scale of the sensor output is uncertain.
 
 If the reflectance of the object is uncertain, so is the output scale. Let the output scale be theta times that of the
 calibration. Then the loop reads s = ln xi(l) + ln theta. If phi has the constant value p_j on each step j of s, then
@@ -44,7 +44,7 @@ _SHARES: Final = np.array([0.0, *(1 + legendre.leggauss(NODES)[0]) / 2, 1.0])  #
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragSchedule(Value):
-    """A schedule of the drag phi over the log output ln xi, with its effects on the approach.
+    """A virtual drag whose coefficient phi depends on the log output ln xi, with the predicted approaches.
 
     Every object, bright or dark, is assumed to be detected at the same distance. The assumptions of `DragDesign` hold.
     Noise has the effect of a change of reflectance.
@@ -80,12 +80,12 @@ class DragSchedule(Value):
 
     @property
     def gap(self) -> float:
-        """The optimality gap [m]: the largest excursion minus its lower bound for all schedules."""
+        """The optimality gap [m]: the largest excursion minus its lower bound for all possible drag schedules."""
         return self.largest_excursion - self.lower_bound
 
     @property
     def verdict(self) -> str:
-        """A sentence that compares the excursions of the schedule and of a constant drag."""
+        """A sentence that compares the excursion with scheduled drag and the excursion with constant drag."""
         whole = self.constant.excursion
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
             return (
@@ -101,23 +101,23 @@ class DragSchedule(Value):
         )
 
     def drag_at(self, log_output: ArrayLike) -> Any:
-        """Return the drag phi [N s^2] at log outputs s = ln xi; beyond the ends, the nearest step applies."""
+        """Return the drag phi [N s^2] at log outputs ln xi; beyond the ends of the schedule, the drag is constant."""
         step = np.searchsorted(self.log_output[1:-1], finite(log_output, "log_output"), side="right")
         return float_or_array(self.drag[step])
 
     def sampled(self, drag: VirtualDrag) -> ScheduledDrag:
-        """Return the sampled law of the schedule; noise, dead zone and smoothing are those of a drag."""
+        """Return the sampled control law of the scheduled drag; noise, dead zone and smoothing are those of `drag`."""
         return ScheduledDrag(schedule=self, drag=drag)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the schedule as one JSON object, in SI units."""
+        """Return the scheduled drag and its predicted effects as one JSON object, in SI units."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return dict(plain({**values, "gap": self.gap, "verdict": self.verdict}))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScheduledDrag(Value):
-    """Sampled law of a schedule: the virtual drag, with phi taken from the schedule at each reading.
+    """Sampled control law of a scheduled virtual drag, which selects the drag coefficient phi at each reading.
 
     `DragSchedule.sampled` makes it. It runs in Python, so it is simulated like a custom law. As the period
     tends to 0, its motion tends to the one that the schedule predicts, with an error of first order.
@@ -131,15 +131,15 @@ class ScheduledDrag(Value):
     drag: VirtualDrag
 
     def numbers(self, controller: Any) -> Any:
-        """Return the parameters of the drag for phi = 1 N s^2; the impulse is proportional to phi."""
+        """Return the controller parameters of a drag with phi = 1 N s^2; the virtual impulse is proportional to phi."""
         return self.drag.with_value(1.0).numbers(controller)
 
     def start(self) -> Any:
-        """Return the state before the first reading."""
+        """Return the state of the controller before the first reading."""
         return self.drag.start()
 
     def step(self, parameters: Parts, state: Parts, sample: Sample) -> tuple[Parts, Output]:
-        """Run one period of a controller with this law: see `pretouch.control.Law`."""
+        """Compute one controller step with the scheduled drag, as described in `pretouch.control.Law`."""
         sensing, seen = observe(parameters.sensing, state.sensing, sample)
         law, push = push_by_drag(parameters.law, state.law, seen, state.drive)
         if seen.usable:
@@ -159,7 +159,7 @@ def schedule_drag(
     rails: DragLimits | tuple[float, float] = (0.5, 2.0),
     steps: int = 48,
 ) -> DragSchedule:
-    """Find the drag schedule phi(ln xi) that minimizes the largest excursion over a range of reflectance.
+    """Find the scheduled virtual drag phi(ln xi) that minimizes the largest excursion over a range of reflectance.
 
     Args:
         sensor: the sensor curve, which must be valid down to contact and whose ln xi must fall with the distance.
@@ -226,7 +226,7 @@ def _pair(value: tuple[float, float], name: str) -> FloatArray:
 
 
 def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> DragLimits:
-    """Return the limits of the drag; raise an error unless the constant drag lies between them."""
+    """Return the limits of the drag coefficient; raise an error unless the constant drag lies between them."""
     if not isinstance(rails, DragLimits):
         drags = [float(factor * constant.drag) for factor in _pair(rails, "rails")]
         weak, strong = (predict_drag(constant.sensor, constant.detection_distance, constant.mass, d) for d in drags)
@@ -245,7 +245,7 @@ def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> Dra
 
 
 class _Paths(NamedTuple):
-    """The approach of an object for each reflectance, divided into pieces of the distance.
+    """The approach of an object for each reflectance, divided into short intervals of the distance.
 
     Args:
         step: index of the schedule's step on each piece, shape (m, pieces).
@@ -260,14 +260,14 @@ class _Paths(NamedTuple):
     rows: FloatArray
 
     def growth(self, shares: FloatArray) -> FloatArray:
-        """Return how much the speed has fallen along each approach, as the exponent Q of exp(-Q)."""
+        """Return the exponent Q for each approach; the speed has fallen to exp(-Q) times the approach speed."""
         rate, share = self.strength[..., 1:-1] * self.length, shares[self.step][..., None]
         ends = np.cumsum(share * (rate @ WEIGHTS)[..., None], axis=1)
         starts = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], axis=1)
         return np.concatenate([starts, starts + share * so_far(rate), ends], axis=2)
 
     def excursions(self, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the excursion for each reflectance [m], and its derivatives by the drag of each step."""
+        """Return the excursion for each reflectance [m], and its derivatives with respect to the drag of each step."""
         growth = self.growth(shares)[..., 1:-1]
         grown = np.exp(growth) * self.length
         to_come = np.cumsum((grown @ WEIGHTS)[:, ::-1], axis=1)[:, ::-1, None] - so_far(grown)
@@ -288,7 +288,7 @@ def _by_step(step: IntArray, values: FloatArray, count: int) -> FloatArray:
 
 
 def _split_paths(constant: DragDesign, borders: FloatArray, offsets: FloatArray) -> _Paths:
-    """Split each approach at the borders of the schedule's steps and at the knots of the sensor curve."""
+    """Split each approach at the distances where the scheduled drag changes, and at the knots of the sensor curve."""
     sensor, farthest = constant.sensor, constant.detection_distance
     steps = len(borders) - 1
     fine = np.linspace(borders[0], borders[-1], steps * -(-_PIECES // steps) + 1)
@@ -309,7 +309,7 @@ def _split_paths(constant: DragDesign, borders: FloatArray, offsets: FloatArray)
 
 
 def _search(paths: _Paths, rails: DragLimits, constant: DragDesign, *, monotone: bool) -> tuple[FloatArray, float]:
-    """Return the drag of each step relative to the constant drag, and a lower bound of the excursion [m]."""
+    """Return the drag in each step divided by the constant drag, and a lower bound of the excursion [m]."""
     from scipy.optimize import linprog  # noqa: PLC0415 - keeps `import pretouch` fast
 
     rows = paths.rows / math.log(1 / constant.ratio)

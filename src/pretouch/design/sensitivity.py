@@ -1,4 +1,4 @@
-"""Compute how optimal gains change with each input, by the implicit function theorem."""
+"""Compute the derivatives of optimal gains with respect to the inputs, by the implicit function theorem."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FARTHEST: Final = 0.5  # largest error of a searched optimum, as a share of tha
 # Chebyshev nodes in the coordinate u of the gain around the optimum. Differentiating the polynomials through these
 # samples by u gives f_up and f_uu, so that no finite difference by an input is needed.
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
-    """Return whether encounters, objective and active constraint all have exact derivatives."""
+    """Return True if contact quantities, objective and active constraint all have exact derivatives."""
     limited = constraint is None or ratio(constraint, problem.task.impact).has_gradients
     return problem.is_differentiable and problem.merit.has_gradients and limited
 
@@ -39,7 +39,7 @@ def follow_optimum(
     names: tuple[str, ...],
     held: bool = False,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return the derivatives of optimal gains and of their objectives by each input."""
+    """Return the derivatives of optimal gains and of their objectives with respect to each input."""
     # At an interior optimum f_u = 0 stays true under every change, so du/dp = -f_up / f_uu. On an active constraint
     # G = limit stays true, so du/dp = -G_p / G_u. On a bound (held=True) the gain stays. Each field of the scenario is
     # a number or of shape (n, 1). The result holds d gain / d input and d f / d input, shape (n,); NaN if a sample does
@@ -78,12 +78,11 @@ def _value(samples: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _rise(samples: FloatArray, place: FloatArray) -> FloatArray:
-    """Return the derivative of a function that is sampled at Chebyshev nodes."""
     return chebyshev_sum(_BASIS.to_slope @ samples.T, place) / _HALF
 
 
 def _root(slope: FloatArray) -> FloatArray:
-    """Return the precise optimum near the gain that the search found, where the slope is zero."""
+    """Refine the optimal gain that the search found, by finding where the slope of the objective is zero."""
     place = np.zeros(len(slope))
     for _ in range(4):
         step = _value(slope, place) / _rise(slope, place) / _HALF
@@ -108,7 +107,7 @@ _Inputs: TypeAlias = dict[str, tuple[float, str, float]]
 
 
 def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sensitivity, ...]:
-    """Differentiate the optimal gain and its objective with respect to every scalar input.
+    """Return the derivatives of the optimal gain and its objective with respect to every scalar input.
 
     At an interior optimum f_u = 0 stays true under every change, so du/dp = -f_up / f_uu. On an active constraint
     G = limit stays true, so du/dp = -G_p / G_u. On a bound the gain stays. The derivatives are exact if objective and
@@ -137,7 +136,6 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
     gains = axis.scale * np.sinh(float(axis.coordinate(gain)) + step * _NODES)
 
     def sample(changed: GainProblem) -> FloatArray:
-        """Sample the objective and the active constraint at several gains around the optimum."""
         result = changed.run(gains)
         value = changed.task.goal.value(result.end, abs(changed.task.scenario.obstacle.velocity), changed.task.impact)
         limited = constraint.magnitude(result.end, changed.task.impact) if constraint else np.zeros(len(gains))
@@ -160,7 +158,7 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
 
 
 def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
-    """Return the sensitivities that are finite, largest effect first."""
+    """Sort the sensitivities by their effect, largest first, and remove those that are not finite."""
     entries = [
         Sensitivity(
             name=name,
@@ -177,7 +175,7 @@ def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sens
 
 
 def _derivative(sample: Callable[[float], FloatArray], value: float, step: float, middle: FloatArray) -> FloatArray:
-    """Differentiate samples by an input; if only one side is valid, use a one-sided difference."""
+    """Compute a derivative with respect to an input from samples, one-sided if only one side is valid."""
     sides = []
     for sign in (1, -1):
         try:
@@ -195,7 +193,7 @@ def _derivative(sample: Callable[[float], FloatArray], value: float, step: float
 
 
 def _inputs(problem: GainProblem) -> _Inputs:
-    """Return every scalar input of scenario and sensor with value, unit and typical magnitude."""
+    """Return value, unit and typical magnitude of every scalar input of encounter and sensor."""
     scenario, sensor = problem.task.scenario, problem.task.sensor
     length = float(scenario.distance)
     speed = max(abs(float(scenario.relative_velocity)), abs(float(scenario.obstacle.velocity)), 1e-3)
@@ -216,14 +214,14 @@ def _inputs(problem: GainProblem) -> _Inputs:
 
 
 def _with(problem: GainProblem, name: str, value: float) -> GainProblem:
-    """Return the problem with another value of one input."""
+    """Return a copy of the search problem in which one input has a new value."""
     if name in SCENARIO_INPUTS:
         return problem.changed(scenario=scenario_with(problem.task.scenario, {name: value}))
     return problem.changed(sensor=sensor_with(problem.task.sensor, {name.removeprefix("sensor."): value}))
 
 
 def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
-    """Differentiate optimal gains by one input."""
+    """Return the derivatives of optimal gains with respect to one input."""
     # `one` returns the design of the encounter at an index, for encounters without exact derivatives. The derivative is
     # NaN without a gain, and next to an edge of contact.
     flat = np.asarray(gain, dtype=np.float64).reshape(-1)
@@ -244,7 +242,7 @@ def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tup
 
 
 def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, derivative: FloatArray) -> IntArray:
-    """Compute exact derivatives of optimal gains, and return which encounters have none."""
+    """Compute the exact derivatives of optimal gains, and return which encounters have no exact derivatives."""
     kinds = _kinds(problem.column(where), gain[where])
     remaining = [where[kinds == _UNKNOWN]]
     for kind in np.unique(kinds[kinds != _UNKNOWN]):
@@ -258,7 +256,7 @@ def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, d
 
 
 def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
-    """Return whether each optimum lies inside the bounds, on a bound, or on a constraint."""
+    """Return for each optimal gain whether the optimum is inside the bounds, on a bound, or on a constraint."""
     kinds = np.where(problem.axis.is_end(problem.axis.coordinate(gain)), _BOUND, _INSIDE)
     if problem.task.limits:
         end = problem.run(gain[:, None]).end

@@ -1,4 +1,4 @@
-"""Define the Task: encounter, sensor, objective, constraints and options of one design problem."""
+"""Define the design task: encounter, sensor, objective, constraints and options."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ R = TypeVar("R")
 
 
 class Source(Protocol):
-    """The file that a task was read from."""
+    """The scenario file that describes a task."""
 
     def placed(self, error: InvalidInputError) -> InvalidInputError:
-        """Return the error with the line and the key of the file that caused it."""
+        """Return the error with the line and the key of the scenario file that caused the error."""
 
     def explained(self, error: InvalidInputError) -> str:
-        """Return the message of an error together with its cause in the file."""
+        """Return the message of an error together with its cause in the scenario file."""
 
 
 _OF_LOOP: Final[Any] = None
@@ -52,7 +52,7 @@ _OF_LOOP: Final[Any] = None
 
 @dataclass(frozen=True)
 class Task(ExplainsNames, InNotebooks, Value):
-    """The problem that functions such as `design_gain` solve: an encounter, a sensor and all options.
+    """The complete design problem that functions such as `design_gain` solve: an encounter, a sensor and all options.
 
     Each verb uses the fields that it needs and raises an error if one is missing. Options that only one verb reads are
     one value: `pareto`, `robust` and `verify`. `load_scenario` returns a Task from a scenario file, whose sections
@@ -151,7 +151,7 @@ class Task(ExplainsNames, InNotebooks, Value):
 
     @property
     def goal(self) -> Objective:
-        """The task's objective; reading it raises an error if the task has none.
+        """The objective of the task; an error is raised if the task has no objective.
 
         Raises:
             InvalidInputError: the task has no objective.
@@ -167,11 +167,11 @@ class Task(ExplainsNames, InNotebooks, Value):
 
     @property
     def is_admittance_free(self) -> bool:
-        """Whether the design may change the natural frequency or the damping ratio."""
+        """True if the design may change the natural frequency or the damping ratio."""
         return self.natural_frequency is not None or self.damping_ratio is not None
 
     def stable_bounds(self) -> tuple[float, float]:
-        """Return the bounds of the gain, narrowed to gains that have the required gain margin on the loop.
+        """Return the bounds of the gain, narrowed to gains that have the required gain margin on the sampled loop.
 
         Raises:
             InvalidInputError: there are no bounds, or no gain between them has the gain margin.
@@ -193,7 +193,7 @@ class Task(ExplainsNames, InNotebooks, Value):
         return stable
 
     def replace(self, **changes: Any) -> Task:
-        """Return a copy of the task with other values of some fields; a new loop also brings its own law.
+        """Return a copy of the task in which some fields have new values; a new loop also brings its own control law.
 
         Options are replaced as a whole: `task.replace(robust=dataclasses.replace(task.robust, samples=512))`.
         """
@@ -202,7 +202,7 @@ class Task(ExplainsNames, InNotebooks, Value):
 
 
 def _law_of(loop: Any) -> ContinuousLaw:
-    """Return the law in continuous time of a loop; the virtual damper if there is no loop."""
+    """Return the continuous-time control law of a sampled loop; the virtual damper if there is no loop."""
     if loop is None:
         return DAMPER
     if loop.continuous is None:
@@ -215,7 +215,7 @@ def _law_of(loop: Any) -> ContinuousLaw:
 
 
 def with_file_location(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
-    """Decorator: errors of a function name the line and the key of the scenario file that caused them."""
+    """Decorate a function so that its error messages give the line and the key of the scenario file."""
 
     # The task may also be passed by name; the type `Concatenate` cannot express that.
     @wraps(verb)

@@ -1,4 +1,4 @@
-"""Reproduce the letter: compare its tables and figures with computed values, and list the errors in its text.
+"""Recompute the tables and figures of the published letter, and list the errors in its text.
 
 `reproduce` computes a `LetterReport`; `pretouch.report.write_report` writes its page.
 """

@@ -1,4 +1,4 @@
-"""Check Section VI-A of the published letter: motions near the uniform motion converge toward the uniform motion."""
+"""Check the claim of the published letter that motions converge toward the uniform motion."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ INPUTS: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Solve motions near the letter's uniform motion, and check that the energy of their deviation falls."""
+    """Check that motions near the published letter's uniform motion lose the energy of their deviation."""
     a, b, around, same = float(ran["a"]), float(ran["b"]), ran["around"], np.isclose(ran["speeds"], ran["a"])
     root = float(np.sqrt(1 + 8 * INPUTS["b_2"] * INPUTS["D_p"] * INPUTS["v_o"] / INPUTS["K_a"]))
     apart = around.distance - a * around.time - b

@@ -1,4 +1,4 @@
-"""Reproduce Section VI-B of the published letter: limit the range of motion and the relative velocity in a design."""
+"""Recompute Section VI-B of the published letter, which limits excursion and contact speed in a design."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ CASES: Final[tuple[dict[str, float], ...]] = (
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Minimize the letter's objective L(20) under limits of the excursion and of the velocity at contact."""
+    """Minimize the published letter's objective f_1 under limits of excursion and contact speed."""
     designs = [_design(case) for case in CASES]
     return Reproduction(
         summary="The letter states that such limits can be passed to the solver, without an example. Here the optimum "

@@ -1,4 +1,4 @@
-"""Define the results of a reproduction: the compared numbers, the errors found in the letter, and the report."""
+"""Define the results of reproducing the published letter: compared numbers and findings."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Ran: TypeAlias = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Step(Value):
-    """One step in the derivation of a finding about the letter.
+    """One step in the derivation of a finding about the published letter.
 
     Args:
         name: what is computed or tested.
@@ -62,7 +62,7 @@ class Step(Value):
             object.__setattr__(self, "value", self.value.item())
 
     def __str__(self) -> str:
-        """Return a number with six digits, a text unchanged, and a condition in words."""
+        """Return the value of this step as text: a number with six digits, or whether a condition holds."""
         if isinstance(self.value, bool):
             return "holds" if self.value else "does NOT hold"
         shown = self.value if isinstance(self.value, str) else short_exponent(f"{self.value:.6g}")
@@ -71,7 +71,7 @@ class Step(Value):
 
 @dataclass(frozen=True, slots=True)
 class Finding(Value):
-    """A statement about the letter that is more than a single number, with its derivation.
+    """A statement about the published letter, such as an error in its text, with its derivation.
 
     Args:
         id: the number of the finding: 1 to 7 were known before; this program found those from 8 on.
@@ -89,22 +89,22 @@ class Finding(Value):
 
     @property
     def failed(self) -> tuple[Step, ...]:
-        """The conditions of this finding that are not met."""
+        """The conditions that this finding requires but that are not met."""
         return tuple(step for step in self.evidence if step.value is False)
 
     @property
     def holds(self) -> bool:
-        """Whether all conditions of this finding are met."""
+        """Whether all conditions that this finding requires are met."""
         return not self.failed
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the finding about the letter as a dictionary of plain values."""
+        """Return the finding about the published letter as a dictionary of plain values."""
         return _fields(self, "id", "title", "place", "statement", "holds", "evidence")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Reproduction(Value):
-    """One table, figure or section of the letter that pretouch has computed again.
+    """One table, figure or section of the published letter, compared with recomputed values.
 
     Args:
         summary: method and result in a few sentences.
@@ -136,12 +136,12 @@ class Reproduction(Value):
 
     @property
     def holds(self) -> bool:
-        """Whether every difference from the letter is explained and every finding is confirmed."""
+        """Whether every difference from the published letter is explained and every finding is confirmed."""
         return all(f.holds for f in self.findings) and not any(c.unexplained for c in self.comparisons)
 
     @property
     def counts(self) -> Counter[Agreement]:
-        """The number of printed values for each degree of agreement with the computed values."""
+        """The number of published values for each degree of agreement with recomputed values."""
         return Counter(c.agreement for c in self.comparisons)
 
     def __repr__(self) -> str:
@@ -149,7 +149,7 @@ class Reproduction(Value):
         return f"<Reproduction {self.id}: {len(self.comparisons)} numbers, {len(self.findings)} findings, {state}>"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the reproduced part of the letter without its figure, as a dictionary of plain values."""
+        """Return the recomputed table, figure or section without its plot, as a dictionary of plain values."""
         parameters = [_fields(p, "name", "symbol", "value", "unit", "place") for p in self.parameters]
         names = ("title", "place", "holds", "comparisons", "findings", "numbers")
         return _fields(self, *names) | {"parameters": parameters}
@@ -157,7 +157,7 @@ class Reproduction(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LetterReport(Described, Value):
-    """Result of `reproduce`: the tables, figures and sections of the letter, computed again.
+    """Result of `reproduce`: all tables, figures and sections of the published letter, compared with recomputed values.
 
     Args:
         reproductions: one for each requested table, figure and section, in the order of the letter.
@@ -169,21 +169,21 @@ class LetterReport(Described, Value):
 
     @property
     def holds(self) -> bool:
-        """Whether this installation reproduces the letter, with every difference explained."""
+        """Whether pretouch confirms all findings about the published letter and explains every difference."""
         return all(r.holds for r in self.reproductions)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """All findings about the letter, in the order of their numbers."""
+        """All findings about the published letter, sorted by number."""
         return tuple(sorted((f for r in self.reproductions for f in r.findings), key=lambda f: f.id))
 
     @property
     def counts(self) -> dict[Agreement, int]:
-        """The number of printed values of the letter for each degree of agreement, over all its parts."""
+        """The number of published values for each degree of agreement, over all tables, figures and sections."""
         return {a: sum(r.counts[a] for r in self.reproductions) for a in Agreement}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return every number of the report on the letter as a dictionary of plain values."""
+        """Return every number of the report on the published letter as a dictionary of plain values."""
         return {
             "holds": self.holds,
             "counts": {agreement.value: count for agreement, count in self.counts.items()},
@@ -198,7 +198,7 @@ class LetterReport(Described, Value):
 
 @check_arguments
 def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None = None) -> LetterReport:
-    """Reproduce tables, figures and sections of the letter, and compare printed with computed numbers.
+    """Recompute tables, figures and sections of the published letter, and compare the numbers.
 
     Args:
         ids: names of reproductions, from IDS; all by default.
@@ -240,12 +240,12 @@ def _reproduction(name: str) -> Reproduction:
 
 
 def finding(number: int, title: str, place: str, statement: str, *steps: tuple[Any, ...]) -> Finding:
-    """Create a finding about the letter from derivation steps, each with a name, a value and a unit."""
+    """Create a finding about the published letter from derivation steps, each with a name, a value and a unit."""
     return Finding(number, title, place, statement, tuple(Step(*step) for step in steps))
 
 
 def readings(title: str, columns: Mapping[str, tuple[Iterable[Any], str]], note: str = "") -> PageSection:
-    """Create a table of numbers for the report on the letter."""
+    """Create a table of numbers for the report on the published letter."""
     cells = ([format(value, form) for value in values] for values, form in columns.values())
     return PageSection(
         title=title, blocks=(PageTable(head=tuple(columns), rows=tuple(zip(*cells, strict=True)), note=note),)

@@ -1,4 +1,4 @@
-"""Reproduce Figure 3 of the published letter: the three sensor curves of Table I and their slopes."""
+"""Recompute Figure 3 of the published letter: the three sensor curves of Table I."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ figure = pt.report.panel_figure(
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Tabulate the sensor curves of the letter's Fig. 3 and their slopes."""
+    """Tabulate the sensor curves in Fig. 3 of the published letter, and their slopes."""
     second = {p.symbol: p.value for p in SENSORS["exponential-2"]}
     turn, shown = -second["c_2"] / (2 * second["b_2"]), np.array([0.0, 0.01, 0.02, 0.03, 0.0422])
     columns = {"l [mm]": (1e3 * shown, ".1f")} | {f"ξ, {n} [V]": (c.output(shown), ".4f") for n, c in CURVES.items()}

@@ -1,4 +1,4 @@
-"""Reproduce Figure 4 of the published letter: plant position until contact, integrated and in closed form."""
+"""Recompute Figure 4 of the published letter: robot position until contact."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ SECOND, PLACE = "-0.136", "Section IV-D, Fig. 4"
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Compare the computed positions at contact with the numbers printed in the letter's Fig. 4."""
+    """Compare computed robot positions at contact with the numbers in Fig. 4 of the published letter."""
     motions = {name: ran["motions"][label] for name, label in NAMES.items()}
     power, first, second = (float(m.position[-1]) for m in motions.values())
     rounded = over_rounding("exponential-1", _position)
@@ -88,7 +88,7 @@ def _position(curve: SensorModel, method: str = "auto") -> float:
 
 
 def _r_squared(motions: Mapping[str, Any], name: str) -> float:
-    """Return R², the agreement of a motion with the integrated motion on the inverse power curve."""
+    """Return the agreement R² of a motion with the motion that is integrated for the inverse power curve."""
     # The comparison ends at the earlier of the two contacts.
     reference, motion = motions["inverse-power"], motions[name]
     time = np.linspace(0.0, min(reference.time[-1], motion.time[-1]), 1000)

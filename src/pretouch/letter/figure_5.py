@@ -1,4 +1,4 @@
-"""Reproduce Figure 5 of the published letter: relative velocity until contact, integrated and in closed form."""
+"""Recompute Figure 5 of the published letter: relative velocity until contact."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MODELS: Final = {"exponential-1": ("closed-form", "9.74"), "exponential-2": ("un
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Compare the computed relative velocities at contact with the letter's printed ratios."""
+    """Compare computed relative velocities at contact with the ratios that the published letter states."""
     motions = {name: ran["motions"][label] for name, label in NAMES.items()}
     taken = {name: 100 * float(ran["reduction"][label]) for name, label in NAMES.items()}
     true, hardware = PRINTED["inverse-power"], "the letter's value was measured on hardware"
@@ -64,7 +64,7 @@ def reproduce(ran: Ran) -> Reproduction:
 
 
 def _reduction(curve: SensorModel, method: str) -> float:
-    """Return the reduction of the obstacle's speed at contact in percent."""
+    """Return by how many percent the relative velocity at contact is below the obstacle's initial speed."""
     contact = find_contact(approach(), curve, EXPERIMENT_GAIN.value, method=method).contact
     return float(100 - 100 * contact.relative_velocity / approach().obstacle.velocity)
 

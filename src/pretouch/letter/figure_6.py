@@ -1,4 +1,4 @@
-"""Reproduce Figure 6 of the published letter: the optimal gain as a function of the obstacle's speed."""
+"""Recompute Figure 6 of the published letter: optimal gain for each speed of the obstacle."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ SHOWN: Final = [0, 4, 9, 19, 29, 49, 99]  # 0.01, 0.05, 0.1, 0.2, 0.3, 0.5 and 1
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Design the gain for 100 speeds and three sensor curves as in the letter's Fig. 6."""
+    """Design the gain for 100 speeds and three sensor curves, as in Fig. 6 of the published letter."""
     # The letter's l'_typ can be understood in two ways; gains are designed for both.
     speeds = ran["speeds"]
     gains = {s: {name: np.asarray(ran["gains"][value, name]) for name in MODELS} for s, value in SCALES.items()}

@@ -1,4 +1,4 @@
-"""Reproduce Section VI-B of the published letter: use the peak impact force in the objective or as a limit."""
+"""Recompute Section VI-B of the published letter: use the peak impact force in the objective or as a limit."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LIMIT: Final = 4.5  # N
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Design gains for the letter's objective L(20) with the peak impact force instead of the relative velocity."""
+    """Design gains for the published letter's objective with the peak force in place of the relative velocity."""
     by_force, impacts = dict(ran["designs"]), ran["impacts"]
     limited = {"constraints": [Constraint(name="impact_force", limit=LIMIT)], "impact": impacts["linear spring"]}
     problem = (approach(), sensor("inverse-power"), f_1())

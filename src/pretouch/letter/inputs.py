@@ -1,4 +1,4 @@
-"""List the inputs of the published letter's experiments with their units, exactly as printed."""
+"""List the inputs of the experiments in the published letter, with their printed values and units."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .printed import Parameter, resolution
 
 
 def _parameters(place: str, *lines: str) -> tuple[Parameter, ...]:
-    """Parse the inputs that a place in the letter states, each written as `name: symbol = value unit`."""
+    """Parse inputs of the published letter, each written as `name: symbol = value unit`."""
     matches = [re.fullmatch(r"(.+): (.+) = (\S+) ?(.*)", text) for line in lines for text in line.split("; ")]
     return tuple(Parameter(m[1], m[2], m[3], m[4], place) for m in matches if m)
 
@@ -67,7 +67,7 @@ BOUNDS: Final = (-20.0, -0.01)
 
 
 def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
-    """Create a sensor curve of the letter with the printed or other parameter values.
+    """Create a sensor curve of the published letter, with the printed or with other parameter values.
 
     Returns:
         The curve.
@@ -87,14 +87,14 @@ def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
 
 
 def approach(speed: float | FloatArray | None = None) -> Scenario:
-    """Create the letter's encounter with an approaching obstacle, at the printed or another speed [m/s]."""
+    """Create the published letter's encounter with an approaching obstacle, at a chosen obstacle speed [m/s]."""
     # Sections IV-B and V-A of the letter describe this encounter.
     values = {p.symbol: p.value for p in APPROACH}
     return _encounter(values, values["v_o"] if speed is None else -speed)
 
 
 def disruption() -> Scenario:
-    """Create the encounter of the letter's Section V-B."""
+    """Create the encounter from Section V-B of the published letter, in which a tracking motion is disrupted."""
     values = {p.symbol: p.value for p in DISRUPTION}
     return _encounter(values, values["v_o"], values["v_o"] - values["μ"])
 
@@ -110,13 +110,13 @@ def _encounter(
 
 
 def f_1() -> Objective:
-    """Create the letter's objective f_1, L(20), with the weights and typical values of Section V-A."""
+    """Create the objective f_1, L(20), with weights and typical values from Section V-A of the published letter."""
     w_1, w_2, x_typ, v_typ = (p.value for p in F_1)
     return excursion_objective(position_scale=x_typ, velocity_scale=v_typ, position_weight=w_1, velocity_weight=w_2)
 
 
 def f_2() -> Objective:
-    """Create the letter's objective f_2, L(22), with the weights and typical values of Section V-C."""
+    """Create the objective f_2, L(22), with weights and typical values from Section V-C of the published letter."""
     w_3, w_4, t_typ, v_typ = (p.value for p in F_2)
     return time_objective(time_scale=t_typ, velocity_scale=v_typ, time_weight=w_3, velocity_weight=w_4)
 
@@ -124,13 +124,13 @@ def f_2() -> Objective:
 def best_gain(
     curve: SensorModel, scenario: Scenario | None = None, objective: Objective | None = None, method: str = "auto"
 ) -> float:
-    """Return the optimal gain [N s] for an encounter of the letter, or NaN without an optimum."""
+    """Return the optimal gain [N s] for an encounter of the published letter, or NaN if there is none."""
     gain = design_gain(Task(scenario or approach(), curve, objective or f_1(), bounds=BOUNDS, method=method)).gain
     return float("nan") if gain is None else gain
 
 
 def over_rounding(name: str, evaluate: Callable[[SensorModel], Any]) -> Any:
-    """Return the range of a function over all sensors whose parameters round to the values in the letter.
+    """Return the range of a result over all sensor parameters that round to the published values.
 
     The scale of the sensor is fixed, because it cancels in the virtual force.
 

@@ -1,4 +1,4 @@
-"""Compute the loss of using one gain for all obstacle speeds, a practice that the published letter recommends."""
+"""Compute how much is lost if one gain is used for all obstacle speeds, as the published letter recommends."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ALL, FAST, BEST = "one gain for all speeds", "one gain from 0.2 m/s on", "best g
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Find the gains that minimize the largest relative loss over a range of approach speeds."""
+    """Find the single gains with the smallest worst-case loss over a range of approach speeds."""
     speeds, best, left = ran["speeds"], np.asarray(ran["designs"].gain), ran["left"]
     gain = {name: float(ran["candidates"][i]) for name, i in ran["best"].items()}
     loss = {name: np.asarray(ran["losses"][i]) for name, i in ran["best"].items()}

@@ -1,4 +1,4 @@
-"""Build the report on the published letter's reproduction: all compared numbers and the errors found."""
+"""Build the report that compares the published letter with recomputed values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _DATA: Final = (
 
 
 def letter_page(report: LetterReport) -> Page:
-    """Create the page that reports how well pretouch reproduces the letter.
+    """Create the report on how well computed values agree with the published letter.
 
     Args:
         report: the reproductions.
@@ -67,7 +67,7 @@ def letter_page(report: LetterReport) -> Page:
 
 
 def _overview(report: LetterReport) -> PageTable:
-    """Return a table that counts the agreements of each part of the letter, with links."""
+    """Return a table that counts agreeing numbers for each table, figure and section of the published letter."""
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
         for r in report.reproductions
@@ -92,7 +92,7 @@ def _closing(report: LetterReport) -> str:
 
 
 def _failures(report: LetterReport) -> Iterator[str]:
-    """Yield warnings about findings that are not confirmed and about unexplained differences from the letter."""
+    """Yield warnings about unconfirmed findings and about unexplained differences from the published letter."""
     for f in report.findings:
         if not f.holds:
             steps = "; ".join(f"{step.name}: {step}" for step in f.failed)
@@ -142,7 +142,7 @@ def _part(part: Reproduction) -> PageSection:
 
 
 def _comparison_blocks(part: Reproduction) -> Iterator[PageTable | Listing | Paragraph]:
-    """Yield the table of printed and computed numbers, then the reason for each difference."""
+    """Yield a table that compares published with computed numbers, and the reason for each difference."""
     head = ("number", "place", "printed", "computed", "difference", "range over input rounding", "verdict")
     rows = [
         (

@@ -1,4 +1,4 @@
-"""Compare a printed number with a computed number, allowing for rounding in print."""
+"""Compare a published number with a computed number, and allow for the rounding of the published number."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LONGEST: Final = 14
 
 
 class Agreement(Enum):
-    """Degree to which a printed number of the letter agrees with the computed number.
+    """Degree to which a published number agrees with the computed number.
 
     A member is a word, a symbol and its meaning.
     """
@@ -30,19 +30,19 @@ class Agreement(Enum):
     meaning: str
 
     def __new__(cls, word: str, shape: str, meaning: str) -> Agreement:
-        """Create a degree of agreement whose value is its word, such as `agrees`."""
+        """Create a degree of agreement from its word, its symbol and its meaning."""
         member = object.__new__(cls)
         member._value_, member.shape, member.meaning = word, shape, meaning
         return member
 
     @property
     def words(self) -> str:
-        """The degree of agreement as words with spaces instead of hyphens."""
+        """The degree of agreement in words, with spaces instead of hyphens."""
         return str(self.value).replace("-", " ")
 
 
 def resolution(printed: str) -> float:
-    """Return one unit in the last decimal place of a printed number.
+    """Return the value of one unit in the last decimal place of a published number.
 
     Examples:
         >>> resolution("-0.082"), resolution("1.30e-5"), resolution("474")
@@ -53,7 +53,7 @@ def resolution(printed: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Parameter(Value):
-    """An input of an experiment as the letter prints it.
+    """An input of an experiment, as printed in the published letter.
 
     Args:
         name: name of the input.
@@ -71,13 +71,13 @@ class Parameter(Value):
 
     @property
     def value(self) -> float:
-        """The value of the input in the unit that the letter prints."""
+        """The value of the input as a number, in the unit that the published letter states."""
         return float(self.printed)
 
 
 @dataclass(frozen=True, slots=True)
 class Printed(Value):
-    """A number printed in the letter, compared with the computed number.
+    """A number from the published letter, compared with the computed number.
 
     Args:
         name: name of the number.
@@ -105,12 +105,12 @@ class Printed(Value):
 
     @property
     def difference(self) -> float:
-        """The computed number minus the printed number, in the unit of the printed number."""
+        """The difference between computed and published number, in the unit of the published number."""
         return self.value - float(self.printed)
 
     @property
     def agreement(self) -> Agreement:
-        """Whether the computed number rounds to the printed digits, or how the two differ.
+        """Whether the computed number rounds to the published digits, and if not, how the two numbers differ.
 
         It is a member of `Agreement`.
         """
@@ -125,22 +125,22 @@ class Printed(Value):
 
     @property
     def reason(self) -> str:
-        """The reason why printed and computed number differ, or an empty text."""
+        """The reason why published and computed number differ, or an empty text if they agree."""
         return self.why if self.agreement in {Agreement.DISAGREES, Agreement.MEASURED} else ""
 
     @property
     def unexplained(self) -> bool:
-        """Whether printed and computed number disagree without a known reason."""
+        """Whether published and computed number disagree without a known reason."""
         return self.agreement is Agreement.DISAGREES and not self.why
 
     @property
     def ours(self) -> str:
-        """The computed number as text, with two more decimals than the printed number."""
+        """The computed number as text, with two more decimals than the published number."""
         return numeral(self.value, self.printed)
 
     @property
     def off_by(self) -> str:
-        """The computed number minus the printed number as text with its sign."""
+        """The difference between computed and published number as text with its sign."""
         notation = self.printed
         if "e" in notation.lower() and math.isfinite(self.difference):
             notation = "1e0" if self.difference else "0"
@@ -148,14 +148,14 @@ class Printed(Value):
 
     @property
     def span(self) -> str:
-        """The range of the computed number over the rounding of the printed inputs, as text.
+        """The range of the computed number as text, if all published inputs vary within their rounding.
 
         It is empty if not computed.
         """
         return " to ".join(numeral(end, self.printed) for end in self.over_inputs or ())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison of a printed with a computed number as a dictionary of plain values."""
+        """Return the comparison of a published with a computed number as a dictionary of plain values."""
         low, high = self.over_inputs or (None, None)
         names = ("name", "printed", "value", "unit", "difference", "place", "reason")
         document = {name: getattr(self, name) for name in names}
@@ -163,7 +163,7 @@ class Printed(Value):
 
 
 def numeral(value: float, printed: str, sign: str = "") -> str:
-    """Format a number like a printed number, with two more decimals.
+    """Format a computed number like a published number, but with two more decimals.
 
     Returns:
         The number as text.
@@ -184,5 +184,5 @@ def numeral(value: float, printed: str, sign: str = "") -> str:
 
 
 def short_exponent(text: str) -> str:
-    """Shorten the exponents in a text, for example from e-05 to e-5."""
+    """Shorten the exponents of numbers in a text, for example from e-05 to e-5."""
     return re.sub(r"e([+-]?)0*(\d)", lambda match: f"e{match[1].strip('+')}{match[2]}", text)

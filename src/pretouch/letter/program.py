@@ -1,4 +1,4 @@
-"""Provide complete scripts that draw the published letter's figures."""
+"""Provide complete Python scripts that draw the figures of the published letter."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pretouch._core.values import Value
 
 @dataclass(frozen=True, slots=True)
 class Program(Value):
-    """A complete Python script of ten to twenty lines that uses pretouch and draws a figure.
+    """A short, complete Python script that uses pretouch and draws a figure.
 
     Args:
         about: the docstring of the script.
@@ -46,7 +46,7 @@ class Program(Value):
 
 
 def _as_code(value: Any, names: Mapping[str, Any]) -> str:
-    """Return Python code that creates a value, without default arguments."""
+    """Return Python code that creates a given value, with default arguments omitted."""
     for name, earlier in names.items():
         if value == earlier:
             return name

@@ -1,4 +1,4 @@
-"""Reproduce Table I of the published letter: fit both exponential curves to the inverse power curve."""
+"""Recompute Table I of the published letter: two exponential curves fitted to the inverse power curve."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ FITS: Final = {"exponential-1": ("first order", "0.9952"), "exponential-2": ("se
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Compare the exponential curves L(5) and L(6) of Table I, fitted to the inverse power L(3), with the letter."""
+    """Fit exponential curves to the inverse power curve, and compare them with Table I of the published letter."""
     fitted: dict[str, SensorModel] = {name: ran["fitted"][order] for name, (order, _) in FITS.items()}
     r_squared = {name: float(ran["r_squared"][order]) for name, (order, _) in FITS.items()}
     gains = {name: (best_gain(sensor(name)), best_gain(curve)) for name, curve in fitted.items()}

@@ -1,4 +1,4 @@
-"""Reproduce Table II of the published letter, with two misprints: contact and objective for several gains."""
+"""Recompute Table II of the published letter: state at contact and objective for several gains."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ WAYS: Final = {
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Solve the motion equation L(4) for the gains of Table II, and compare the objective L(20) at contact, L(21)."""
+    """Compute contacts and objective f_1 for the gains in Table II of the published letter, and compare numbers."""
     gains = [*map(float, PRINTED), -10.0]
     values = _contacts(sensor("inverse-power"), gains)
     ranges = over_rounding("inverse-power", lambda curve: _contacts(curve, gains))
@@ -87,7 +87,7 @@ def reproduce(ran: Ran) -> Reproduction:
 
 
 def _contacts(curve: SensorModel, gains: Sequence[float]) -> FloatArray:
-    """Return plant position, relative velocity and objective f_1 at contact for every gain, shape (3, n)."""
+    """Return robot position, relative velocity and objective f_1 at contact for every gain, shape (3, n)."""
     contact, speed = find_contact(approach(), curve, gains).contact, abs(approach().obstacle.velocity)
     return np.stack([contact.position, contact.relative_velocity, f_1().value(contact, speed)])
 
@@ -106,7 +106,7 @@ def _columns(values: FloatArray, ranges: FloatArray) -> list[Printed]:
 
 
 def _rounded(printed: str) -> tuple[float, float]:
-    """Return the interval of magnitudes that round to a printed number."""
+    """Return the range of magnitudes that round to the same published number."""
     return abs(float(printed)) - resolution(printed) / 2, abs(float(printed)) + resolution(printed) / 2
 
 

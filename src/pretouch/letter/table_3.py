@@ -1,4 +1,4 @@
-"""Compare Table III of the published letter, measured on hardware, with the motion in closed form."""
+"""Compare Table III of the published letter, which was measured on hardware, with computed motions."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ STEPS: Final = (("-0.5", "-0.6", "45", "17", "2.65"), ("-0.6", "-0.7", "11", "6"
 
 
 def reproduce(ran: Ran) -> Reproduction:
-    """Compare the letter's second scenario with its measurements, and recompute the printed trade-off factors."""
+    """Compare computed with measured contacts of the published letter, and recompute its trade-off factors."""
     time, speed = np.asarray(ran["contact"].time), -np.asarray(ran["contact"].relative_velocity)
     optimum = best_gain(sensor("fingertip"), disruption(), f_2())
     printed = np.array([float(text) for text, _ in PRINTED.values()])
@@ -102,7 +102,7 @@ def _measured(time: FloatArray, speed: FloatArray, slope: float) -> list[Printed
 
 
 def _changes(first: str, second: str) -> tuple[float, float]:
-    """Return the relative decrease of the force and increase of the time from one gain to the next."""
+    """Return by which shares the force decreases and the time increases from one gain to the next."""
     (t1, f1), (t2, f2) = (tuple(map(float, PRINTED[g])) for g in (first, second))
     return 1 - f2 / f1, t2 / t1 - 1
 

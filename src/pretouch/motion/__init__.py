@@ -1,4 +1,4 @@
-"""Describe an encounter, solve its motion before contact for any sensor curve, and find the contact."""
+"""Describe an encounter of robot and obstacle, compute the motion before contact, and find the contact."""
 
 from .bodies import Obstacle, Plant, Reference, Stretch
 from .contact import ContactResult, ContactState, Motion

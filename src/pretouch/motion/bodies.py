@@ -1,4 +1,4 @@
-"""Describe obstacle, robot and task reference, and how each of them moves without interaction."""
+"""Describe the obstacle, the robot and the reference position of an encounter."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pretouch._core.values import Value
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Body(Value):
-    """Base class of obstacle, robot and reference of an encounter; it checks the fields."""
+    """Base class of obstacle, robot and reference position in an encounter."""
 
     def __post_init__(self) -> None:
         check_declared(self, arrays=True, before=f"{type(self).__name__.lower()} ")
@@ -24,7 +24,7 @@ class _Body(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch(_Body):
-    """A part of an obstacle's course with constant acceleration, which follows the previous part.
+    """A section of the obstacle's motion with constant acceleration, which follows the previous section.
 
     Position and velocity are continuous between parts.
 
@@ -42,7 +42,7 @@ class Stretch(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacle(_Body):
-    """The object that the robot meets, with uniform acceleration as in L(9) or with several accelerations.
+    """The object that the robot meets; it accelerates uniformly as in L(9), or in several sections.
 
     Position and velocity are those of the object's contact surface.
 
@@ -89,7 +89,7 @@ class Obstacle(_Body):
                 )
 
     def velocity_at(self, time: Any) -> Any:
-        """Return the obstacle's velocity [m/s] at given times [s] before any contact."""
+        """Return the velocity of the obstacle [m/s] at given times [s] before contact."""
         t, since, velocity = np.asarray(time, dtype=np.float64), 0.0, self.velocity
         for stretch in self.course:
             velocity = velocity + stretch.acceleration * np.clip(t - since, 0.0, stretch.until - since)
@@ -98,7 +98,7 @@ class Obstacle(_Body):
         return float_or_array(velocity + self.acceleration * remaining)
 
     def one_acceleration(self) -> Any:
-        """Return the constant acceleration of the obstacle [m/s^2], or raise an error if it has a course.
+        """Return the constant acceleration of the obstacle [m/s^2], or raise an error if its acceleration changes.
 
         Raises:
             InvalidInputError: the obstacle has a course.
@@ -132,7 +132,7 @@ class Plant(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reference(_Body):
-    """The reference position x_d of the robot's task, which may accelerate uniformly.
+    """The reference position x_d of the robot's task, which may move with uniform acceleration.
 
     Args:
         position: x_d at t = 0 [m].

@@ -1,4 +1,4 @@
-"""Define the results of solved encounters: the state at contact, or at another end, and the sampled motion."""
+"""Define the results of solved encounters: the state at contact and the motion before contact."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from .request import Request
 
 
 class Columns(Protocol):
-    """Interface of an object that computes each quantity of a result when the quantity is first read."""
+    """Interface of an object that computes each result quantity, such as the contact time, on first access."""
 
     def column(self, name: str) -> Any:
-        """Return a quantity such as the contact time for all encounters; a single encounter gives a float."""
+        """Return one quantity, such as the contact time, for all encounters, or a float for a single encounter."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownColumns(Value):
-    """Quantities of encounters that have all been computed in advance.
+    """Result quantities of encounters, such as the contact time, that were all computed in advance.
 
     Args:
         columns: the quantities of every run by name, of the broadcast shape; made read-only.
@@ -42,20 +42,20 @@ class KnownColumns(Value):
             values.setflags(write=False)
 
     def column(self, name: str) -> Any:
-        """Return a quantity such as the contact time for all encounters; a single encounter gives a float."""
+        """Return one quantity, such as the contact time, for all encounters, or a float for a single encounter."""
         values = self.columns[name]
         return values if values.ndim else values.item()
 
 
 @dataclass(frozen=True, slots=True)
 class _OtherGain(Value):
-    """Quantities of encounters that a law solved for another law, whose number is `gain`."""
+    """Results of encounters in which the stored gain is replaced by another value."""
 
     columns: Columns
     gain: FloatArray
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run; a float for a single run."""
+        """Return one quantity, such as the contact time, for all encounters, or a float for a single encounter."""
         values = self.columns.column(name)
         if name != "gain":
             return values
@@ -64,7 +64,7 @@ class _OtherGain(Value):
 
 
 class _Quantity:
-    """Attribute that reads a quantity from the `columns` of the object to which it belongs."""
+    """Attribute of a result, such as the contact time, that looks up its value in `columns` on access."""
 
     __slots__ = ("name",)
 
@@ -77,7 +77,7 @@ class _Quantity:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ContactState(Value):
-    """State of an encounter at its end, with the largest demands on the robot, as floats or arrays.
+    """State of robot and obstacle at the end of an encounter, with peak values of the robot's motion and force.
 
     Each quantity is computed when it is first read.
 
@@ -118,11 +118,11 @@ class ContactState(Value):
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """Return the names of all quantities of a contact state, such as `relative_velocity`."""
+        """Return the names of all quantities of a state at contact, such as `relative_velocity`."""
         return tuple(name for name, value in vars(cls).items() if isinstance(value, _Quantity))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all quantities of a contact state as a dictionary by name."""
+        """Return all quantities of a state at contact as a dictionary by name."""
         return {name: getattr(self, name) for name in self.names()}
 
     def _compared(self) -> tuple[Any, ...]:
@@ -182,7 +182,7 @@ class ContactResult(InNotebooks, Value):
 
     @property
     def status(self) -> Any:
-        """How each encounter ended, as a ContactStatus or an array of its integer values."""
+        """How each encounter ended, for example in contact or without contact."""
         status = self.columns.column("status")
         return status if np.ndim(status) else ContactStatus(int(status))
 
@@ -193,7 +193,7 @@ class ContactResult(InNotebooks, Value):
 
     @property
     def contact(self) -> ContactState:
-        """The state at contact; reading it raises an error if an encounter ended without contact.
+        """The state at contact; it is not available if an encounter ended without contact.
 
         Raises:
             ResultUnavailableError: a run did not end in contact; `status` reports how it ended.
@@ -211,7 +211,7 @@ class ContactResult(InNotebooks, Value):
 
     @property
     def gradients(self) -> ContactGradients:
-        """Exact derivatives of the quantities at contact with respect to every input of the encounter.
+        """Exact derivatives of the state at contact with respect to every input of the encounter.
 
         Raises:
             ResultUnavailableError: derivatives are not available for this method or law.
@@ -225,11 +225,11 @@ class ContactResult(InNotebooks, Value):
         return gradients
 
     def with_gain(self, gain: ArrayLike) -> ContactResult:
-        """Return the result with another number, for a law that lets another law solve its encounters."""
+        """Return a copy of the result in which the gain has another value."""
         return ContactResult(_OtherGain(self.columns, np.asarray(gain, dtype=np.float64)), self.method)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result of an encounter as a dictionary for JSON."""
+        """Return the result of one encounter as a dictionary for JSON."""
         status = self.status.label if isinstance(self.status, ContactStatus) else self.status
         others = {name: getattr(self, name) for name in ("closest_distance", "settling_distance", "impulse_residual")}
         content: dict[str, Any] = plain({"status": status, "gain": self.gain, **self.end.as_dict(), **others})
@@ -243,7 +243,7 @@ class ContactResult(InNotebooks, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Motion(InNotebooks, Value):
-    """Sampled motion of an encounter from its start to its end; time is the last axis of all arrays.
+    """Motion of robot and obstacle at sampled times, from the start to the end of an encounter.
 
     Args:
         time: t [s], equally spaced.
@@ -280,7 +280,7 @@ def motion_of(
     bodies: Mapping[str, FloatArray],
     course: Mapping[str, FloatArray],
 ) -> Motion:
-    """Assemble the sampled motion of encounters whose obstacle and reference accelerate uniformly.
+    """Assemble the sampled motion of robot and obstacle from computed distances and robot motions.
 
     Args:
         result: the result of the encounters.
@@ -310,7 +310,7 @@ def motion_of(
 
 
 def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
-    """Convert the samples of a compiled solver to a motion, with the virtual force by L(2)."""
+    """Convert the samples from a compiled solver to a motion, and compute the virtual force by L(2)."""
     each, reference = request.relative, request.scenario.reference
     distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))
     columns = {"p": each.p, "v": each.v, "a": each.a, "r": reference.position}
@@ -331,6 +331,6 @@ def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, re
 
 
 def _column(values: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return a quantity of several encounters as a column, of length 1 if all encounters share its value."""
+    """Return one value for each encounter as a column, or a single value if all encounters share it."""
     array = np.asarray(values, dtype=np.float64)
     return (array if array.size == 1 or array.ndim == 1 else np.broadcast_to(array, shape)).reshape(-1, 1)

@@ -1,4 +1,4 @@
-"""Approximate sensor curves by piecewise polynomials, which the compiled solvers use.
+"""Approximate a sensor curve by piecewise polynomials for the compiled solvers.
 
 The fast vectorized solver uses windows: polynomials of ln xi on overlapping intervals. In an approach the distance
 decreases, and a step that starts in a window should have most of that window below it. Each window therefore overlaps
@@ -67,7 +67,7 @@ _AT_PROBES: Final = np.vander(_PROBES, _DEGREE + 1, increasing=True)
 
 
 def reach_of(scenario: Scenario) -> float:
-    """Return an upper bound of the initial distances of encounters [m], rounded up to a power of two.
+    """Return an upper limit of the distances [m] at which encounters start, rounded up to a power of two.
 
     Encounters that start beyond LARGEST_START are ignored, since they must not change how the others are solved.
     """
@@ -80,25 +80,25 @@ def reach_of(scenario: Scenario) -> float:
 
 
 def _largest_start(distance: Any) -> float:
-    """Return the largest initial distance [m] that is not too large for integration, or 0 if there is none."""
+    """Return the largest initial distance [m] that the solvers can integrate, or 0 if there is none."""
     return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= LARGEST_START))
 
 
 def check_curve(sensor: SensorModel, distance: Any) -> None:
-    """Raise an error if a custom sensor curve is invalid nearer than the initial distances of encounters [m]."""
+    """Raise an error if a custom sensor curve is invalid at a distance [m] that an encounter passes."""
     if not is_built_in(sensor):
         near = type(distance) is float and distance <= LARGEST_START
         refuse_invalid_curve(sensor, distance if near else _largest_start(distance))
 
 
 def farthest(scenario: Scenario, sensor: SensorModel) -> float:
-    """Return an upper bound of the distances at which encounters start [m], limited to the sensor range."""
+    """Return an upper limit of the distances [m] at which encounters start, within the range of the sensor."""
     return min(reach_of(scenario), sensor.valid_range[1])
 
 
 @cache_by_curve(256)
 def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate a sensor curve by polynomials on overlapping distance intervals, for the compiled kernels.
+    """Approximate a sensor curve by polynomials on overlapping distance intervals, for the compiled solvers.
 
     The polynomials describe ln xi.
 
@@ -126,19 +126,19 @@ def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
 
 
 def shared_curve(table: FloatArray) -> Curves:
-    """Return the polynomials of a sensor curve in the form in which a compiled solver uses them for all encounters."""
+    """Return the polynomials of one sensor curve in the form in which all encounters can share it."""
     return table, np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
 
 
 def line_windows(slope: float, top: float) -> FloatArray:
-    """Return the data that describe a sensor curve of constant slope [1/m] to the compiled solver."""
+    """Return the polynomials of a sensor curve with constant slope [1/m], for the compiled solvers."""
     row = np.array([[0.0, 0.0, top, 0.0, 0.0, 0.0, slope]])
     row.setflags(write=False)
     return row
 
 
 def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
-    """Return the data that describe an inverse power curve to the compiled solver, or None for another curve."""
+    """Return the coefficients of an inverse power curve for the compiled solvers, or None for another curve."""
     # For the inverse power curve, 1 / g is linear in l.
     if any(low < k < high for k in sensor.knots):
         return None
@@ -165,7 +165,7 @@ def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | N
 def polynomial_windows(
     slope: Callable[[FloatArray], FloatArray], edges: Sequence[float], degree: int, *, most: int | None = None
 ) -> FloatArray | None:
-    """Approximate one or several sensor curves by polynomials of a given degree on overlapping intervals.
+    """Approximate sensor curves by polynomials of a given degree on overlapping distance intervals.
 
     Args:
         slope: function from distances [m], shape (m,), to g [1/m], shape (m,), or (k, m) for k curves.
@@ -202,7 +202,7 @@ def polynomial_windows(
 
 
 def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, degree: int) -> FloatArray | None:
-    """Return polynomial coefficients of ln xi on an interval, or None if they do not approximate every slope."""
+    """Return polynomial coefficients of ln xi on an interval, or None if the polynomials are not accurate enough."""
     # The variable of the polynomial is l - (low + high) / 2.
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     middle, half = (low + high) / 2, (high - low) / 2
@@ -219,7 +219,7 @@ def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, deg
 
 
 class CurveError(InvalidInputError):
-    """Raised for a sensor curve that polynomials cannot approximate.
+    """Raised if polynomials cannot approximate a sensor curve.
 
     Args:
         message: what was found, what is expected, what to do.
@@ -233,7 +233,7 @@ class CurveError(InvalidInputError):
 
 @cache_by_curve(256)
 def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate the slope of a sensor curve by polynomials on adaptively halved distance intervals.
+    """Approximate the slope of a sensor curve by polynomials, on intervals short enough for high accuracy.
 
     The curve is approximated between two valid distances [m].
 
@@ -283,7 +283,7 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
 def interpolate(
     function: Callable[[FloatArray], FloatArray], middle: FloatArray, half: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Interpolate a function on several intervals by polynomials."""
+    """Interpolate a function by one polynomial on each of several intervals."""
     # The result holds the values at the nodes, the coefficients of (l - middle) / half, and the largest error.
     values, probed = (function(middle[:, None] + half[:, None] * z) for z in (_NODES, _PROBES))
     coefficients = values @ _TO_COEFFICIENTS.T
@@ -291,7 +291,7 @@ def interpolate(
 
 
 def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
-    """Return the sensor slope [1/m] at distances [m] that are clipped to the valid range."""
+    """Return the sensor slope [1/m] at given distances [m], which are first limited to the valid range."""
     distance = np.clip(distance, *sensor.valid_range)
     with np.errstate(all="ignore"):  # values that are not finite are found below
         slope = np.asarray(sensor.log_slope(distance))
@@ -332,7 +332,7 @@ def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> f
 
 
 def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> Iterator[tuple[float, bool]]:
-    """Yield increasing upper ends of a sensor curve [m], and whether the curve continues beyond each.
+    """Yield increasing distances [m] up to which a curve is approximated, and whether the curve continues beyond.
 
     The curve starts at `low`.
 
@@ -349,7 +349,7 @@ def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> I
 
 
 def _last_finite(sensor: SensorModel, good: float, bad: float) -> float:
-    """Return the largest distance with a finite sensor slope between a good and a bad distance."""
+    """Find the largest distance with a finite sensor slope by bisection."""
     while good < bad:
         middle = 0.5 * (good + bad)
         if not good < middle < bad:

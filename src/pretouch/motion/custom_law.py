@@ -1,4 +1,4 @@
-"""Define custom laws in continuous time: any force that depends on ln xi (log output) and its rate."""
+"""Define custom control laws, whose force depends on the log output ln xi and its rate of change."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _unknown_damping(value: Any, slope: Any, relative_velocity: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomLaw(Value):
-    """A user-defined control law whose force depends on the log output, its rate of change and one number.
+    """A user-defined control law, whose force depends on the log output, its rate of change and one coefficient.
 
     In symbols, the force F depends on s = ln xi, s' = g(l) l' and the number.
 
@@ -106,7 +106,7 @@ class CustomLaw(Value):
         method: str = "auto",
         horizon: float = 600.0,
     ) -> ContactResult:
-        """Find the contact of encounters under the custom law by numerical integration."""
+        """Solve encounters under the custom law by numerical integration, and return their states at contact."""
         request = self._request(scenario, sensor, value, method, horizon)
         return _result(request, self._runs(request))
 
@@ -120,7 +120,7 @@ class CustomLaw(Value):
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Sample the motion of encounters under the custom law by numerical integration."""
+        """Compute the motion of encounters under the custom law at sampled times, by numerical integration."""
         request = self._request(scenario, sensor, value, method, horizon)
         runs = self._runs(request)
         sampled = [run.sample(samples) for run in runs]

@@ -1,4 +1,4 @@
-"""Integrate the motion of one encounter under a custom law, piece by piece.
+"""Compute the motion of one encounter under a custom control law by numerical integration.
 
 On a piece l' has one sign and there is no knot of the curve. If the admittance's pull is switched off in approaches,
 l'' jumps between an approach and a recession. If l'' points toward l' = 0 from both sides, the plant moves along
@@ -37,7 +37,7 @@ _ROUNDS: Final = 4  # refinements of the grid on which a peak is searched
 
 
 class RelativeEncounter(NamedTuple):
-    """Parameters of one encounter relative to its reference, with the reference's start and the gain."""
+    """Parameters of one encounter, with positions and velocities relative to the moving reference."""
 
     mass: float
     damping: float
@@ -54,7 +54,7 @@ class RelativeEncounter(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Part of a motion in which the object only approaches, only recedes, or keeps its distance.
+    """Part of a motion in which the object either approaches, recedes, or keeps its distance.
 
     x~ [m] and x~' [m/s] are a function of time; the piece ends with an event.
     """
@@ -66,11 +66,11 @@ class _Piece(NamedTuple):
 
 
 class _UnresolvedError(Exception):
-    """Raised if integrating a motion needs too many evaluations of the force."""
+    """Raised if the integration of a motion needs too many evaluations of the force."""
 
 
 class CustomLawRun:
-    """Solution of one encounter under a custom control law by numerical integration.
+    """Motion of one encounter under a custom control law, computed by numerical integration.
 
     Args:
         encounter: the encounter.
@@ -127,7 +127,7 @@ class CustomLawRun:
         return np.array(list(map(self._checked_force, at.tolist(), outputs.tolist(), rates.tolist())))
 
     def _checked_force(self, distance: float, output: float, rate: float) -> float:
-        """Call the custom force function and check that it returns a single finite number."""
+        """Call the user's force function, and check that it returns a single finite number."""
         force = self.force(self.encounter.value, output, rate)
         if type(force) is float and math.isfinite(force):
             return force
@@ -140,13 +140,13 @@ class CustomLawRun:
         return float(array)
 
     def _acting(self, course: int, pull: Any, force: Any) -> Any:
-        """Return the part of the admittance's spring and damper force that acts on the virtual mass [N]."""
+        """Return how much of the admittance's spring and damper force acts on the virtual mass [N]."""
         if course == _ALONG:
             return force - self.encounter.mass * self.encounter.a
         return np.maximum(pull, 0.0) if self.suspends_admittance and course == _APPROACH else pull
 
     def _integrate(self, horizon: float) -> ContactStatus:
-        """Integrate the motion part by part, and return how the encounter ended."""
+        """Integrate the whole motion, and return how the encounter ended."""
         g, time, state = self.encounter, 0.0, np.array([self.encounter.x0, self.encounter.u0])
         distance, speed = self._distance(time, g.x0), self._speed(time, g.u0)
         course = int(np.sign(speed)) or self._course(time, state)
@@ -172,7 +172,7 @@ class CustomLawRun:
                 course = _RECEDE if course == _ALONG else self._course(time, state)
 
     def _end_here(self, state: FloatArray, status: ContactStatus) -> ContactStatus:
-        """End the encounter in its present state, and make sure that at least one part of its motion exists."""
+        """End the encounter in its present state, also if no motion has been integrated yet."""
         if not self.pieces:
             self.pieces.append(
                 _Piece(_RECEDE, lambda t: np.multiply.outer(state, np.ones(np.shape(t))), np.zeros(2), None)
@@ -180,7 +180,7 @@ class CustomLawRun:
         return status
 
     def _course(self, time: float, state: FloatArray) -> int:
-        """Return whether the object approaches, recedes or keeps its distance after the relative velocity was zero."""
+        """Return whether the object approaches, recedes or rests after a moment of zero relative velocity."""
         x, u = state
         for delay in (0.0, _SOON):
             below, above = self._acceleration_limits(time + delay, (x + u * delay, u + self.encounter.a * delay))
@@ -189,7 +189,7 @@ class CustomLawRun:
         return _APPROACH if below < 0 else _RECEDE if above > 0 else _ALONG
 
     def _acceleration_limits(self, time: float, state: Any) -> tuple[float, float]:
-        """Return the relative acceleration at zero relative velocity, just after an approach and a recession."""
+        """Return the relative acceleration after a moment of zero relative velocity, for either direction."""
         # The results are the limits of l'' [m/s^2] at l' = 0 from both sides.
         g, (x, u) = self.encounter, state
         free = g.a - self._force(self._distance(time, x), 0.0) / g.mass
@@ -197,7 +197,7 @@ class CustomLawRun:
         return free + float(self._acting(_APPROACH, pull, 0.0)) / g.mass, free + pull / g.mass
 
     def _excludes_approach(self, distance: float, u: float, course: int) -> bool:
-        """Return whether it is certain that a receding or resting object never approaches again."""
+        """Return True if a receding or resting object certainly never approaches again."""
         g = self.encounter
         if course == _ALONG and g.v == g.a == u == 0:
             self.settling = distance
@@ -211,7 +211,7 @@ class CustomLawRun:
         return True
 
     def _has_reached_end(self, distance: float) -> bool:
-        """Return whether an approach has reached the lower end of the sensor curve, and cut the motion there."""
+        """Return True if an approach has reached the lower end of the sensor curve, and end the motion there."""
         from scipy.optimize import brentq  # noqa: PLC0415 - loads slowly
 
         g, piece = self.encounter, self.pieces[-1]
@@ -227,7 +227,7 @@ class CustomLawRun:
         return bool(self.exact_end)
 
     def _piece(self, time: float, state: FloatArray, course: int, border: float, horizon: float) -> _Piece | None:
-        """Integrate until the relative velocity changes sign or a border of the curve is reached, or return None."""
+        """Integrate until the relative velocity changes sign or the sensor curve ends; return None if this fails."""
         # None means that the motion cannot be resolved.
         # LSODA becomes implicit if a motion is stiff. With a tolerance of 1e-13 it is more accurate than DOP853 with
         # 1e-12 and takes half the time. At a gain of -100 N s it takes 30 ms, Radau 0.5 s and DOP853 3 s.
@@ -264,7 +264,7 @@ class CustomLawRun:
         return None if run.status < 0 else _Piece(course, run.sol, run.t, ended)
 
     def _quantities(self, piece: _Piece, time: FloatArray) -> dict[str, FloatArray]:
-        """Return all quantities of the motion, by name, at given times [s]."""
+        """Return all quantities of the motion, such as the velocity, at given times [s]."""
         g, (x, u) = self.encounter, piece.states(time)
         distance, speed = self._distance(time, x), self._speed(time, u)
         force, pull = self._forces(distance, speed), g.stiffness * x + g.damping * u
@@ -285,7 +285,7 @@ class CustomLawRun:
         }
 
     def columns(self) -> dict[str, float]:
-        """Return all quantities at the end of the encounter, by name."""
+        """Return all quantities at the end of the encounter, such as the contact time, by name."""
         g, last = self.encounter, self.pieces[-1]
         end = {
             name: float(values[0]) for name, values in self._quantities(last, last.steps[-1:]).items()
@@ -303,7 +303,7 @@ class CustomLawRun:
         }
 
     def _largest(self, name: str, pieces: list[tuple[_Piece, dict[str, FloatArray]]]) -> float:
-        """Return the largest magnitude of a quantity over the whole motion."""
+        """Return the largest magnitude of a quantity, such as the virtual force, over the whole motion."""
         piece, values = max(pieces, key=lambda item: float(np.abs(item[1][name]).max()))
         largest = 0.0
         for _ in range(_ROUNDS):
@@ -315,7 +315,7 @@ class CustomLawRun:
         return max(largest, float(np.abs(values[name]).max()))
 
     def _residual(self, end: dict[str, float], pieces: list[tuple[_Piece, dict[str, FloatArray]]]) -> float:
-        """Return the residual of the impulse balance, relative to its largest term or the initial momentum."""
+        """Return the relative residual of the impulse balance, which measures the error of the integration."""
         # The terms of the initial momentum are M |l'(0)| and D l(0).
         g, integrals = self.encounter, np.zeros(3)
         for piece, values in pieces:
@@ -330,7 +330,7 @@ class CustomLawRun:
         return float(abs(math.fsum(terms)) / largest) if largest > 0 else 0.0
 
     def sample(self, samples: int) -> dict[str, FloatArray]:
-        """Return the motion at equally spaced times, including start and end."""
+        """Return the motion at equally spaced times from start to end."""
         stops = [float(piece.steps[-1]) for piece in self.pieces]
         times = np.linspace(0.0, stops[-1], samples)
         index = np.minimum(np.searchsorted(stops, times), len(stops) - 1)
@@ -351,6 +351,6 @@ def _grid(steps: FloatArray) -> FloatArray:
 
 
 def _event(function: Any, direction: int) -> Any:
-    """Mark a function as an event that ends an integration when the function crosses zero in one direction."""
+    """Mark a function as an event: integration ends when the function crosses zero in one direction."""
     function.terminal, function.direction = True, direction
     return function

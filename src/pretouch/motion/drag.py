@@ -1,4 +1,4 @@
-"""Solve motion and contact under the virtual drag, a force that acts only while the sensor output rises."""
+"""Compute motion and contact under the virtual drag, a force that acts only while the sensor output rises."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from .scenario import Scenario
 
 
 class DragColumns(Value):
-    """Quantities of encounters under the virtual drag, each computed when it is first read.
+    """Results of encounters under the virtual drag, each computed on first access.
 
     Two objects are equal if their requests are.
 
@@ -72,7 +72,7 @@ class DragColumns(Value):
         return (r.scenario, r.sensor, r.drag, r.horizon)
 
     def column(self, name: str) -> Any:
-        """Return a quantity such as the contact time for all encounters; a single encounter gives a float.
+        """Return one quantity, such as the contact time, for all encounters, or a float for a single encounter.
 
         Args:
             name: a quantity of ContactState or ContactResult; `quadrature_error`, the estimated relative error of the
@@ -91,19 +91,19 @@ class DragColumns(Value):
         return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
-        """Return a quantity such as the contact time for all encounters, as a one-dimensional array."""
+        """Return one quantity, such as the contact time, for all encounters as a one-dimensional array."""
         if name not in self._columns:
             self._columns[name] = np.asarray(_DERIVED[name](self))
         return np.asarray(self._columns[name])
 
     @property
     def gradients(self) -> DragGradients:
-        """The exact derivatives of the quantities at contact under the virtual drag."""
+        """The exact derivatives of the state at contact under the virtual drag."""
         return DragGradients(self)
 
 
 def _approach_start(request: DragRequest, high: float) -> tuple[FloatArray, IntArray]:
-    """Return when each object begins to approach, or when and how an encounter without approach ends."""
+    """Return the time at which each object begins to approach, and how encounters without any approach end."""
     # An approach has the status -1.
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
@@ -120,7 +120,7 @@ def _approach_start(request: DragRequest, high: float) -> tuple[FloatArray, IntA
 
 
 def _final_status(request: DragRequest, status: IntArray, end: dict[str, FloatArray], low: float) -> IntArray:
-    """Return how each encounter ended: with a contact, with a touch at zero speed, or at the end of the curve."""
+    """Return how each encounter ended, for example in contact or at the end of the sensor curve."""
     # Distance and l' of a touch are set to zero.
     b, time, distance, speed = request.bodies, end["time"], end["distance"], end["relative_velocity"]
     terms = np.abs(b["p"]) + (np.abs(b["v"]) + np.abs(b["a"]) * time / 2) * time
@@ -190,7 +190,7 @@ _ROUNDING: Final = 1e-9
 
 
 def solve_drag(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, *, horizon: float = _HORIZON) -> ContactResult:
-    """Find the contact of encounters under a virtual drag [N s^2]."""
+    """Solve encounters under a virtual drag [N s^2], and return their states at contact."""
     return ContactResult(DragColumns(make_drag_request(scenario, sensor, drag, horizon)), "quadrature")
 
 
@@ -202,7 +202,7 @@ def sample_drag(
     horizon: float = _HORIZON,
     samples: int = 200,
 ) -> Motion:
-    """Sample the whole motion of encounters under the virtual drag."""
+    """Compute the whole motion of encounters under the virtual drag at sampled times."""
     columns = DragColumns(make_drag_request(scenario, sensor, drag, horizon))
     r, end = columns.request, columns.raw("time")
     times = end[:, None] * np.linspace(0.0, 1.0, samples)
@@ -225,7 +225,7 @@ def sample_drag(
 
 
 def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
-    """Return the integral G of the squared sensor slope g^2 from contact to a distance.
+    """Return the integral G of the squared sensor slope g^2 from contact to a given distance.
 
     The drag phi = M ln(1/rho) / G gives the speed ratio rho.
 

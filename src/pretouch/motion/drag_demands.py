@@ -1,4 +1,4 @@
-"""Compute peak force, acceleration, speed and excursion under the virtual drag, and derivatives at contact.
+"""Compute the largest force, acceleration, speed and excursion of the robot under the virtual drag.
 
 The square w of l' obeys dw/dl = 2 (a_o + k g^2 w). Its derivative u by an input therefore obeys du/dl = 2 (k g^2 u +
 h), where h is the derivative of a_o + k g^2 w at fixed w. Hence u e^q = u_0 - 2 int_l^{l_0} e^q h dl. The time changes
@@ -32,7 +32,7 @@ _CHANGE: Final[FloatArray] = legendre.legvander(legendre.leggauss(NODES)[0], NOD
 
 
 class DragRun(Protocol):
-    """Interface of solved encounters under the virtual drag."""
+    """Interface of an object with the solutions of several encounters under the virtual drag."""
 
     request: DragRequest
     path: DragPath
@@ -40,11 +40,11 @@ class DragRun(Protocol):
     begins: FloatArray
 
     def raw(self, name: str) -> FloatArray:
-        """Return a quantity such as the contact time for all encounters, as a one-dimensional array."""
+        """Return one quantity, such as the contact time, for all encounters as a one-dimensional array."""
 
 
 class _State(NamedTuple):
-    """State of several encounters under the virtual drag at the quadrature nodes.
+    """State of several encounters under the virtual drag, evaluated at quadrature nodes.
 
     The fields are quantities of the bodies, t [s], l [m], |l'| [m/s] and k g^2 l'^2 [m/s^2].
     """
@@ -62,7 +62,7 @@ def largest_acceleration(c: DragRun) -> FloatArray:
 
 
 def largest_force(c: DragRun) -> tuple[FloatArray, FloatArray]:
-    """Return the largest virtual force [N] in each encounter and the distance at which it occurs [m]."""
+    """Return the largest virtual force [N] in each encounter, and the distance [m] at which it acts."""
     return _peaks(c, lambda s: s.bodies["mass"] * s.rate, c.raw("virtual_force")[:, None])
 
 
@@ -96,7 +96,7 @@ def _obstacle_velocity(b: dict[str, FloatArray], time: FloatArray) -> FloatArray
 
 
 def _peaks(c: DragRun, quantity: Callable[[_State], Any], at_ends: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the largest magnitude of a quantity over each encounter under the virtual drag.
+    """Return the largest magnitude of a quantity, such as the force, in each encounter under the virtual drag.
 
     Args:
         c: the solved encounters.
@@ -123,7 +123,7 @@ def _peaks(c: DragRun, quantity: Callable[[_State], Any], at_ends: FloatArray) -
 
 
 def _largest(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the maximum of an interpolating polynomial on each distance interval, and its position."""
+    """Return value and position of the maximum of an interpolating polynomial on each distance interval."""
     fine = values @ _AT_FINE.T
     best = fine.argmax(axis=1)
     z = _FINE[best]
@@ -140,7 +140,7 @@ def _largest(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def impulse_residual(c: DragRun) -> FloatArray:
-    """Return the relative residual of the impulse balance under the virtual drag."""
+    """Return the relative residual of the impulse balance under the virtual drag, which measures the error."""
     # The result is the larger residual of M l' = M l'(0) + M a_o t + phi int s' ds and of the moment of this equation.
     r = c.request
     impulse, moment = np.zeros(len(c.begins)), np.zeros(len(c.begins))
@@ -170,7 +170,7 @@ _INPUTS: Final = {
 
 @dataclass(frozen=True, slots=True, repr=False)
 class DragGradients(Value):
-    """Exact derivatives of quantities at contact under the virtual drag, with respect to the inputs of an encounter.
+    """Exact derivatives of the state at contact under the virtual drag, with respect to the inputs of an encounter.
 
     See `ContactResult.gradients`.
 
@@ -191,7 +191,7 @@ class DragGradients(Value):
     inputs: tuple[str, ...] = field(init=False, default=tuple(_INPUTS))
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a quantity at contact with respect to an input of the encounter.
+        """Return the derivative of a contact quantity, such as the contact time, with respect to an input.
 
         Args:
             quantity: one of `quantities`.
@@ -213,12 +213,12 @@ class DragGradients(Value):
         return float(derivative[0]) if shape == () else derivative.reshape(shape)
 
     def unit(self, quantity: str, by: str) -> str:
-        """Return the unit of the derivative of a quantity with respect to an input."""
+        """Return the SI unit of the derivative of a contact quantity with respect to an input."""
         return f"({_QUANTITIES[quantity]})/({_INPUTS[by]})"
 
 
 def _derivative(c: DragRun, quantity: str, by: str) -> FloatArray:
-    """Return the derivative of a quantity at contact with respect to an input, for every encounter."""
+    """Return the derivative of a contact quantity with respect to one input, for every encounter."""
     r, on = c.request, c.lanes
     time, square = (np.full(len(r.mass), np.nan) for _ in range(2))
     square[on], time[on] = _changes(c, by)
@@ -236,7 +236,7 @@ def _derivative(c: DragRun, quantity: str, by: str) -> FloatArray:
 
 
 def _changes(c: DragRun, by: str) -> tuple[FloatArray, FloatArray]:
-    """Return how the squared speed at the end of each approach, and its duration, change with an input."""
+    """Return derivatives of the squared speed and of the duration of each approach with respect to one input."""
     r, on = c.request, c.lanes
     k, a, v = r.strength[on], r.acceleration[on], r.velocity[on]
     square, time = np.zeros(len(on)), np.zeros(len(on))

@@ -1,4 +1,4 @@
-"""Solve many approaches under the virtual drag by numerical integration over the distance.
+"""Integrate many approaches under the virtual drag over the distance.
 
 With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is linear in w,
 
@@ -49,18 +49,18 @@ _TO_COME: Final[FloatArray] = _SO_FAR[::-1, ::-1].copy()
 
 
 def so_far(values: FloatArray) -> FloatArray:
-    """Integrate over each interval from its start to each of its quadrature nodes."""
+    """Integrate over each interval from its start up to each of its quadrature nodes."""
     # Each interval has the variable z from -1 to 1. The result has the shape (n, nodes).
     return np.asarray(values @ _SO_FAR)
 
 
 def evaluate_at(values: FloatArray, z: FloatArray) -> FloatArray:
-    """Interpolate values at quadrature nodes to one position in each interval."""
+    """Interpolate values that are given at the quadrature nodes to one position in each interval."""
     return np.asarray(np.einsum("ij,ij->i", legendre.legvander(z, NODES - 1), values @ TO_TERMS.T))
 
 
 def where_reached(rates: FloatArray, total: FloatArray) -> FloatArray:
-    """Return the position in each interval up to which positive rates integrate to a given total."""
+    """Return the position in each interval at which the integral of a positive function reaches a given value."""
     terms = rates @ _INTEGRAL.T
     low, high = np.full(len(total), -1.0), np.ones(len(total))
     z = 2 * total / np.maximum(rates @ WEIGHTS, np.finfo(float).tiny) - 1
@@ -77,7 +77,7 @@ def where_reached(rates: FloatArray, total: FloatArray) -> FloatArray:
 
 
 class DragApproach(NamedTuple):
-    """Start values of several approaches under the virtual drag, one array per quantity.
+    """Initial values of several approaches under the virtual drag, such as distance and squared speed.
 
     Args:
         strength: k = phi / M [m].
@@ -95,7 +95,7 @@ class DragApproach(NamedTuple):
 
 
 class DragCells(NamedTuple):
-    """Distance intervals over which the motions of several encounters are integrated, one per encounter.
+    """Distance intervals over which the motions of several encounters are integrated.
 
     Args:
         lane: indices of the encounters.
@@ -114,18 +114,18 @@ class DragCells(NamedTuple):
     time: FloatArray
 
     def some(self, which: BoolArray | IntArray) -> DragCells:
-        """Return the distance intervals of some of the encounters."""
+        """Return the distance intervals of selected encounters."""
         columns: Any = tuple(column[which] for column in self)
         return DragCells(*columns)
 
     def share(self, z: FloatArray) -> FloatArray:
-        """Return which share of each distance interval has been traversed at position z."""
+        """Return which share of each distance interval has been traversed at a quadrature position z."""
         r = (1 + z) / 2
         return np.asarray(r - self.bend * r * (1 - r))
 
 
 class _Nodes(NamedTuple):
-    """Quantities of several encounters at the quadrature nodes of a distance interval.
+    """Quantities such as the squared speed of several encounters at the quadrature nodes of their distance intervals.
 
     At nodes the shape is (n, nodes), at the ends (n,).
 
@@ -154,12 +154,12 @@ class _Nodes(NamedTuple):
     duration: FloatArray
 
     def replace_rows(self, which: BoolArray, rows: _Nodes) -> None:
-        """Replace the quantities of some encounters."""
+        """Replace the values of selected encounters."""
         for column, new in zip(self, rows, strict=True):
             column[which] = new
 
     def error(self) -> FloatArray:
-        """Return the relative size of the last two Legendre coefficients, an estimate of the quadrature error."""
+        """Estimate the relative quadrature error from the size of the last two Legendre coefficients."""
         return np.maximum(_last_terms(self.pace), _last_terms(self.grown))
 
 
@@ -170,7 +170,7 @@ def _last_terms(values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DragPath(Value):
-    """Approaches under the virtual drag that were solved to their ends.
+    """Motions of several approaches under the virtual drag, from their start to their end.
 
     Args:
         sensor: the sensor curve.
@@ -197,14 +197,14 @@ class DragPath(Value):
     steps: list[DragCells] = field(default_factory=list)
 
     def walk(self) -> Iterator[tuple[DragCells, _Nodes]]:
-        """Yield all distance intervals with the quantities at their nodes, which are computed again."""
+        """Yield all distance intervals with the values at their quadrature nodes."""
         for cells in self.steps:
             yield cells, _evaluate(self.sensor, self.approach, cells)
 
 
 @np.errstate(all="ignore")  # cells with NaN are halved until they count as unresolved
 def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: float) -> DragPath:
-    """Solve approaches under the virtual drag until contact, until rest, or until the longest allowed time.
+    """Compute approaches under the virtual drag until contact, until rest, or until the longest allowed time.
 
     They end at l = `end`.
 
@@ -254,7 +254,7 @@ def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: flo
 
 
 def _next_cells(path: DragPath, lanes: IntArray, room: FloatArray, scale: FloatArray) -> DragCells:
-    """Propose the next integration interval of each encounter, short enough for an accurate quadrature."""
+    """Choose the next distance interval for integrating each encounter, short enough for accurate quadrature."""
     # An interval ends at the next border at the latest.
     square, start, strength = path.square[lanes], path.distance[lanes], path.approach.strength[lanes]
     push = 2 * path.approach.acceleration[lanes]
@@ -275,7 +275,7 @@ def _next_cells(path: DragPath, lanes: IntArray, room: FloatArray, scale: FloatA
 
 
 def _shorten_to_end(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells, _Nodes, IntArray, FloatArray]:
-    """Shorten the distance intervals in which an object comes to rest or the longest allowed time ends.
+    """Shorten the distance interval of each object that comes to rest inside it or reaches the longest allowed time.
 
     Args:
         path: the path so far.
@@ -312,7 +312,7 @@ def _shorten_to_end(path: DragPath, cells: DragCells, horizon: float) -> tuple[D
 
 
 def _evaluate(sensor: SensorModel, approach: DragApproach, cells: DragCells) -> _Nodes:
-    """Return the quantities at the quadrature nodes of distance intervals."""
+    """Evaluate the motions of several encounters at the quadrature nodes of their distance intervals."""
     bend, width, square = (column[:, None] for column in (cells.bend, cells.width, cells.square))
     twice = 2 * approach.acceleration[cells.lane]
     passed = width * (_R - bend * _R * (1 - _R))

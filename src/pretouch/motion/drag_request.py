@@ -1,4 +1,4 @@
-"""Check the inputs of a solution with the virtual drag, including the assumptions of this solution."""
+"""Check the inputs of a solver call for the virtual drag."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LEAST: Final = 1e-100  # smaller values count as zero, since their squares unde
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DragRequest(Value):
-    """Checked inputs of a call for the virtual drag: encounters, sensor curve and drags.
+    """Checked inputs for solving encounters under the virtual drag: encounters, sensor curve and coefficients phi.
 
     The drags are values of phi.
 
@@ -45,7 +45,7 @@ class DragRequest(Value):
 
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
-        """Position, velocity and acceleration of obstacle, plant and reference of every encounter, as in L(9)."""
+        """Initial position, velocity and acceleration of obstacle, robot and reference as in L(9)."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
         columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.drag)
         flat = [np.broadcast_to(c, self.shape).astype(np.float64).reshape(-1) for c in columns]
@@ -58,7 +58,7 @@ class DragRequest(Value):
 
     @property
     def strength(self) -> FloatArray:
-        """The virtual drag divided by the virtual mass [m]."""
+        """The virtual drag phi divided by the virtual mass [m] of each encounter."""
         return self.bodies["phi"] / self.mass
 
     @property
@@ -78,12 +78,12 @@ class DragRequest(Value):
 
     @property
     def returns(self) -> Any:
-        """Whether the object starts at rest or receding and then accelerates toward the robot."""
+        """Whether the object first rests or recedes, and later accelerates toward the robot."""
         return (self.velocity >= 0) & (self.acceleration < 0)
 
     @property
     def farthest(self) -> FloatArray:
-        """The largest distance of each encounter [m], from which the virtual drag acts."""
+        """The largest distance [m] between robot and object in each encounter."""
         rise = np.zeros_like(self.distance)
         with np.errstate(over="ignore"):  # infinite: farther than any sensor range
             np.divide(-(self.velocity**2), 2 * self.acceleration, out=rise, where=self.returns)
@@ -91,7 +91,7 @@ class DragRequest(Value):
 
 
 def _flush_underflow(values: FloatArray) -> FloatArray:
-    """Set numbers to 0 whose squares would underflow."""
+    """Replace numbers by 0 if their squares would underflow."""
     return np.where(np.abs(values) < _LEAST, 0.0, values)
 
 
@@ -101,7 +101,7 @@ _BEYOND: Final = (
 
 
 def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float) -> DragRequest:
-    """Check the inputs of a call for the virtual drag and flatten its arrays of encounters.
+    """Check the inputs for solving encounters under the virtual drag, and flatten arrays of encounters.
 
     Args:
         scenario: the encounters.
@@ -170,7 +170,7 @@ def _check_plant(request: DragRequest) -> None:
 
 
 def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
-    """Refuse a sensor curve whose output rises with distance, since the drag would act on a receding object."""
+    """Refuse a sensor curve whose output rises with distance, because the drag would then act on receding objects."""
     distance = np.linspace(low, high, _PROBES)
     slope = np.asarray(sensor.log_slope(distance))
     if not (np.isfinite(slope) & (slope <= 0)).all():

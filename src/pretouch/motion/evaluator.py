@@ -1,4 +1,4 @@
-"""Solve encounters by `find_contact` and `solve_motion`, and define the interface of other solvers."""
+"""Define `find_contact` and `solve_motion`, which solve encounters, and the interface of other solvers."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
 
 @runtime_checkable
 class NoisyEvaluator(Protocol):
-    """A solver of encounters with reproducible noise: encounter i has the same noise for every gain."""
+    """Interface of a solver with reproducible random noise, which is the same for every gain."""
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
-        """Solve encounters for one sensor and one or several gains."""
+        """Solve encounters with one sensor curve, for one or several gains."""
 
     def after(self, runs: int) -> NoisyEvaluator:
-        """Return the same solver with the noise of later runs, starting with the given run number."""
+        """Return a copy of this solver that uses the random noise of later runs."""
 
 
 @runtime_checkable
 class ManySensorEvaluator(Protocol):
-    """A solver that simulates encounters with one sensor each in a single call.
+    """Interface of a solver that can use a different sensor curve for each encounter.
 
     The i-th encounter has the noise of run i.
     """
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
-        """Solve encounters for one sensor and one or several gains."""
+        """Solve encounters with one sensor curve, for one or several gains."""
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: Any) -> ContactResult:
-        """Solve encounters that have one sensor each; the last axis of the result is that of the sensors."""
+        """Solve encounters with a different sensor curve for each element along the last axis."""
 
 
 def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
-    """Return a solver of encounters that skips the noise of some runs."""
+    """Return a copy of a solver that skips the random noise of a given number of runs."""
     # A solver without numbered noise is returned unchanged.
     return evaluator.after(runs) if isinstance(evaluator, NoisyEvaluator) else evaluator
 
 
 def _law_and_value(value: Any, law: Any) -> tuple[ContinuousLaw, Any]:
-    """Return the control law and the values of its number; a sampled law contains both."""
+    """Return a control law and the values of its gain or coefficient."""
     if law is DAMPER and hasattr(value, "continuous"):
         return continuous_law(value), value.value
     return continuous_law(law), value
@@ -65,7 +65,7 @@ def find_contact(
     method: str = "auto",
     horizon: float = 600.0,
 ) -> ContactResult:
-    """Find the first contact of encounters, at zero distance as in L(21) and L(23), and the demands on the robot.
+    """Solve encounters until their first contact, which is at zero distance as in L(21) and L(23).
 
     The motion is that of L(1) with the virtual force L(2), of another law, or the uniform motion L(16)-(19). A distance
     that reaches zero and turns there, within 1e-12 of its terms, is a contact with l' = 0. A distance that only decays
@@ -117,7 +117,7 @@ def solve_motion(
     horizon: float = 600.0,
     samples: int = 200,
 ) -> Motion:
-    """Solve the motion equation L(1) with the virtual force L(2) or another law, and sample the whole motion.
+    """Compute the motion L(1) of encounters at sampled times, under the virtual force L(2) or another control law.
 
     Args:
         scenario: one encounter or an array of encounters.

@@ -1,4 +1,4 @@
-"""Compute exact derivatives of contact time and relative velocity at contact for many encounters.
+"""Compute exact derivatives of contact time and contact velocity for many encounters.
 
 Each run uses the fastest applicable method. Over-damped motions with a constant slope have a closed form. Approaches on
 other curves get their derivatives from Taylor steps, with several encounters computed side by side. The module
@@ -51,7 +51,7 @@ _COUNT: Final = 10  # coefficients of a piece
 
 
 class GradientRows(Picklable):
-    """Derivatives of contact time and contact velocity with respect to the inputs, computed when they are first read.
+    """Derivatives of contact time and contact velocity with respect to the inputs, each computed on first access.
 
     The inputs are relative to the reference.
     """
@@ -64,7 +64,7 @@ class GradientRows(Picklable):
         self._followed: dict[str, FloatArray] = {}
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Return the derivatives of contact time and contact velocity with respect to some inputs; NaN if undefined."""
+        """Return the derivatives of contact time and contact velocity with respect to selected inputs."""
         # `which` holds indices of RELATIVE_INPUTS. The result has the shape (2, k, n).
         if self._rows is None:
             everything = range(len(RELATIVE_INPUTS))
@@ -86,7 +86,7 @@ class GradientRows(Picklable):
         return self._followed[name]
 
     def _differentiable(self) -> BoolArray:
-        """Return which encounters end in a contact at nonzero speed; other contacts have no derivatives."""
+        """Return which encounters end in a contact at nonzero speed, because only these have derivatives."""
         reached = self._solution.status == ContactStatus.CONTACT
         return np.asarray(reached & (self._solution.raw("relative_velocity") < 0))
 
@@ -113,7 +113,7 @@ class GradientRows(Picklable):
         return np.asarray(damping / r.mass * self._solution.raw("time"))
 
     def _linear(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Compute the derivatives of encounters with a closed form, and return which encounters remain."""
+        """Compute derivatives by a closed form where one exists, and return which encounters remain unsolved."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.slope
         r = request.relative
@@ -132,7 +132,7 @@ class GradientRows(Picklable):
         return np.asarray(pending & (status != 0))
 
     def _in_lanes(self, indices: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
-        """Compute derivatives of many encounters at once by a Taylor-series solver, and return which remain."""
+        """Compute derivatives of many encounters by a Taylor-series solver, and return which remain unsolved."""
         request = self._solution.request
         curves = shared_curve(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(pending)
@@ -151,7 +151,7 @@ class GradientRows(Picklable):
     def _by_guaranteed_path(
         self, where: IntArray, indices: list[int], slope: SlopeSensitivity | None = None
     ) -> FloatArray:
-        """Compute the derivatives of some encounters by the most robust solver; NaN without contact."""
+        """Compute derivatives of selected encounters by the most robust solver, with NaN where there is no contact."""
         request = self._solution.request
         values, gain = request.part(where)
         sensor = request.sensor
@@ -176,7 +176,7 @@ class GradientRows(Picklable):
 
 
 def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: float) -> tuple[FloatArray, FloatArray]:
-    """Approximate the sensor slope, and its derivative with respect to a parameter, on common intervals.
+    """Approximate the sensor slope and its derivative with respect to a parameter on the same distance intervals.
 
     They reach from l = 0 up to a distance [m].
 
@@ -208,7 +208,7 @@ def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: f
 def _halve(
     pieces: FloatArray, poor: BoolArray, columns: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-    """Halve distance intervals without changing the polynomials on them."""
+    """Halve the distance intervals of polynomials, and express the polynomials on the halves."""
     # Both halves of a piece inherit its columns.
     old, parts = pieces[poor], [pieces[~poor]]
     for side in (-0.5, 0.5):
@@ -220,7 +220,7 @@ def _halve(
 
 
 def bend_at_contact(sensor: SensorModel) -> float:
-    """Return the derivative of the sensor slope with respect to distance at contact, dg/dl [1/m^2].
+    """Return the derivative dg/dl [1/m^2] of the sensor slope at contact.
 
     It is the derivative of the polynomial that approximates g next to the surface. Its error is about 1e-11 of g over
     the length on which the curve changes.

@@ -1,4 +1,4 @@
-"""Compute exact derivatives of all contact quantities with respect to the inputs of an encounter.
+"""Compute exact derivatives of the state at contact with respect to all inputs of an encounter.
 
 `gradient_rows` provides dt/dq and dl'/dq of time and relative velocity at contact. The other quantities follow:
 x~ = x_o(t), since l = 0; x~' = x_o' - l'; F_p = D_p g(0) l'; and x~'' from the equation of motion. A parameter of the
@@ -62,12 +62,12 @@ _LENGTHS: Final = (
 
 
 def input_names(sensor: SensorModel) -> tuple[str, ...]:
-    """Return the names of all inputs of a contact: the gain first, the sensor parameters last."""
+    """Return the names of all inputs that affect a contact: the gain first, sensor parameters last."""
     return (*_RELATIVE, *sensor_inputs(sensor))
 
 
 def gradients_of(columns: Any) -> Any:
-    """Return the derivatives of the contacts in a result, or None if the solver provides none.
+    """Return the derivatives of the contacts in a result, or None if its solver computes no derivatives.
 
     The uniform motion has no derivatives, since it does not start from the given state.
     """
@@ -85,7 +85,7 @@ def gradients_of(columns: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ContactGradients(Value):
-    """Exact derivatives of the quantities at contact with respect to the inputs of an encounter.
+    """Exact derivatives of the state at contact with respect to the inputs of an encounter.
 
     See `ContactResult.gradients`.
 
@@ -127,7 +127,7 @@ class ContactGradients(Value):
         object.__setattr__(self, "inputs", input_names(self.solution.request.sensor))
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a quantity at contact with respect to an input of the encounter.
+        """Return the derivative of a contact quantity, such as the contact time, with respect to an input.
 
         Args:
             quantity: one of `quantities`.
@@ -146,7 +146,7 @@ class ContactGradients(Value):
         return derivative
 
     def unit(self, quantity: str, by: str) -> str:
-        """Return the SI unit of the derivative of a quantity with respect to an input.
+        """Return the SI unit of the derivative of a contact quantity with respect to an input.
 
         Args:
             quantity: one of `quantities`.
@@ -194,14 +194,14 @@ class ContactGradients(Value):
         return _Change(solution, by, time, speed, slope=slope)
 
     def _weighted_sum(self, weights: dict[str, Any]) -> FloatArray:
-        """Return a weighted sum of derivatives of contact time and contact velocity, shape (2, n)."""
+        """Return a weighted sum of the derivatives of contact time and contact velocity, shape (2, n)."""
         rows = self._rows.take([RELATIVE_INPUTS.index(name) for name in weights])
         if len(weights) == 1 and all(isinstance(w, float) and w == 1 for w in weights.values()):
             return rows[:, 0]
         return np.asarray(sum(weight * rows[:, i] for i, weight in enumerate(weights.values())))
 
     def _by_factors(self, change: CurveSensitivity) -> FloatArray:
-        """Return how contact time and velocity change with a sensor curve that is scaled, shifted and stretched."""
+        """Return how contact time and velocity change if the sensor curve is scaled, shifted or stretched."""
         # CurveSensitivity explains the three factors.
         solution, relative = self.solution, self.solution.request.relative
         total = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
@@ -220,7 +220,7 @@ class ContactGradients(Value):
 
 
 class ManyGradients:
-    """Derivatives at contact of encounters that have one sensor curve each along the last axis.
+    """Derivatives of the state at contact, for encounters with a different sensor curve each.
 
     The members are those of ContactGradients.
     """
@@ -231,17 +231,17 @@ class ManyGradients:
         self.parts, self.quantities, self.inputs = parts, parts[0].quantities, parts[0].inputs
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a quantity at contact with respect to an input, as in ContactGradients."""
+        """Return the derivative of a contact quantity, such as the contact time, with respect to an input."""
         return np.stack([part.of(quantity, by) for part in self.parts], axis=-1)
 
     def unit(self, quantity: str, by: str) -> str:
-        """Return the SI unit of the derivative of a quantity with respect to an input, as in ContactGradients."""
+        """Return the SI unit of the derivative of a contact quantity with respect to an input."""
         return self.parts[0].unit(quantity, by)
 
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """Derivatives of all quantities at contact with respect to one input.
+    """Derivatives of all contact quantities with respect to one input.
 
     All but those of time and l' follow from these two by algebra.
 
@@ -263,7 +263,7 @@ class _Change:
 
     @property
     def displacement(self) -> Any:
-        """Derivative of the robot's displacement from the reference at contact with respect to the input."""
+        """The derivative of the robot's displacement from its reference at contact with respect to the input."""
         # At contact, the displacement equals the obstacle position x_o(t).
         time, r, i = self.solution.raw("time"), self.solution.request.relative, self.inputs
         direct = i.get("p", 0.0) + (i.get("v", 0.0) + i.get("a", 0.0) * time / 2) * time
@@ -271,14 +271,14 @@ class _Change:
 
     @property
     def displacement_velocity(self) -> Any:
-        """Derivative of the robot's velocity relative to the reference with respect to the input."""
+        """The derivative of the robot's velocity relative to its reference at contact with respect to the input."""
         # The relative velocity at contact gives x~' = x_o' - l'.
         direct = self.inputs.get("v", 0.0) + self.inputs.get("a", 0.0) * self.solution.raw("time")
         return direct + self.solution.request.relative.a * self.time - self.relative_velocity
 
     @property
     def virtual_force(self) -> Any:
-        """Derivative of the virtual force at contact with respect to the input."""
+        """The derivative of the virtual force at contact with respect to the input."""
         # At contact, F_p = D_p g(0) l'.
         s = self.solution
         slope, gain, speed = float(s.request.sensor.log_slope(0.0)), s.request.relative.gain, s.raw("relative_velocity")
@@ -287,7 +287,7 @@ class _Change:
 
     @property
     def displacement_acceleration(self) -> Any:
-        """Derivative of the robot's acceleration relative to the reference with respect to the input."""
+        """The derivative of the robot's acceleration relative to its reference with respect to the input."""
         # The admittance gives x~'' = (F_p - D x~' - K x~) / M.
         s, r = self.solution, self.solution.request.relative
         total = self.virtual_force - r.damping * self.displacement_velocity - r.stiffness * self.displacement
@@ -301,20 +301,20 @@ class _Change:
 
     @property
     def position(self) -> Any:
-        """Derivative of the robot's absolute position at contact with respect to the input."""
+        """The derivative of the robot's absolute position at contact with respect to the input."""
         time = self.solution.raw("time")
         direct = {"reference.position": 1.0, "reference.velocity": time, "reference.acceleration": time**2 / 2}
         return self.displacement + self.solution.reference(1) * self.time + direct.get(self.by, 0.0)
 
     @property
     def velocity(self) -> Any:
-        """Derivative of the robot's absolute velocity at contact with respect to the input."""
+        """The derivative of the robot's absolute velocity at contact with respect to the input."""
         direct = {"reference.velocity": 1.0, "reference.acceleration": self.solution.raw("time")}
         return self.displacement_velocity + self.solution.reference(2) * self.time + direct.get(self.by, 0.0)
 
     @property
     def acceleration(self) -> Any:
-        """Derivative of the robot's absolute acceleration at contact with respect to the input."""
+        """The derivative of the robot's absolute acceleration at contact with respect to the input."""
         return self.displacement_acceleration + (1.0 if self.by == "reference.acceleration" else 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Solve the encounters that the fast vectorized solvers leave open, one at a time, and sample motions.
+"""Solve one encounter at a time by the most robust method, as a fallback for the fast solvers.
 
 The uniform motion L(16)-(19) is one particular motion of the second-order exponential curve. It is used only if it is
 selected as the method.
@@ -32,7 +32,7 @@ _MOST: Final = 16_384  # largest chunk
 
 
 def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Solve encounters by the most robust solver, one encounter at a time.
+    """Solve encounters one at a time by the most robust solver.
 
     It solves m encounters of a request, selected by indices, or all of them, by the method of the request.
 
@@ -55,7 +55,7 @@ def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[F
 
 
 def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
-    """Return result rows that are filled with NaN, and statuses that are filled with UNRESOLVED."""
+    """Return empty results for encounters that have not been solved."""
     rows, status = np.empty((count, len(COLUMNS))), np.empty(count, dtype=np.int64)
     rows.fill(np.nan)
     status.fill(ContactStatus.UNRESOLVED)
@@ -63,13 +63,13 @@ def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
 
 
 def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Sample the motion of encounters at ascending times until the end of each."""
+    """Compute the motion of encounters at given ascending times, up to the end of each encounter."""
     # `trace` is filled with layout.TRACE_COLUMNS, shape (n, times, 4).
     _SOLVERS[request.method][1](request, times, trace)
 
 
 def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Solve encounters that have one sensor curve each."""
+    """Solve encounters that use different sensor curves, one sensor curve at a time."""
     rows, status = _unresolved(len(which))
     place, curve = np.divmod(which, len(many))
     for index in np.unique(curve):
@@ -79,7 +79,7 @@ def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tupl
 
 
 def _mark_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
-    """Mark encounters whose results are not finite as unresolved, and reset them to their start."""
+    """Mark encounters with infinite or NaN results as unresolved, and set their results to the initial state."""
     bad = np.flatnonzero(~np.isfinite(rows[:, _ALWAYS_FINITE]).all(axis=1))
     if len(bad):
         r = request.some(bad if which is None else which[bad])
@@ -96,7 +96,7 @@ _ALWAYS_FINITE: Final = [i for i, name in enumerate(COLUMNS) if name != "settlin
 
 
 def _solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve some encounters by the closed form of the distance, L(10)-(13); contact is its first zero."""
+    """Solve encounters by the closed form of the distance, L(10)-(13), whose first zero is the contact."""
     values, gain = request.part(which)
     solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
 
@@ -113,7 +113,7 @@ def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Integrate the motion equation L(1) with the virtual force L(2) for some encounters.
+    """Solve the motion equation L(1) with the virtual force L(2) by numerical integration.
 
     Encounters that leave the approximated part of the curve are repeated with a longer part.
 
@@ -144,7 +144,7 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
 
 
 def _is_integrable(values: FloatArray) -> BoolArray:
-    """Return which encounters start near enough to be integrated."""
+    """Return which encounters start close enough to contact for numerical integration."""
     # `values` are those of Scenario.relative, shape (n, 10).
     followed: BoolArray = values[:, 5] - values[:, 3] <= LARGEST_START  # p - x~(0)
     return followed
@@ -168,7 +168,7 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, bool, bool]]]:
-    """Yield increasing distance ranges of the sensor curve with their polynomials and limits for the solver."""
+    """Yield increasing ranges of a sensor curve, with the polynomials that approximate the curve on each range."""
     r, sensor = request.relative, request.sensor
     low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
     distance = r.p - r.x0
@@ -180,7 +180,7 @@ def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, 
 
 
 def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
-    """Return curvature b_2 [1/m^2] and rate c_2 [1/m] of a sensor curve whose slope is linear in the distance."""
+    """Return curvature b_2 [1/m^2] and rate c_2 [1/m] of a second-order exponential sensor curve."""
     # b_2 = 0 for a constant slope.
     if sensor.constant_log_slope is not None:
         return 0.0, sensor.constant_log_slope
@@ -233,7 +233,7 @@ def uniform_motion(
 
 
 def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve some encounters by the uniform-motion solution L(16)-(19) until contact."""
+    """Solve encounters by the uniform motion of the published letter, L(16)-(19), until contact."""
     curvature, rate = _second_order_parameters(request.sensor)
     values, gain = request.part(which)
     a, b = uniform_motion(values, curvature, rate, gain)
@@ -265,7 +265,7 @@ def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, stat
 
 
 def _trace_uniform_motion(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Sample distance and speed of the uniform motion l = A t + B."""
+    """Compute distance and speed of the uniform motion l = A t + B at given times."""
     # Without such a motion, the sampled distance is constant.
     r = request.relative
     values, gain = request.part(slice(None))

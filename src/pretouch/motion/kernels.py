@@ -1,4 +1,4 @@
-"""Call the compiled solvers of encounters from Python, with checked arguments.
+"""Call the compiled solvers of encounters with checked arguments.
 
 Curves of constant slope use the closed form L(10)-(13): vectorized, or one encounter at a time in a form that is
 accurate for every damping and for K -> 0. Other curves use vectorized Taylor steps, or guaranteed steps on pieces of
@@ -36,7 +36,7 @@ _WIDEST: Final = 12  # middle, half width and ten coefficients of a piece
 
 
 class _CurvesOfCore(Structure):
-    """The sensor curves of several encounters as the C structure pretouch_curves."""
+    """C structure with the sensor curves of several encounters, for the compiled solvers."""
 
     _fields_ = (
         ("windows", POINTER),
@@ -49,7 +49,7 @@ class _CurvesOfCore(Structure):
 
 
 class _PiecesOfCore(Structure):
-    """A sensor curve as the C structure pretouch_pieces, with polynomials on adjacent distance intervals."""
+    """C structure with one sensor curve, approximated by polynomials on adjacent distance intervals."""
 
     _fields_ = (
         ("pieces", POINTER),
@@ -82,7 +82,7 @@ def find_contacts(
     gradients: FloatArray | None = None,
     peaks: FloatArray | None = None,
 ) -> None:
-    """Find the first contacts of encounters with a constant sensor slope by their closed-form solution.
+    """Find the first contacts of encounters by a closed form that is valid for a constant sensor slope.
 
     They solve M x~'' + (D + c) x~' + K x~ = c (v + a t) with c = slope gain and l = p + v t + a t^2 / 2 - x~.
 
@@ -130,7 +130,7 @@ def solve_linear(
     *,
     status: IntArray,
 ) -> None:
-    """Solve the motion equation L(7) and its distance form L(8) for a constant slope, encounter by encounter.
+    """Solve the motion equation L(7) and its distance form L(8) for a constant slope, one encounter at a time.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -146,7 +146,7 @@ def solve_linear(
 
 
 def respond_many(rows: FloatArray, times: FloatArray, out: FloatArray) -> None:
-    """Solve M y'' + D y' + K y = f_0 + f_1 t for several oscillators and evaluate the solutions.
+    """Compute the responses y(t) of several oscillators M y'' + D y' + K y = f_0 + f_1 t.
 
     Args:
         rows: M, D, K, y(0), y'(0), f_0, f_1 in SI units, shape (n, 7).
@@ -170,7 +170,7 @@ def contact_times(
     gradients: FloatArray | None = None,
     peaks: FloatArray | None = None,
 ) -> None:
-    """Find the first contact of each encounter if a compiled solver can prove that no earlier one exists.
+    """Find the first contacts of encounters for which a compiled solver can prove that no earlier contact exists.
 
     Args:
         inputs: the first nine columns of layout.Relative, or all eleven for peaks; shape (n,) or (1,), contiguous.
@@ -202,7 +202,8 @@ def contact_times(
 
 
 def of_core(curves: Curves, n: int) -> _CurvesOfCore:
-    """Return the C structure of the sensor curves of n encounters; the arrays must outlive the structure."""
+    """Return a C structure that refers to the sensor curves of n encounters."""
+    # The arrays must outlive the structure.
     windows, starts, curve_of = curves
     rows, width = windows.shape
     shared = len(curve_of) == 1
@@ -218,14 +219,14 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
 
 
 def _is_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return whether a table contains the polynomials of the one sensor curve that all encounters share."""
+    """Return True if a table contains the sensor curve that all encounters share."""
     # This check avoids the overhead of NumPy functions.
     which = int(curve_of[0])
     return 0 <= which < len(starts) - 1 and 0 <= int(starts[which]) <= int(starts[which + 1]) <= rows
 
 
 def _are_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Return whether a table contains the polynomials of every sensor curve to which an encounter refers."""
+    """Return True if a table contains the sensor curves of all encounters."""
     if len(starts) == 0 or starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
         return False
     return len(curve_of) == 0 or bool(curve_of.min() >= 0 and curve_of.max() < len(starts) - 1)
@@ -240,7 +241,7 @@ def solve_series(
     status: IntArray,
     course: tuple[FloatArray, FloatArray] | None = None,
 ) -> None:
-    """Integrate the motion equation L(1) with the virtual force L(2): L(4), L(7) or L(14) for the letter's curves.
+    """Integrate the motion equation L(1) with the virtual force L(2), which includes L(4), L(7) and L(14).
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -271,7 +272,7 @@ def follow_gradients(
     derivatives: FloatArray,
     status: NDArray[np.int8],
 ) -> None:
-    """Integrate encounters up to contact, with derivatives of contact time and velocity with respect to the inputs.
+    """Integrate encounters until contact, and compute derivatives of contact time and velocity with respect to inputs.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -294,7 +295,7 @@ def follow_gradients(
 def _encounters(
     values: FloatArray, gains: FloatArray, pieces: FloatArray, limits: tuple[float, bool, bool]
 ) -> tuple[int, int, int, Any]:
-    """Return the arguments that describe encounters and their sensor curve to a compiled solver."""
+    """Return the arguments of a compiled solver that describe encounters and their sensor curve."""
     n, (count, width) = len(values), pieces.shape
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(

@@ -1,4 +1,4 @@
-"""Define control laws in continuous time: their interface, the virtual damper and the virtual drag."""
+"""Define control laws in continuous time: the virtual damper, the virtual drag and their interface."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .solution import Solution
 
 
 class LawNumber(NamedTuple):
-    """Description of the one number of a control law that a design chooses, such as the gain D_p.
+    """Name, symbol and unit of the coefficient of a control law that a design chooses, such as the gain D_p.
 
     Args:
         name: such as "gain".
@@ -40,44 +40,44 @@ class LawNumber(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Name and symbol of the law's number, such as "gain D_p"."""
+        """Name and symbol of the coefficient, such as "gain D_p"."""
         return f"{self.name} {self.symbol}"
 
     def equals(self, value: float) -> str:
-        """Return symbol, value and unit of the law's number as text, such as "D_p = -0.7 N s"."""
+        """Return symbol, value and unit of the coefficient as text, such as "D_p = -0.7 N s"."""
         return f"{self.symbol} = {self.text(value)}"
 
     def text(self, value: float, digits: int = 4) -> str:
-        """Return a value of the law's number with its unit as text, such as "-0.7 N s"."""
+        """Format a value of the coefficient with its unit as text, such as "-0.7 N s"."""
         return pretty_unit(format_quantity(value, self.unit, digits))
 
     def entry(self, name: str) -> Entry:
-        """Return words, symbol and unit of a quantity; the quantity "gain" is the law's number."""
+        """Return name, symbol and unit of a quantity; the name "gain" stands for the coefficient of this law."""
         return Entry(self.name, self.symbol, self.unit) if name == "gain" else QUANTITIES[name]
 
     @property
     def key(self) -> str:
-        """The key of its value in the section [law] of a scenario file, such as "drag"."""
+        """The key for the coefficient in the section `[law]` of a scenario file, such as "drag"."""
         return self.name.replace(" ", "_")
 
     @property
     def mitigating(self) -> str:
-        """The sign of values that mitigate impacts, as a word: "positive" or "negative"."""
+        """The sign of coefficients that mitigate impacts, in words: "positive" or "negative"."""
         return "positive" if self.sign > 0 else "negative"
 
     @property
     def plot_symbol(self) -> str:
-        """The symbol of the law's number in a plot, such as "D\u209a"."""
+        """The symbol of the coefficient in plots, such as "Dₚ"."""
         return self.symbol.replace("_p", "\u209a")
 
     def plot_text(self, value: float, digits: str = ".4g") -> str:
-        """Return a value of the law's number with its unit for a plot, such as "-0.7 N s"."""
+        """Format a value of the coefficient with its unit for a plot, such as "-0.7 N s"."""
         return f"{value:{digits}} {pretty_unit(self.unit)}"
 
 
 @runtime_checkable
 class ContinuousLaw(Protocol):
-    """Interface of a control law in continuous time, without sampling, for designs and predictions.
+    """Interface of a control law in continuous time, which designs and predictions use.
 
     `DAMPER` and `DRAG` are the built-in laws; `CustomLaw` makes a law of any force.
 
@@ -94,20 +94,20 @@ class ContinuousLaw(Protocol):
 
     @property
     def kind(self) -> str:
-        """The name of the control law in files and reports."""
+        """The name of the control law in scenario files and reports."""
 
     @property
     def number(self) -> LawNumber:
-        """Description of the law's number that a design chooses, such as the gain D_p."""
+        """Name, symbol and unit of the coefficient that a design chooses, such as the gain D_p."""
 
     @property
     def degree(self) -> int | None:
-        """The power of the log output's rate of change to which the virtual force is proportional, or None."""
+        """The exponent d if the virtual force is proportional to the d-th power of d(ln xi)/dt, otherwise None."""
 
     def contact(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, *, method: str = ..., horizon: float = ...
     ) -> ContactResult:
-        """Find the contact of encounters for one or several values of the law's number."""
+        """Solve encounters for one or several gains or coefficients of the law, and return their states at contact."""
 
     def motion(
         self,
@@ -119,17 +119,17 @@ class ContinuousLaw(Protocol):
         horizon: float = ...,
         samples: int = ...,
     ) -> Motion:
-        """Sample the whole motion of encounters for one or several values of the law's number."""
+        """Compute the motion of encounters at sampled times, for one or several gains or coefficients of the law."""
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping of the law [N s/m], the derivative of its force with respect to relative velocity."""
+        """Return the damping of the law [N s/m], which is the derivative of its force by the relative velocity."""
         # An unknown damping is NaN.
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Damper:
-    """The letter's virtual damper in continuous time, with the force F_p = D_p g(l) l' of L(2)."""
+    """The virtual damper of the published letter, with the force F_p = D_p g(l) l' of L(2) in continuous time."""
 
     kind: ClassVar[str] = "virtual-damper"
     number: ClassVar[LawNumber] = LawNumber("gain", "D_p", "N*s", -1)
@@ -147,7 +147,7 @@ class Damper:
         method: str = "auto",
         horizon: float = 600.0,
     ) -> ContactResult:
-        """Find the contact of encounters under the virtual damper, as `find_contact` does."""
+        """Solve encounters under the virtual damper, and return their states at contact."""
         request = make_request(scenario, sensor, value, method, horizon)
         return ContactResult(Solution(request), request.method)
 
@@ -161,7 +161,7 @@ class Damper:
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Sample the motion of encounters under the virtual damper, as `solve_motion` does."""
+        """Compute the motion of encounters under the virtual damper at sampled times."""
         request = make_request(scenario, sensor, value, method, horizon)
         result = ContactResult(Solution(request, whole=True), request.method)
         end = np.atleast_1d(np.asarray(result.end.time)).ravel()
@@ -173,14 +173,14 @@ class Damper:
         return motion_from_trace(request, times, trace, result)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping of the virtual damper, gain times slope [N s/m], which is the same at every speed."""
+        """Return the damping of the virtual damper [N s/m], which is gain times slope and equal at every speed."""
         return np.asarray(value) * slope + np.zeros_like(relative_velocity)
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Drag:
-    """The virtual drag in continuous time, which decelerates an approach and does not act on a receding object.
+    """The virtual drag in continuous time: a force that slows an approach and does not act on receding objects.
 
     The force is F = -phi s'^2 while s = ln xi grows, and 0 otherwise (docs/drag.md).
 
@@ -231,7 +231,7 @@ class Drag:
         method: str = "auto",
         horizon: float = 600.0,
     ) -> ContactResult:
-        """Find the contact of encounters under the virtual drag by quadrature over the distance."""
+        """Solve encounters under the virtual drag, and return their states at contact."""
         from .drag import solve_drag  # noqa: PLC0415 - only drags need it
 
         _check_quadrature(method)
@@ -247,7 +247,7 @@ class Drag:
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Sample the motion of encounters under the virtual drag by quadrature over the distance."""
+        """Compute the motion of encounters under the virtual drag at sampled times."""
         from .drag import sample_drag  # noqa: PLC0415 - only drags need it
 
         _check_quadrature(method)
@@ -277,7 +277,7 @@ LAWS: Final[dict[str, ContinuousLaw]] = {law.kind: law for law in (DAMPER, DRAG)
 
 
 def _law_problem(name: str, law: Any) -> str:
-    """Return what is wrong with the law of an entry point; empty if nothing."""
+    """Return why an object is not a valid control law, or an empty text if it is valid."""
     if not (isinstance(law, ContinuousLaw) and isinstance(law.number, LawNumber)):
         return (
             f"is {short_repr(law)}, but a law must be a class or value with the members of "
@@ -295,7 +295,7 @@ LAW_KINDS: Final = Extensions(group="pretouch.laws", built_in=lambda: LAWS, prob
 
 
 def continuous_law(law: Any) -> ContinuousLaw:
-    """Return the continuous-time form of a control law that is given as an object, a name or a sampled law.
+    """Return the continuous-time form of a control law, which is given as an object or by name.
 
     Raises:
         InvalidInputError: the argument is no law, and its attribute `continuous` does not name one.

@@ -1,4 +1,4 @@
-"""Name the columns of the arrays that compiled solvers read and write, and the codes of how a run ended."""
+"""Name the array columns that the compiled solvers read and write, and the possible ends of an encounter."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pretouch._core.numbers import FloatArray
 
 
 class Relative(NamedTuple):
-    """Quantities of encounters relative to their reference, as in the equations L(8) and L(9), with gains.
+    """Gain and inputs of encounters, with positions and velocities relative to the reference as in L(8) and L(9).
 
     Each column has one number that all encounters share, or one number per encounter. The motion of the reference is
     needed only for absolute quantities.
@@ -74,12 +74,12 @@ RESOLUTION: Final = 1e-12
 
 
 def by_name(rows: FloatArray) -> dict[str, FloatArray]:
-    """Return views of the columns of a result table by their names."""
+    """Return the columns of a result table by their names, as views without a copy."""
     return dict(zip(COLUMNS, rows.T, strict=True))
 
 
 class ContactStatus(IntEnum):
-    """How an encounter ended, such as in contact or without contact.
+    """How an encounter ended, for example in contact or without contact.
 
     `label` is the word for it in files and JSON.
 
@@ -97,12 +97,12 @@ class ContactStatus(IntEnum):
 
     @property
     def label(self) -> str:
-        """The word for this end of an encounter in files and JSON."""
+        """The name of this status in files and JSON."""
         return _ENDINGS[self][0]
 
     @property
     def words(self) -> str:
-        """The status in words, for reports."""
+        """The description of this status in reports."""
         return _ENDINGS[self][1]
 
     @property

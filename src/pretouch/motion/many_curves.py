@@ -1,4 +1,4 @@
-"""Combine many sensor curves, one for each encounter, so that one solver call uses all of them."""
+"""Combine many sensor curves so that one solver call can use a different curve for each encounter."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _METHODS: Final = ("auto", "integration")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ManyCurves:
-    """Sensor curves of one kind with different parameters, one for each encounter.
+    """Sensor curves of one class with different parameters, one curve for each encounter.
 
     None has a constant slope, and all are valid down to l = 0.
 
@@ -40,7 +40,7 @@ class ManyCurves:
         return len(self.sensors)
 
     def windows(self, reach: float) -> ManyWindows:
-        """Return the polynomials of all sensor curves up to a distance [m], and cache them."""
+        """Return polynomials that approximate all sensor curves up to a given distance [m]."""
         if reach not in self._windows:
             tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
             images = find_images(self.sensor, self.values)
@@ -51,7 +51,7 @@ class ManyCurves:
         return self._windows[reach]
 
     def check(self, scenario: Scenario) -> None:
-        """Raise an error for an encounter that starts outside the valid range of its sensor curve.
+        """Raise an error if an encounter starts outside the valid range of its sensor curve.
 
         Raises:
             OutOfRangeError: an encounter does.
@@ -68,7 +68,7 @@ class ManyCurves:
             )
 
     def falls(self, scenario: Scenario) -> bool:
-        """Return whether every sensor output falls with the distance, from contact to all starts."""
+        """Return True if every sensor output falls with distance between contact and the start."""
         return self.windows(reach_of(scenario)).falling
 
     def slope_at_contact(self) -> FloatArray:
@@ -76,7 +76,7 @@ class ManyCurves:
         return np.array([sensor.log_slope(0.0) for sensor in self.sensors])
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return the log output ln xi of each sensor curve at distances [m], clipped to its valid range."""
+        """Return the log output ln xi of each sensor curve at distances [m], which are limited to its valid range."""
         # Distances have the shape (..., n).
         inside = [np.clip(distance[..., i], *sensor.valid_range) for i, sensor in enumerate(self.sensors)]
         return np.stack([s.log_output(d) for s, d in zip(self.sensors, inside, strict=True)], axis=-1)
@@ -85,7 +85,7 @@ class ManyCurves:
 def many_curves(
     sensor: SensorModel, values: Mapping[str, FloatArray], sensors: tuple[SensorModel, ...], method: str
 ) -> ManyCurves | None:
-    """Combine sensor curves so that encounters with different sensors are solved together.
+    """Combine sensor curves so that a single solver call can use a different curve for each encounter.
 
     Returns:
         The set; None if a curve has a constant slope or is not valid at contact, or if another method is requested.

@@ -1,4 +1,4 @@
-"""Compute the piecewise polynomials of many related sensor curves together, for speed.
+"""Approximate many related sensor curves by piecewise polynomials at once, which saves computing time.
 
 Curves may be images of one curve under scaling and shift of the distance: ln xi_i(l) = ln xi(s_i l + t_i) + constant. A
 recessed sensor is a shifted curve. A parameter p scales the distance if its derivative is `stretch` l g and the product
@@ -43,7 +43,7 @@ _SIGN_PROBES: Final = 17  # distances per window at which the sign of g is check
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ManyWindows:
-    """Polynomials that approximate many sensor curves, in one table.
+    """Table with the polynomials that approximate many sensor curves.
 
     Args:
         table: windows as from `curve_windows`, curve by curve; a curve that cannot be approximated has none.
@@ -58,7 +58,7 @@ class ManyWindows:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Images:
-    """Sensor curves that result from one curve by scaling and shifting the distance.
+    """Sensor curves that all result from one curve if the distance is scaled and shifted.
 
     Each has a scale s and a shift t [m], shape (n,).
     """
@@ -69,7 +69,7 @@ class Images:
 
 
 def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images | None:
-    """Find a sensor curve from which all given curves result by scaling and shifting the distance, or None."""
+    """Find one sensor curve from which all given curves result by scaling and shifting the distance, or return None."""
     if not values:  # curves that differ in the points of a table
         return None
     curve, default = sensor.bare
@@ -89,7 +89,7 @@ def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images
 
 
 def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> float | None:
-    """Return the exponent with which a sensor parameter scales the distance."""
+    """Return the exponent k such that the power p^k of a sensor parameter p scales the distance, or None."""
     # A parameter without effect has the exponent 0. A parameter with another effect gives None.
     nominal = float(getattr(sensor, name))
     powers = []
@@ -107,7 +107,7 @@ def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> flo
 
 
 def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
-    """Return the polynomials of sensor curves that result from one curve by scaling and shifting."""
+    """Return the polynomials of sensor curves that result from one curve by scaling and shifting the distance."""
     # The windows reach from l = 0 to the upper end of each curve, `tops` [m], shape (n,).
     sensor, scale, shift = images.sensor, images.scale, images.shift
     low, high = sensor.valid_range
@@ -132,7 +132,7 @@ def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
 def windows_side_by_side(
     sensors: Sequence[SensorModel], values: Mapping[str, FloatArray], tops: FloatArray
 ) -> ManyWindows:
-    """Approximate many sensor curves of one kind by polynomials on common distance intervals.
+    """Approximate many sensor curves of one class by polynomials on the same distance intervals.
 
     Curves that need other intervals get their own.
 
@@ -169,7 +169,7 @@ def windows_side_by_side(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Whole:
-    """One polynomial per sensor curve that approximates its slope over the whole distance range.
+    """Polynomials that approximate the slopes of sensor curves, with one polynomial over the whole range of each.
 
     Windows overlap and are short where a curve bends, so one polynomial needs fewer evaluations of a curve.
 
@@ -186,16 +186,16 @@ class _Whole:
     top: float
 
     def basis(self, distance: FloatArray) -> FloatArray:
-        """Return the Chebyshev polynomials at some distances [m]."""
+        """Return the values of the Chebyshev polynomials at given distances [m]."""
         return np.asarray(np.polynomial.chebyshev.chebvander(2 * distance / self.top - 1, len(self.nodes) - 1))
 
     def slope(self, distance: FloatArray) -> FloatArray:
-        """Return the slope g [1/m] of each chosen sensor curve at some distances [m]."""
+        """Return the slope g [1/m] of selected sensor curves at given distances [m]."""
         return np.asarray((self.basis(distance) @ self.terms).T)
 
 
 def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
-    """Return polynomials that approximate the slopes of some sensor curves, or None."""
+    """Approximate the slope of each sensor curve by one polynomial, or return None if this fails."""
     # The polynomials are tested between their nodes.
     for count in _COUNTS:
         basis = chebyshev_basis(count)
@@ -209,7 +209,7 @@ def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
 
 
 def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Approximate every sensor curve by polynomials on common intervals, and return which curves fit."""
+    """Approximate sensor curves by polynomials on the same intervals, and return for which curves this succeeds."""
     # The coefficients are those of ln xi, shape (n, windows, terms).
     degree = frame.shape[1] - TERMS - 1
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
@@ -246,13 +246,13 @@ def _of_cubics(sensor: PiecewiseCubic) -> FloatArray:
 
 
 def _own_windows(sensor: SensorModel, top: float, degree: int) -> FloatArray:
-    """Return the polynomials of a sensor curve on intervals of its own, or an empty table if none approximate it."""
+    """Return polynomials that approximate one sensor curve, or an empty table if no polynomials are accurate enough."""
     windows = polynomial_windows(sensor.log_slope, (0.0, top), degree)
     return np.zeros((0, TERMS + degree + 1)) if windows is None else windows
 
 
 def _one_by_one(sensors: Sequence[SensorModel], tops: FloatArray) -> ManyWindows:
-    """Return the polynomials of many sensor curves, each computed separately."""
+    """Approximate many sensor curves by polynomials, one curve at a time."""
     tables = [curve_windows(sensor, 0.0, float(top)) for sensor, top in zip(sensors, tops, strict=True)]
     widths = {table.shape[1] for table in tables if len(table)}
     if len(widths) > 1:  # all rows of the table must have the same width
@@ -274,7 +274,7 @@ def _make_windows(table: FloatArray, starts: IntArray, *, falling: bool | None =
 
 
 def _falls(table: FloatArray) -> bool:
-    """Return whether the sensor slope is negative on all intervals of a polynomial table."""
+    """Return True if the sensor slope is negative on all intervals of a table of polynomials."""
     middle, terms = table[:, MIDDLE], table[:, TERMS:]
     if terms.shape[1] == 1:
         ends = terms / (table[:, [LOW, TOP]] - middle[:, None])

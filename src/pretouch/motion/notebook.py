@@ -1,4 +1,4 @@
-"""Build the tables that notebooks show for encounters, contacts and motions."""
+"""Describe encounters, contacts and motions as tables for notebooks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SHOWN = ("time", "relative_velocity", "position", "displacement", "largest_excu
 
 
 def scenario_page(scenario: Scenario) -> Page:
-    """Create the description of an encounter that a notebook shows."""
+    """Create the report on an encounter that a notebook shows."""
     if scenario.shape:
         return Page(kind="Encounters", headline=f"Encounters of shape {scenario.shape}")
     speed, distance = float(scenario.relative_velocity), format_quantity(float(scenario.distance), "m")
@@ -31,7 +31,7 @@ def scenario_page(scenario: Scenario) -> Page:
 
 
 def contact_page(result: ContactResult) -> Page:
-    """Create the description of a contact that a notebook shows."""
+    """Create the report on a contact that a notebook shows."""
     status: Any = result.status
     if result.reached.ndim:
         count, total = int(result.reached.sum()), result.reached.size
@@ -42,7 +42,7 @@ def contact_page(result: ContactResult) -> Page:
 
 
 def motion_page(motion: Motion) -> Page:
-    """Create the description of a motion that a notebook shows, with its figure and its end."""
+    """Create the report on a motion that a notebook shows, including its plot."""
     if motion.time.ndim > 1:
         return Page(kind="Motions", headline=f"Motions of shape {motion.time.shape[:-1]}")
     page = contact_page(motion.result)

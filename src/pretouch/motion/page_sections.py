@@ -1,4 +1,4 @@
-"""Build report sections that several reports share: inputs of the encounter, sensor and solution method."""
+"""Build report sections on the inputs of an encounter, the sensor and the solution method."""
 
 from __future__ import annotations
 
@@ -62,19 +62,19 @@ _INTEGRATOR: Final = (
 
 
 class _Answer(Protocol):
-    """Interface of a design result that reports how its encounters were solved."""
+    """Interface of a design result that says how its encounters were solved."""
 
     @property
     def method(self) -> str:
-        """The method that solved the encounters of a design."""
+        """The name of the method that solved the encounters of a design."""
 
     @property
     def on_evaluator(self) -> bool:
-        """Whether a solver that the user provided has solved the encounters."""
+        """Whether a custom solver has solved the encounters of a design."""
 
 
 def solved_on(answer: _Answer) -> str:
-    """Return whether a design used the motion equations, a simulated loop or a custom solver."""
+    """Return whether a design used motion equations, a simulated control loop or a custom solver."""
     # The words are `motion`, `loop` and `other`.
     if not answer.on_evaluator:
         return "motion"
@@ -86,7 +86,7 @@ RECEDING: Final = "give the obstacle a negative velocity: this object moves away
 
 
 def scenario_rows(scenario: Scenario) -> Iterator[Row]:
-    """Yield table rows with every input of an encounter, for a report."""
+    """Yield all inputs of an encounter as table rows for a report."""
     symbols = {"mass": " M_a", "damping": " D_a", "stiffness": " K_a"}
     for name, unit in SCENARIO_INPUTS.items():
         part, _, field = name.partition(".")
@@ -103,7 +103,7 @@ def scenario_rows(scenario: Scenario) -> Iterator[Row]:
 
 
 def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
-    """Yield table rows with the parameters and the valid range of a sensor curve, for a report."""
+    """Yield the parameters and the valid range of a sensor curve as table rows for a report."""
     yield "curve", sensor.name
     part: Any = sensor
     while part := getattr(part, "sensor", None):
@@ -116,7 +116,7 @@ def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
 
 
 def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> PageSection:
-    """Create the report section that lists the inputs: encounter, sensor, and further rows."""
+    """Create the report section that lists all inputs of an encounter."""
     encounter = PageTable(rows=(*scenario_rows(scenario), *others))
     curve = PageTable(rows=tuple(sensor_rows(sensor)), wraps=True)
     blocks = (PageSection(title="Encounter", blocks=(encounter,)), PageSection(title="Sensor", blocks=(curve,)))
@@ -124,7 +124,7 @@ def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Pag
 
 
 def mounting_in_words(sensor: SensorModel | None) -> Iterator[str]:
-    """Yield how far a recessed sensor is mounted behind the contact surface, as an assumption."""
+    """Yield a sentence that says how far the sensor is mounted behind the contact surface."""
     recess = getattr(sensor, "recess", 0.0)
     if recess:
         yield (
@@ -136,7 +136,7 @@ def mounting_in_words(sensor: SensorModel | None) -> Iterator[str]:
 def method_section(
     method: str, sensor: SensorModel | None = None, *, solved_on: str = "motion", others: Iterable[Block] = ()
 ) -> PageSection:
-    """Create the report section that describes how encounters were solved and under which assumptions.
+    """Create the report section that describes how encounters were solved, and under which assumptions.
 
     Args:
         method: a key of METHODS, or a description of the method.

@@ -1,4 +1,4 @@
-"""Run a function over chunks of many encounters in parallel threads.
+"""Divide many encounters into chunks, and process the chunks in parallel threads.
 
 The compiled kernels release the interpreter's lock. Where chunks end depends only on the number of encounters, not on
 the number of cores. A kernel that processes several encounters together therefore processes the same group on every
@@ -18,7 +18,7 @@ _MAX_SPLIT: Final = 64  # chunks that are made only to occupy cores
 
 
 def run_in_chunks(run: Callable[[int, int], object], size: int, *, least: int, most: int) -> None:
-    """Run a function over chunks of many encounters, in parallel on all available processor cores.
+    """Run a function over chunks of many encounters, in parallel on all processor cores.
 
     The chunks cover the range 0 to `size`.
 

@@ -1,4 +1,4 @@
-"""Check the arguments of a solver call, choose the solution method, and arrange the inputs in columns."""
+"""Check the arguments of a solver call, and choose the solution method."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request(Value):
-    """Checked inputs for solving encounters: scenario, sensor, gains, horizon and method.
+    """Checked inputs of a solver call: encounters, sensor, gains, longest time and solution method.
 
     Args:
         scenario: the encounters.
@@ -49,26 +49,26 @@ class Request(Value):
 
     @property
     def size(self) -> int:
-        """The number of encounters to solve."""
+        """The number of encounters that the solver has to solve."""
         return math.prod(self.shape)
 
     @property
     def relative(self) -> Relative:
-        """The quantities of all encounters relative to the reference, by name."""
+        """The inputs of all encounters, with positions and velocities relative to the reference."""
         return Relative._make(self.columns)
 
     @property
     def gain(self) -> FloatArray:
-        """The law's number of every encounter, such as the gain D_p [N s]."""
+        """The gain D_p [N s], or the coefficient of another control law, for every encounter."""
         return np.broadcast_to(self.relative.gain, self.size)
 
     def some(self, which: Which) -> Relative:
-        """Return the quantities of some encounters; a slice is not copied."""
+        """Return the inputs of selected encounters."""
         # Columns of length 1 keep this length.
         return Relative._make(c if len(c) == 1 else c[which] for c in self.columns)
 
     def part(self, which: Which) -> tuple[FloatArray, FloatArray]:
-        """Return the quantities and gains of some encounters as contiguous arrays."""
+        """Return the inputs and gains of selected encounters as contiguous arrays."""
         # The quantities are those of Scenario.relative, shape (m, 10). The gains have the shape (m,).
         count = len(range(self.size)[which]) if isinstance(which, slice) else len(which)
         columns, values, gains = self.some(which), np.empty((count, 10)), np.empty(count)
@@ -78,7 +78,7 @@ class Request(Value):
         return values, gains
 
     def with_curve(self, index: int) -> Request:
-        """Return the inputs of only those encounters that have one of the many sensor curves."""
+        """Return the inputs of all encounters that use a given sensor curve."""
         # `index` is the position of the curve along the last axis.
         if self.many is None:
             return self
@@ -93,20 +93,20 @@ class Request(Value):
 
     @property
     def slope_at_contact(self) -> Any:
-        """The sensor slope g [1/m] at contact, as one number or one for each encounter."""
+        """The sensor slope g [1/m] at contact, as one number or as one number for each encounter."""
         if self.many is None:
             return float(self.sensor.log_slope(0.0))
         return np.broadcast_to(self.many.slope_at_contact(), self.shape).reshape(-1)
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return the log output ln xi at one distance [m] per encounter, clipped to the sensor range."""
+        """Return the log output ln xi at one distance [m] per encounter, which is limited to the sensor range."""
         if self.many is None:
             return np.asarray(self.sensor.log_output(np.clip(distance, *self.sensor.valid_range)))
         return self.many.log_output(distance.reshape(self.shape)).reshape(-1)
 
 
 def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
-    """Check that encounters start inside the sensor range, and choose the method if it is "auto".
+    """Choose the solution method if it is "auto", and check that encounters start in the sensor range.
 
     Returns:
         The method, never "auto".
@@ -147,7 +147,7 @@ def make_request(
     *,
     many: ManyCurves | None = None,
 ) -> Request:
-    """Check the inputs for solving encounters, choose the method, and flatten the arrays."""
+    """Check the inputs of a solver call, choose the solution method, and flatten arrays of encounters."""
     if many is not None:
         many.check(scenario)
         check_curve(sensor, scenario.distance)
@@ -174,7 +174,7 @@ def make_request(
 
 
 def _flatten(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Flatten arrays over their broadcast shape; a number that all encounters share keeps the length 1."""
+    """Flatten arrays over their broadcast shape, and keep a number that all encounters share as length 1."""
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)
         return tuple(numbers[i : i + 1] for i in range(len(columns)))

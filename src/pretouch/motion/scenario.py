@@ -1,4 +1,4 @@
-"""Describe an encounter of robot and obstacle, and access its inputs by name."""
+"""Describe an encounter of robot and obstacle, and replace its inputs by name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .bodies import Obstacle, Plant, Reference
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Admittance(Value):
-    """Virtual mass, damping and stiffness of the admittance controller, M_a, D_a and K_a of L(1).
+    """Virtual mass M_a, damping D_a and stiffness K_a of the admittance controller L(1).
 
     Each is a number or an array.
 
@@ -46,7 +46,7 @@ class Admittance(Value):
     def from_natural_frequency(
         cls, *, mass: ArrayLike, natural_frequency: ArrayLike, damping_ratio: ArrayLike = 1.0
     ) -> Admittance:
-        """Create an admittance from natural frequency and damping ratio; the default is critical damping.
+        """Create an admittance from natural frequency and damping ratio, which is 1 (critical damping) by default.
 
         Args:
             mass: M_a > 0 [kg].
@@ -84,7 +84,7 @@ class Admittance(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(InNotebooks, Value):
-    """One encounter of robot and object, or an array of encounters; all fields broadcast with each other.
+    """One encounter of robot and object, or an array of encounters if its inputs are arrays.
 
     Positions are absolute; x points away from the sensor, so the distance is l = x_o - x and an approach has
     l' < 0. Time starts when the object enters the detection range.
@@ -144,7 +144,7 @@ class Scenario(InNotebooks, Value):
         return self.obstacle.velocity - self.plant.velocity
 
     def relative_columns(self) -> tuple[Any, ...]:
-        """Return admittance, robot and obstacle at the start, relative to the reference as in L(9).
+        """Return the inputs of the encounter, with positions and velocities relative to the reference as in L(9).
 
         An obstacle with a course is refused.
 
@@ -167,7 +167,7 @@ class Scenario(InNotebooks, Value):
         )
 
     def relative(self) -> FloatArray:
-        """Return admittance, robot and obstacle relative to the reference, as in L(9), in one array.
+        """Return the inputs of the encounter relative to the reference, as in L(9), in a single array.
 
         Returns:
             The columns, stacked along a last axis of 10 over the broadcast shape.
@@ -186,7 +186,7 @@ class Scenario(InNotebooks, Value):
 
 
 def _relative_to(value: Any, reference: Any) -> Any:
-    """Subtract a reference value, without a copy if the reference is 0."""
+    """Subtract a reference value, and avoid a copy if the reference value is 0."""
     return value if isinstance(reference, float) and reference == 0 else value - reference
 
 
@@ -206,22 +206,22 @@ _OF_DAMPING: Final = {"admittance.damping", "admittance.stiffness"}
 
 
 def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
-    """Return the parameters of a sensor curve as inputs named `sensor.NAME`, with their SI units."""
+    """Return the parameters of a sensor curve, named as inputs `sensor.NAME`, with their SI units."""
     return {f"sensor.{name}": unit for name, unit in sensor.parameter_units.items()}
 
 
 def input_units(sensor: SensorModel) -> dict[str, str]:
-    """Return the SI unit of every input of an encounter and its sensor, by name."""
+    """Return the SI unit of every input of an encounter and its sensor by name."""
     return {**SCENARIO_INPUTS, **sensor_inputs(sensor)}
 
 
 def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel:
-    """Return a copy of a sensor curve with other parameters in SI; names have no prefix `sensor.`."""
+    """Return a copy of a sensor curve in which some parameters have new values in SI."""
     return sensor.with_parameters(values)
 
 
 def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
-    """Return a copy of an encounter with a function applied to every number or array."""
+    """Apply a function to every number or array of an encounter, and return the resulting encounter."""
 
     def changed(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -234,7 +234,7 @@ def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
 
 
 def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """Return a copy of an encounter with new values of some inputs, which may be arrays.
+    """Return a copy of an encounter in which some inputs have new values, which may be arrays.
 
     Changing mass, damping or stiffness keeps the other two. Changing natural frequency or damping ratio keeps the other
     one of these and the mass.
@@ -268,7 +268,7 @@ def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
 
 
 def _admittance_with(admittance: Admittance, values: dict[str, Any]) -> Admittance:
-    """Return a copy of an admittance with new values, given by names without `admittance.`."""
+    """Return a copy of an admittance in which some parameters have new values."""
     names = {f"admittance.{name}" for name in values}
     if not names & _FREQUENCY.keys():
         return replace(admittance, **values)

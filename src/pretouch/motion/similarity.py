@@ -1,4 +1,4 @@
-"""Solve encounters with many similar sensors as scaled encounters with a single sensor.
+"""Scale encounters with many similar sensors so that they can be solved with a single sensor.
 
 With X = s x the equation of motion keeps its form if the force does. Take g(l) = -n / (l + l_0) and s = L_0 / l_0, so
 that L + L_0 = s (l + l_0). The curve (n, l_0) with the gain D_p then gives the same motion as the curve (N, L_0) with
@@ -32,7 +32,7 @@ _SCALED: Final = tuple(name for name in SCENARIO_INPUTS if not name.startswith("
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EncounterSimilarity(Value):
-    """Scale factors that map encounters with many sensors to encounters with one reference sensor.
+    """Scale factors by which encounters with different sensors become encounters with a single reference sensor.
 
     Args:
         sensor: the reference sensor.
@@ -47,17 +47,17 @@ class EncounterSimilarity(Value):
     parameters: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
 
     def scenario(self, scenario: Scenario) -> Scenario:
-        """Return the scaled encounters with the reference sensor."""
+        """Scale encounters so that they can be solved with the reference sensor."""
         if np.ndim(self.length) == 0 and self.length == 1:
             return scenario
         return scenario_with(scenario, {name: attrgetter(name)(scenario) * self.length for name in _SCALED})
 
     def result(self, result: ContactResult, scenario: Scenario) -> ContactResult:
-        """Scale a result of the reference sensor back to the original encounters."""
+        """Convert a result for the reference sensor back to the original encounters."""
         return ContactResult(_Rescaled(result, self, scenario), result.method)
 
     def of_degree(self, degree: int) -> EncounterSimilarity:
-        """Return the scale factors for a law whose force grows with a power of the log output's rate."""
+        """Return the scale factors for a law whose force grows with a power of the log output's rate of change."""
         # For a force proportional to s'^d, the gain factor is k^d / s^(d - 1).
         if degree == 1:
             return self
@@ -68,14 +68,14 @@ class EncounterSimilarity(Value):
 
 @dataclass(frozen=True, slots=True)
 class _Rescaled(Value):
-    """Results of encounters that were solved with a reference sensor and converted to their own sensors."""
+    """Results of encounters with a reference sensor, converted back to the original sensors."""
 
     reference: ContactResult
     similarity: EncounterSimilarity
     scenario: Scenario
 
     def column(self, name: str) -> Any:
-        """Return a quantity such as the contact time for all encounters, converted to their own sensors."""
+        """Return one quantity, such as the contact time, converted back to the original sensors."""
         value = self.reference.columns.column(name)
         if name in _LENGTHS:
             return value / self.similarity.length
@@ -83,13 +83,13 @@ class _Rescaled(Value):
 
     @property
     def gradients(self) -> _RescaledGradients:
-        """The derivatives of the quantities at contact, converted from the reference sensor to each own sensor."""
+        """The derivatives of the state at contact, converted back to the original sensors."""
         return _RescaledGradients(self)
 
 
 @dataclass(frozen=True, slots=True)
 class _RescaledGradients(Value):
-    """Derivatives at contact that were computed with a reference sensor and converted to other sensors.
+    """Derivatives at contact for a reference sensor, converted back to the original sensors.
 
     A length is q = Q(s x, s^0 M, k D_p) / s, and a time is q = Q.
 
@@ -100,7 +100,7 @@ class _RescaledGradients(Value):
     columns: _Rescaled
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a quantity at contact with respect to an input, as in ContactGradients."""
+        """Return the derivative of a contact quantity, such as the contact time, with respect to an input."""
         gradients, similarity = self.columns.reference.gradients, self.columns.similarity
         weight = 1.0 / similarity.length if quantity in _LENGTHS else 1.0
         if by == "gain":
@@ -123,7 +123,7 @@ class _RescaledGradients(Value):
 
 
 def find_similarity(sensor: SensorModel, values: Mapping[str, FloatArray], distance: Any) -> EncounterSimilarity | None:
-    """Find a reference sensor to which sensors with other parameters can be mapped by scaling.
+    """Find a reference sensor to which encounters with other sensor parameters can be scaled.
 
     Parameters have the shape (n,).
 

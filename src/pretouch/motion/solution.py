@@ -1,4 +1,4 @@
-"""Solve encounters when a result is read, and compute only the quantities that are read."""
+"""Solve encounters lazily: compute only those quantities that the user accesses."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
 
 class Solution(Value):
-    """Quantities of solved encounters, each computed when it is first read.
+    """Results of encounters, such as the contact time, each computed on first access.
 
     Two solutions are equal if their requests are.
 
@@ -86,7 +86,7 @@ class Solution(Value):
             self._fill_open(self._columns)
 
     def _solve_by_form(self, kept: bool) -> dict[str, FloatArray]:
-        """Find contact times by the closed form, or by a Taylor-series solver if that fails."""
+        """Find contact times by the closed form, or by a Taylor-series solver where the closed form fails."""
         # If `kept`, the relative velocity l' is computed as well.
         request, outputs = self.request, {}
         columns = {"time": np.empty(request.size)}
@@ -109,7 +109,7 @@ class Solution(Value):
         return (self.request,)
 
     def column(self, name: str) -> Any:
-        """Return a quantity such as the contact time for all encounters; a single encounter gives a float."""
+        """Return one quantity, such as the contact time, for all encounters, or a float for a single encounter."""
         if name not in self._cache:
             values = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.raw(name))
             if self.request.shape == ():
@@ -121,7 +121,7 @@ class Solution(Value):
         return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
-        """Return a quantity such as the contact time for all encounters, as a one-dimensional array."""
+        """Return one quantity, such as the contact time, for all encounters as a one-dimensional array."""
         # `name` is one of layout.COLUMNS.
         if self._rows is not None:
             return self._rows[:, _AT[name]]
@@ -134,7 +134,7 @@ class Solution(Value):
         return self._columns[name]
 
     def _compute(self, name: str) -> dict[str, FloatArray]:
-        """Compute a quantity at contact, and the quantities that the same call of a solver provides."""
+        """Compute a contact quantity together with all others that the same solver call provides."""
         # The values are meaningless for encounters without a proved contact.
         request = self.request
         if name == "virtual_force":  # by L(2)
@@ -172,19 +172,19 @@ class Solution(Value):
         return peaks
 
     def _proved(self) -> BoolArray:
-        """Return which contacts a fast solver has proved to be the first."""
+        """Return for which encounters a fast solver has proved that it found the first contact."""
         proved = np.ones(self.request.size, dtype=np.bool_)
         proved[self._open] = False
         return proved
 
     def _fill_open(self, columns: dict[str, FloatArray]) -> None:
-        """Insert the results of encounters that the fast solvers could not solve."""
+        """Insert the results of those encounters that the fast solvers could not solve."""
         if len(self._open):
             for name, values in columns.items():
                 values[self._open] = self._open_rows[:, _AT[name]]
 
     def _settle(self, name: str) -> None:
-        """Compute a peak demand on the robot by the most robust solver where a fast solver could not."""
+        """Compute a peak demand on the robot by the most robust solver where the fast solvers have failed."""
         which = np.flatnonzero(np.isnan(self._columns[name]))
         if len(which):
             rows, _ = solve_guaranteed(self.request, which)
@@ -194,7 +194,7 @@ class Solution(Value):
 
     @property
     def settled_acceleration(self) -> FloatArray:
-        """The robot's acceleration relative to the reference at the end of every encounter, with full accuracy.
+        """The robot's acceleration relative to its reference at the end of every encounter, with full accuracy.
 
         After hundreds of time constants it is a difference of much larger numbers. Lanes then have an error of 1e-7,
         which is too large for derivatives.
@@ -226,7 +226,7 @@ class Solution(Value):
 def _fill_by_form(
     request: Request, time: FloatArray, status: NDArray[np.int8], *, solved: bool, **outputs: FloatArray
 ) -> None:
-    """Solve encounters with a constant sensor slope by the closed form, or compute further quantities of them."""
+    """Solve encounters with a constant sensor slope by the closed form, or add results to solved encounters."""
     slope = request.slope
 
     def run(start: int, stop: int) -> None:
@@ -240,7 +240,7 @@ def _fill_by_form(
 def _in_lanes(
     request: Request, which: IntArray | None, names: tuple[str, ...] = STATES
 ) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
-    """Find and prove the first contacts of many encounters at once by a compiled Taylor-series solver.
+    """Find the first contacts of many encounters at once by a compiled Taylor-series solver, and prove they are first.
 
     The sensor curves must be valid down to l = 0.
 
@@ -269,7 +269,7 @@ def fill_by_lanes(
     most: int,
     **more: tuple[int, ...],
 ) -> None:
-    """Find the contacts of many encounters by a compiled Taylor-series solver, chunk by chunk.
+    """Find the contacts of many encounters by a compiled Taylor-series solver, one chunk of encounters at a time.
 
     Args:
         request: the encounters.
@@ -295,7 +295,7 @@ def fill_by_lanes(
 
 
 def _curves(request: Request, which: IntArray | None) -> Curves:
-    """Return the sensor curves over the distances that the encounters need."""
+    """Return the approximated sensor curves over all distances that the encounters need."""
     # Distances are rounded up so that few tables are cached.
     if request.many is not None:
         windows = request.many.windows(reach_of(request.scenario))
@@ -309,7 +309,7 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
 
 
 def _settling(request: Request) -> FloatArray:
-    """Return the distance at which an object would come to rest, for encounters that end in contact."""
+    """Return the distance at which each object would come to rest if contact did not end its motion."""
     r = request.relative
     has_spring, is_free = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
     rests = ((r.v == 0) | is_free) & (r.a == 0)
@@ -321,7 +321,7 @@ def _settling(request: Request) -> FloatArray:
 
 
 def _impulse_residual(solution: Solution) -> FloatArray:
-    """Return the relative residual of the impulse balance, a measure of the error of a motion."""
+    """Return the relative residual of the impulse balance, which measures the error of a computed motion."""
     # This is |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| over the largest of its terms, M |l'(0)| and D l(0).
     request = solution.request
     if request.method == "uniform-motion":

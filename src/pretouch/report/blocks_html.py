@@ -1,4 +1,4 @@
-"""Convert the parts of a report, such as tables and text, to HTML."""
+"""Convert the blocks of a report, such as tables and paragraphs, to HTML."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ QUIET: Final = ' class="note"'
 
 
 def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
-    """Return the excerpt of a report page that notebooks show: headline, warnings, first figure and table.
+    """Return an excerpt of a report page for notebooks: headline, warnings, first figure and first table.
 
     Args:
         page: the page.
@@ -51,7 +51,7 @@ def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
 
 
 def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
-    """Return a report page as HTML: result, figure, key figures and warnings, then the folded sections.
+    """Return a report page as HTML: first result, figure, key figures and warnings, then the collapsible sections.
 
     Args:
         page: the page.
@@ -76,7 +76,7 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
 
 
 def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, list[Block]]:
-    """Return the first figure with a given name, and the blocks of the page without this figure."""
+    """Return the figure with a given name, and the blocks of the page without this figure."""
     # Sections that the figure leaves empty are removed as well.
     lead: Picture | None = None
     others: list[Block] = []
@@ -93,7 +93,7 @@ def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, l
 
 
 def page_top(page: Page, figure: str = "") -> str:
-    """Return the top of a report page as HTML: status, result, figure, key figures, findings and warnings."""
+    """Return the top of a report page as HTML: status, result, figure, key figures and warnings."""
     parts = [f'<p class="state{"" if page.good else " bad"}">{escape(page.status)}</p>'] if page.status else []
     parts += [f'<p class="warning">{_inline(text)}</p>' for text in page.reservations]
     parts.append(f'<p class="answer">{escape(page.headline)}</p>')
@@ -170,7 +170,7 @@ def _table(table: PageTable) -> str:
 
 
 def cell_as_html(cell: Cell) -> str:
-    """Return a table cell as HTML; a missing number is a dash."""
+    """Return a table cell as HTML; a missing number is shown as a dash."""
     if isinstance(cell, Named):
         return escape(f"{cell.words} {cell.symbol}".strip())
     if not isinstance(cell, Measured):

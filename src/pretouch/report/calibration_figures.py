@@ -1,4 +1,4 @@
-"""Draw the figures of a calibration: readings, fitted curves, slopes and residuals."""
+"""Plot a calibration: readings, fitted curves, slopes and residuals."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LEAST: Final = 1.6  # inch, least height of a panel
 
 
 class _Points(NamedTuple):
-    """Averaged readings of a calibration fit: distances, log outputs and their standard deviations."""
+    """Averaged readings of a calibration: distances, log outputs and their standard deviations."""
 
     distance: FloatArray
     log_output: FloatArray
@@ -37,7 +37,7 @@ class _Points(NamedTuple):
 
 @check_arguments
 def calibration(report: CalibrationReport) -> Figure:
-    """Draw a calibration with its fitted models.
+    """Draw the readings of a calibration and the fitted sensor curves.
 
     Args:
         report: a report with any verdict.
@@ -69,7 +69,7 @@ def calibration(report: CalibrationReport) -> Figure:
 
 
 def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
-    """Draw all calibration readings with offset, floor, clipping level, usable range and fitted curves."""
+    """Draw all calibration readings with offset, detection floor, clipping level, usable range and fitted curves."""
     scale = _begin(axes, report, "Readings and their use" if report.fits else "Readings: no usable signal")
     outputs = report.calibration.outputs
     axes.set_ylabel(f"output [{_unit(report)}]", parse_math=False)
@@ -100,7 +100,7 @@ def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the sensor slope g of the fitted curves, and difference quotients of neighboring readings."""
+    """Draw the slope g of the fitted curves, and difference quotients between neighboring readings."""
     scale = _begin(axes, report, "Slope g: the damping force is D\u209a g l\u2032", zoom=True)
     points = _points(report)
     axes.set_ylabel("slope g = d ln \u03be / dl [1/m]")
@@ -119,7 +119,7 @@ def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
 
 
 def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
-    """Draw the residuals of the log output for each fitted curve, with the range of the noise."""
+    """Draw the residuals of the log output for each fitted curve, with the range that noise explains."""
     scale = _begin(axes, report, "Residuals of the models", zoom=True)
     points = _points(report)
     axes.set_ylabel("residual of ln \u03be [1]")
@@ -162,19 +162,19 @@ def _begin(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = Fa
 
 
 def _unit(report: CalibrationReport) -> str:
-    """Return the unit of the sensor output; characters that the font lacks become question marks."""
+    """Return the unit of the sensor output for a plot, with question marks for characters that the font lacks."""
     plain = "".join(c if ord(c) < 0x250 or c in "\u00b5\u03bc\u2126\u03a9" else "?" for c in report.calibration.unit)
     return plain.strip() or "1"
 
 
 def _distances(fit: SensorFit, report: CalibrationReport) -> FloatArray:
-    """Return distances in the window and the valid range of a fit, for its curve."""
+    """Return distances at which to draw a fitted curve, within its usable distance range."""
     low, high = fit.sensor.valid_range
     return np.linspace(max(low, report.window.l_min), min(high, report.window.l_max), _FINE)
 
 
 def _points(report: CalibrationReport) -> _Points:
-    """Return the averaged readings of the best fit, computed from its curve and its residuals."""
+    """Return the averaged readings to which the best curve was fitted, computed from this curve and its residuals."""
     fit = report.fits[0]
     distance = np.asarray(fit.distances)
     log_output = np.asarray(fit.sensor.log_output(distance)) + fit.residuals
@@ -192,7 +192,7 @@ def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, spread: FloatArray) -
 
 
 def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[float, float] | None]]:
-    """Yield offset, floor and clipping level of a calibration: value, name, line style and interval."""
+    """Yield value, name, line style and confidence interval of offset, detection floor and clipping level."""
     window, offset = report.window, report.offset
     if offset is not None:
         spread = (offset.low, offset.high) if np.isfinite([offset.low, offset.high]).all() else None
@@ -204,7 +204,7 @@ def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[
 
 
 def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, str, str]]:
-    """Yield groups of calibration readings by their use, such as outliers, with marker and color."""
+    """Yield groups of calibration readings, such as outliers, with the marker and the color of each group."""
     distances, outputs = report.calibration.distances, report.calibration.outputs
     window = report.window
     outlier = np.zeros(len(outputs), dtype=np.bool_)
@@ -226,7 +226,7 @@ def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, st
 
 
 def _draw_curves(axes: Axes, report: CalibrationReport, scale: Scale, value: Any, *, named: bool = True) -> None:
-    """Draw all fitted curves, the best one on top and first in the legend."""
+    """Draw all fitted curves, with the best curve on top and first in the legend."""
     for i, fit in enumerate(report.fits):
         distance = _distances(fit, report)
         color, style = CURVES[i % len(CURVES)]

@@ -1,4 +1,4 @@
-"""Define a Matplotlib figure that notebooks display without pyplot."""
+"""Define a Matplotlib figure that notebooks can display without the module pyplot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ReportFigure(Figure):
     """
 
     def savefig(self, fname: Any, **options: Any) -> None:
-        """Save the figure with pretouch's settings and without a date, so that the file is reproducible.
+        """Save the figure with fixed settings and without a date, so that the same figure gives the same file.
 
         Args:
             fname: a path or a binary file.

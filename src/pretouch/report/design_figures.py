@@ -1,4 +1,4 @@
-"""Draw the figures of a design: objective and trade-off over the gain, and sensitivities of the optimum."""
+"""Plot a gain design: objective and trade-off over the gain, and sensitivities of the optimal gain."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def trade_off(design: GainDesign) -> Figure:
 
 
 def _misses(design: GainDesign) -> Panel:
-    """Return the plot of the smallest distance versus the gain, for designs in which no gain makes contact."""
+    """Return a plot of the smallest distance versus the gain, for designs in which no gain results in contact."""
     scanned = design.scan_result
     gain = _shown_gain(design, np.asarray(scanned.gain, float))
     nearest = np.asarray(scanned.closest_distance, float)
@@ -67,7 +67,7 @@ def _misses(design: GainDesign) -> Panel:
 
 
 def _objective(design: GainDesign) -> Panel:
-    """Return the plot of the objective and its terms versus the gain, with optimum and infeasible gains."""
+    """Return a plot of the objective and its terms versus the gain, with the optimum and the infeasible gains."""
     gain, total = np.asarray(_shown_gain(design, design.trade_off.gain)), design.trade_off.objective
     finite = total[np.isfinite(total)]
     low, high = float(finite.min()), float(finite.max())
@@ -98,7 +98,7 @@ def _objective(design: GainDesign) -> Panel:
 
 
 def _plane(design: GainDesign) -> Panel:
-    """Return the plot of the contact speed versus the excursion, or versus another cost in the objective."""
+    """Return a plot of the contact speed versus the excursion, or versus another term of the objective."""
     name = traded_quantity(design)
     state, reached = design.trade_off.state, design.trade_off.reached
     cost = np.where(reached, np.abs(quantity_of(name, state, design.impact)), np.nan)
@@ -144,7 +144,7 @@ def _terms(design: GainDesign) -> dict[str, FloatArray]:
 
 
 def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
-    """Yield each range of infeasible gains with the reason, such as a violated constraint."""
+    """Yield each range of infeasible gains with the reason, such as an exceeded limit."""
     trade = design.trade_off
     reasons = np.full(len(gain), "", dtype=object)
     for outcome in design.constraints:
@@ -168,13 +168,13 @@ def _breaks(design: GainDesign, outcome: ConstraintOutcome) -> BoolArray:
 
 
 def _edges(gain: FloatArray, *, logarithmic: bool) -> FloatArray:
-    """Return the borders between neighboring gains: their midpoints, and the first and the last gain."""
+    """Return the borders between neighboring gains: the midpoints, and the first and the last gain."""
     middles = np.sqrt(gain[1:] * gain[:-1]) if logarithmic else (gain[1:] + gain[:-1]) / 2
     return np.concatenate([gain[:1], middles, gain[-1:]])
 
 
 def _points(design: GainDesign, name: str) -> Iterator[tuple[float, float, dict[str, Any]]]:
-    """Yield the marked points in the plot of contact speed versus cost, with their style."""
+    """Yield the marked points, with their style, in the plot of contact speed versus excursion."""
     nearest = design.nearest if design.result is None else None
     for run, how in (
         (design.no_mitigation, {"label": "no mitigation", "style": 1, "shape": "square"}),
@@ -191,7 +191,7 @@ def _scale(unit: str, values: FloatArray) -> Scale:
 
 
 def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the limits of the two plotted quantities as horizontal and vertical reference lines."""
+    """Return reference lines for the limits of the two plotted quantities."""
     levels, positions = {}, {}
     for outcome in design.constraints:
         text = f"{outcome.name.replace('_', ' ')} limit"
@@ -203,7 +203,7 @@ def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[di
 
 
 def _equals(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple[float, float]) -> list[Curve]:
-    """Return the contour line of the optimal objective, which touches the curve of all possible contacts."""
+    """Return the contour line on which the objective has its optimal value."""
     if not shows_equals(design):
         return []
     terms = {t.quantity: t for t in design.definition.terms if t.weight > 0}
@@ -220,7 +220,7 @@ def _equals(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple
 
 
 def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[Mark]) -> list[Mark]:
-    """Return marks that show round values of the gain along the trade-off curve."""
+    """Return points that mark round values of the gain along the trade-off curve."""
     order = np.argsort(design.trade_off.gain)
     size = np.array([np.nanmax(x), np.nanmax(y)])
     new_marks: list[Mark] = []
@@ -237,7 +237,7 @@ def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[M
 
 @check_arguments
 def sensitivity(design: GainDesign) -> Figure:
-    """Draw by how much the optimal gain changes if one input grows by 1 %, for each input.
+    """Draw, for each input, by how much the optimal gain changes if this input grows by 1 %.
 
     Args:
         design: a design; without sensitivities the figure is an empty panel with a message.

@@ -1,4 +1,4 @@
-"""Write the report of a result as one self-contained HTML file without scripts."""
+"""Write a report as one self-contained HTML file without scripts."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def write_report(
     source: object = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write the report of a result to a file, one self-contained HTML page.
+    """Write the report of a result to a file as one self-contained HTML page.
 
     Args:
         result: the result of a verb, with any status.
@@ -89,7 +89,7 @@ def report_html(result: Any, *, calibration: CalibrationReport | None = None, so
 
 
 def page_html(page: Page) -> str:
-    """Return a report page as HTML, with the versions of the software and pretouch's signature."""
+    """Return a report page as HTML, with the versions of the software and a signature line."""
     shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
     title = f"{page.kind}{'' if page.kind.endswith('?') else ':'} {page.source}" if page.source else page.kind
     body = page_as_html(page, _draw)
@@ -98,12 +98,12 @@ def page_html(page: Page) -> str:
 
 
 def excerpt_html(page: Page) -> str:
-    """Return the excerpt of a report page for notebooks as HTML, with its figure as an image."""
+    """Return an excerpt of a report page for notebooks as HTML, with its figure as an image."""
     return page_as_excerpt(page, _image)
 
 
 def _image(picture: Picture) -> str:
-    """Draw a figure and return it as an HTML image element that contains the data of the image."""
+    """Draw a figure and return it as an HTML image element that contains the image data."""
     content = BytesIO()
     _figure(picture).savefig(content, format="png", dpi=110)
     data = base64.b64encode(content.getvalue()).decode()
@@ -115,12 +115,12 @@ def _figure(picture: Picture) -> Any:
 
 
 def _draw(picture: Picture) -> str:
-    """Draw a figure and return it as an SVG element, with text converted to paths."""
+    """Draw a figure and return it as an SVG element, with text converted to outlines."""
     return draw_svg(_figure(picture), picture.figure.replace("_", "-"))
 
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
-    """Add a section on the sensor calibration to a report page, and put its warnings above the result."""
+    """Add a section on the sensor calibration to a report page, and its warnings to the top of the page."""
     from pretouch.calibration.page import fitted_blocks  # noqa: PLC0415 - only where there is one
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 
@@ -135,7 +135,7 @@ def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -
 
 
 def _provenance(file: dict[str, str] | None) -> PageSection:
-    """Return the report section with the method and the scenario file."""
+    """Return the report section with the computation method and the scenario file."""
     blocks: tuple[Any, ...] = ()
     if file is not None:
         name = Paragraph(text=f"Scenario file `{file['name']}`, SHA-256 `{file['sha256']}`")
@@ -155,7 +155,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
 
 
 def _source(source: object) -> dict[str, str] | None:
-    """Return name, text and hash of a scenario file that is given as an object or a mapping."""
+    """Return name, text and hash of a scenario file, given as an object or as a mapping."""
     if source is None:
         return None
     keys = ("name", "path", "text", "sha256")

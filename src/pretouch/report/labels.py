@@ -1,4 +1,4 @@
-"""Place labels next to points and curves, where they cover neither text nor curves."""
+"""Place labels next to points and curves, so that the labels cover neither text nor curves."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def label_near(
     side: int = 1,
     marks: list[FloatArray] | None = None,
 ) -> Annotation | None:
-    """Write a label next to a point or a curve, if a place is free.
+    """Write a label next to a point or a curve if there is free space.
 
     A place is free if it touches no text and covers no curve, and no curve separates it from its anchor. Lines with
     zorder below 1 may be covered. The limits of the axes must be final.
@@ -87,7 +87,7 @@ def _best_place(
     taken: FloatArray,
     free: Any,
 ) -> int:
-    """Return the index of the best free place for a label; -1 if no place is free."""
+    """Return the index of the best free position for a label; -1 if no position is free."""
     best, choice = np.inf, -1
     for i in free[np.argsort(places[free, 4], kind="stable")]:
         if places[i, 4] >= best:
@@ -102,7 +102,7 @@ def _best_place(
 
 
 def label_inside(axes: Axes, x: Any, y: Any, text: str, *, color: str, size: float, fill: str) -> Annotation | None:
-    """Write a label centered on one of several points; rotate the label if it is too wide.
+    """Write a label centered on one of several points; rotate the label if the label is too wide.
 
     Args:
         axes: the axes; its limits must be final.
@@ -153,7 +153,7 @@ def _new_label(axes: Axes, text: str, **style: Any) -> Annotation:
 
 
 def _crosses(anchor: FloatArray, box: FloatArray, gap: float, taken: FloatArray) -> bool:
-    """Return whether the leader line between a label and its anchor point would cross another label."""
+    """Return True if the leader line between a label and its anchor point would cross another label."""
     if gap <= _LEADERLESS or not len(taken):
         return False
     end = np.clip(anchor, box[:2], box[2:])
@@ -163,7 +163,7 @@ def _crosses(anchor: FloatArray, box: FloatArray, gap: float, taken: FloatArray)
 
 
 def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) -> bool:
-    """Return whether a curve lies between an anchor point and the box of its label."""
+    """Return True if a curve lies between an anchor point and the box of its label."""
     # Leader lines may cross reference lines.
     end = np.clip(anchor, box[:2], box[2:])
     length = float(np.hypot(*(end - anchor)))
@@ -178,7 +178,7 @@ def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) 
 def _candidates(
     anchors: FloatArray, dots: float, width: float, height: float, side: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return all possible places for a label around its anchor points, with costs and boxes in pixels."""
+    """Return all possible positions of a label around its anchor points, with their costs and boxes in pixels."""
     # A place is (anchor, dx, dy, gap, cost).
     rank, turn, nth = np.indices((len(anchors), len(_DIRECTIONS), len(_GAPS))).reshape(3, -1)
     gap = np.array(_GAPS)[nth]
@@ -205,7 +205,7 @@ def free_places(axes: Axes, boxes: FloatArray, taken: FloatArray) -> Any:
 
 
 def _move_to(axes: Axes, label: Annotation, anchor: FloatArray, place: FloatArray) -> list[FloatArray]:
-    """Move a label to its place; if the place is far from the anchor point, draw a leader line."""
+    """Move a label to its position; if the position is far from the anchor point, draw a leader line."""
     # The points of the leader line are returned.
     dx, dy, gap = int(place[0]), int(place[1]), float(place[2])
     reach = gap / (np.sqrt(2) if dx and dy else 1)
@@ -246,13 +246,13 @@ def _renderer(artist: Any) -> Any:
 
 
 def boxes_in(axes: Axes, new: Annotation | None = None) -> FloatArray:
-    """Return the boxes of the existing labels of a plot in pixels."""
+    """Return the boxes of the existing labels in a plot, in pixels."""
     texts = [t for t in axes.texts if t is not new and t.get_text()]
     return np.array([t.get_window_extent(_renderer(t)).extents for t in texts]).reshape(-1, 4)
 
 
 def marks_in(axes: Axes) -> list[FloatArray]:
-    """Return closely spaced points along all lines and markers of a plot, in pixels, with drawing order."""
+    """Return closely spaced points along all lines and markers of a plot, in pixels, with their drawing order."""
     parts = [np.empty((0, 3))]
     for line in axes.lines:
         parts += _marks_along(line)
@@ -275,7 +275,7 @@ def _with_zorder(points: FloatArray, artist: Any) -> FloatArray:
 
 
 def dense_points(points: FloatArray) -> FloatArray:
-    """Insert points along a path in pixels, so that labels avoid long straight lines."""
+    """Insert points along a path in pixels, so that labels also avoid long straight lines."""
     if len(points) < 2:
         return points
     steps = np.abs(np.diff(points, axis=0)).max(axis=1)
@@ -287,7 +287,7 @@ def dense_points(points: FloatArray) -> FloatArray:
 
 
 def _covered(box: FloatArray, marks: FloatArray, air: float = 1.0) -> float:
-    """Return the cost of covering curves with a label, from the number of covered points."""
+    """Return the cost of a label that hides parts of curves, from the number of hidden points."""
     x, y = marks[:, 0], marks[:, 1]
     inside = (x > box[0] - air) & (x < box[2] + air) & (y > box[1] - air) & (y < box[3] + air)
     behind = np.count_nonzero(inside & (marks[:, 2] < 1))

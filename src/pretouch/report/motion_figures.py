@@ -1,4 +1,4 @@
-"""Draw the motion until contact: distance, position, velocity and virtual force over time."""
+"""Plot the motion until contact: distance, position, velocity and virtual force over time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopMotion:
-    """Time series of a simulated run until contact, with one sample per controller step.
+    """Time series of a simulated run until contact, with one value per controller step.
 
     Args:
         time: t [s].
@@ -90,7 +90,7 @@ _DOT: Final = " "  # marks the end of a curve with a dot and no text
 
 
 class DrawnMotion(NamedTuple):
-    """A motion with its name and its color, for drawing."""
+    """A motion to draw, with its name and its color."""
 
     label: str
     motion: Motion | LoopMotion
@@ -99,7 +99,7 @@ class DrawnMotion(NamedTuple):
 
 @check_arguments
 def motion(design: GainDesign) -> Figure:
-    """Draw the motion until contact, with the chosen gain and without mitigation.
+    """Draw the motion until contact with the designed gain and without mitigation.
 
     Args:
         design: a design of any status; without a gain, the nearest gain or a bound is drawn.
@@ -134,7 +134,7 @@ def sampled_motion(motion: Motion) -> Figure:
 
 
 def runs_of(design: GainDesign) -> list[DrawnMotion]:
-    """Compute the motions with the chosen or nearest gain and without mitigation.
+    """Compute the motion without mitigation, and the motion with the designed gain or, if none exists, another gain.
 
     Args:
         design: the design.
@@ -177,7 +177,7 @@ def _panel(design: GainDesign, runs: list[DrawnMotion], clock: Scale, what: tupl
 
 
 def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: float) -> Curve:
-    """Return one quantity of a motion as a curve over time, with its name or its last value as a label."""
+    """Return one quantity of a motion as a curve over time, labeled with its name or its last value."""
     time, values, ended = run.motion.time, np.asarray(getattr(run.motion, name)), _reached(run.motion.result)
     label, end = "", scale.text(float(values[-1]), largest=largest)
     if name == "distance":
@@ -187,7 +187,7 @@ def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: flo
 
 
 def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale, scale: Scale) -> list[Curve]:
-    """Return the reference trajectory of the robot as a curve, if it is visible in the plot."""
+    """Return the reference motion of the robot as a curve, if the curve is visible in the plot."""
     reference, time = design.scenario.reference, np.linspace(0.0, last, 50)
     path = reference.position + (reference.velocity + reference.acceleration * time / 2) * time
     air = 0.1 * np.ptp(values)
@@ -198,7 +198,7 @@ def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale
 
 
 def _horizon(design: GainDesign) -> float:
-    """Return how long to draw a motion that may end without contact [s]."""
+    """Return the time [s] up to which a motion is drawn that may end without contact."""
     ends = [r for r in (design.result, design.nearest, design.no_mitigation) if r is not None]
     times = [float(r.end.time) for r in ends if _reached(r)]
     mass, damping = float(design.scenario.admittance.mass), float(design.scenario.admittance.damping)
@@ -221,7 +221,7 @@ def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Moti
 
 
 def _limits(design: GainDesign, name: str) -> dict[str, float]:
-    """Return the limits of a plotted quantity by name, in SI units."""
+    """Return the limits of a plotted quantity, with their names, in SI units."""
     limits: dict[str, float] = {}
     reference = design.scenario.reference
     centers = {"travel": float(design.scenario.plant.position)}

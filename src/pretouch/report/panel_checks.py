@@ -1,4 +1,4 @@
-"""Check the arguments of figure panels, and explain wrong values."""
+"""Check the arguments that describe the panels (subplots) of a figure, and explain invalid values."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .style import CURVES
 
 
 def called(kind: str, label: str) -> str:
-    """Return the name of an object for messages, from its kind and its label."""
+    """Return the name of an object for error messages, made of its type and its label."""
     return f"{kind} {label!r}" if label else kind
 
 
 def as_column(values: ArrayLike, name: str) -> FloatArray:
-    """Copy a sequence of numbers to an array; masked values become NaN."""
+    """Copy a sequence of numbers to an array, in which masked values become NaN."""
     try:
         array = np.asarray(values)
     except ValueError:
@@ -97,7 +97,7 @@ def check_ends(low: Any, high: Any, who: str) -> None:
 
 
 def check_style(style: Any, who: str) -> None:
-    """Check that a line style is an index of the color palette."""
+    """Check that the number of a line style exists in the color palette."""
     if style is not None and (isinstance(style, bool) or style not in range(len(CURVES))):
         raise InvalidInputError(
             f"{who}: found the style {style!r}, expected an index of the color palette from 0 to "
@@ -125,7 +125,7 @@ def check_axis(panel: Any, axis: str) -> None:
 
 
 def _numbers(panel: Any, axis: str) -> Iterator[tuple[str, FloatArray]]:
-    """Yield all coordinates along one axis of a plot, with names for messages."""
+    """Yield all coordinates along one axis of a plot, with names for error messages."""
     for curve in panel.curves:
         for name, column in curve.columns():
             if (name == "x") == (axis == "x") and np.isfinite(column).any():

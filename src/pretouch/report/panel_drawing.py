@@ -1,4 +1,4 @@
-"""Draw the curves, bands, points and lines of a figure panel, and collect the names that label them."""
+"""Draw curves, bands, points and lines in a panel (subplot) of a figure."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _SPANS: Final[dict[str, dict[str, Any]]] = {
 
 
 class Name(NamedTuple):
-    """A name to write into a plot, with possible anchor points and its line style."""
+    """A name to write into a plot, with possible anchor points and a line style."""
 
     text: str
     color: str
@@ -61,7 +61,7 @@ class _Look(NamedTuple):
 
 
 def draw_panel(axes: Axes, panel: Panel) -> None:
-    """Draw everything in a plot except the names of curves, and set the limits of its axes."""
+    """Draw everything in a plot except the names of its curves, and set the limits of its axes."""
     zoomed = panel.x_limits is not None or panel.y_limits is not None
     for curve, look in _looks(panel):
         _draw_curve(axes, curve, look, clipped=zoomed)
@@ -134,7 +134,7 @@ def _mark_style(mark: Any) -> dict[str, Any]:
 
 
 def _curve_sample(curve: Curve, look: _Look) -> dict[str, Any]:
-    """Return the line style of a curve as it appears in a list of names."""
+    """Return a sample of a curve's line style, as it appears in a legend."""
     return {
         "color": look.color,
         "linestyle": "None" if curve.kind == "points" else look.dashes,
@@ -189,7 +189,7 @@ def _span_names(axes: Axes, panel: Panel) -> Iterator[Name]:
 
 
 def _end_names(panel: Panel) -> list[Name]:
-    """Return the labels at the ends of curves; curves with the same label share one entry."""
+    """Return the labels at the ends of curves; several curves with the same label share one label."""
     ends: dict[str, list[tuple[Curve, _Look]]] = {}
     for curve, look in _looks(panel):
         if curve.end:
@@ -206,7 +206,7 @@ def _end_names(panel: Panel) -> list[Name]:
 
 
 def _line_names(axes: Axes, panel: Panel) -> Iterator[Name]:
-    """Yield the names of reference lines with anchor points, above or below each line."""
+    """Yield the names of reference lines with anchor points above or below each line."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     shares = np.concatenate([[0.99, 0.01], np.linspace(0.95, 0.05, 19)])
     pixels = np.column_stack([x0 + shares * (x1 - x0), y0 + shares * (y1 - y0)])
@@ -220,7 +220,7 @@ def _line_names(axes: Axes, panel: Panel) -> Iterator[Name]:
 
 
 def _with_value(text: str, at: float, label: str) -> str:
-    """Add the value of a reference line to its name, because reference lines look the same in a list."""
+    """Add the value of a reference line to its name, because all reference lines look alike in a legend."""
     unit = label.rpartition("[")[2].partition("]")[0]
     number = minus(f"{at:.4g}")
     return f"{text} (at {number if unit == '1' else f'{number} {unit}'})"
@@ -242,7 +242,7 @@ def inside(axes: Axes, path: FloatArray) -> FloatArray:
 
 
 def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
-    """Return possible anchor points along a curve, first the points that are far from other curves."""
+    """Return possible anchor points for the name of a curve, starting with points far from other curves."""
     # Points near two thirds of the length are preferred.
     if not len(path):
         return path
@@ -260,7 +260,7 @@ def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
 
 
 def _set_axis(axes: Axes, panel: Panel, which: str) -> None:
-    """Set limits, ticks and label of an axis, with a power of ten in the unit if needed."""
+    """Set limits, ticks and label of an axis, with a power of ten in the unit if necessary."""
     logarithmic, limits = getattr(panel, f"{which}_log"), getattr(panel, f"{which}_limits")
     low, high = limits or _data_limits(axes, panel, which)
     label = getattr(panel, f"{which}_label")
@@ -330,7 +330,7 @@ def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
 
 
 def _room_for_ends(axes: Axes, panel: Panel) -> float:
-    """Return the share of the width that is reserved for labels to the right of curve ends."""
+    """Return the share of the plot width that is reserved for labels at the right ends of curves."""
     low, high = axes.get_ylim()
     down = [c.end for c in panel.curves if c.end and np.asarray(c.y, float)[c.known][-1] < low + 0.05 * (high - low)]
     room = _LETTER * max((len(line) for text in down for line in text.split("\n")), default=0)

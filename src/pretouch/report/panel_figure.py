@@ -1,4 +1,4 @@
-"""Draw several panels in a grid as one figure."""
+"""Draw several panels (subplots) in a grid as one figure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @check_arguments
 def panel_figure(*panels: Panel, columns: int = 2, height: float = 3.3) -> Figure:
-    """Draw one or several plots in a grid, with the name of each curve next to the curve.
+    """Draw one or several plots in a grid, and write the name of each curve next to the curve.
 
     A name is written above its panel if there is no free place next to its curve. If the numbers on an axis are very
     small or very large, its label has a power of ten.

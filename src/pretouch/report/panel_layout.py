@@ -1,4 +1,4 @@
-"""Arrange panels in a figure, and place the names of their curves."""
+"""Arrange the panels (subplots) of a figure, and place the labels of their curves."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _SAMPLE: Final = 26.0  # pt, width of a line sample in a legend and of the space
 
 
 def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figure:
-    """Draw plots in a grid; names of curves that do not fit into a plot are in a legend above the plot."""
+    """Draw plots in a grid; a legend above each plot contains the names that do not fit next to the curves."""
     width = _WIDTH_OF_ONE if len(panels) == 1 < columns else _WIDTH
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
@@ -74,7 +74,7 @@ def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figur
 
 
 def arrange(figure: Figure, least: float) -> None:
-    """Set the positions of panels, and adapt ticks, labels and the height of the figure to them.
+    """Set the positions of plots, and adapt ticks, labels and the height of the figure to these positions.
 
     Args:
         figure: a figure with panels in a grid.
@@ -99,7 +99,7 @@ def arrange(figure: Figure, least: float) -> None:
 
 
 def _thin_ticks(axes: Axes, renderer: Any) -> bool:
-    """Show fewer ticks if their labels would touch; return whether that was necessary."""
+    """Show fewer ticks if tick labels would touch; return True if this was necessary."""
     thinned = False
     for axis, side in ((axes.xaxis, 0), (axes.yaxis, 1)):
         for most in (6, 5, 4, 3, 2):
@@ -115,7 +115,7 @@ def _thin_ticks(axes: Axes, renderer: Any) -> bool:
 
 
 def _wrap_labels(axes: Axes, renderer: Any, least: float) -> bool:
-    """Break labels and titles that are longer than the axes; return whether any changed."""
+    """Break labels and titles that are longer than the axes; return True if any of them changed."""
     texts = (axes.xaxis.label, axes._left_title, axes.yaxis.label)  # type: ignore[attr-defined]
     before = [text.get_text() for text in texts]
     height = max(axes.bbox.height, least * axes.figure.dpi)  # a lower panel will grow
@@ -125,7 +125,7 @@ def _wrap_labels(axes: Axes, renderer: Any, least: float) -> bool:
 
 
 def legend_above(axes: Axes, entries: Sequence[tuple[str, str, Any]]) -> None:
-    """Write a legend between a panel and its title, in as many columns as fit.
+    """Write a legend between a plot and its title, in as many columns as fit.
 
     Args:
         axes: the panel.
@@ -164,7 +164,7 @@ def legend_above(axes: Axes, entries: Sequence[tuple[str, str, Any]]) -> None:
 
 
 def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
-    """Write names of curves into a plot; return the indices of names that do not fit."""
+    """Write names of curves into a plot; return the indices of names for which there is no free space."""
     names = list(enumerate(names_of(axes, panel)))
     hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
     marks = marks_in(axes)
@@ -177,7 +177,7 @@ def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
 
 
 def _place(axes: Axes, name: Name, marks: list[FloatArray]) -> bool:
-    """Write a name in one or two lines next to its curve; return whether there was a free place."""
+    """Write a name in one or two lines next to its curve; return True if there was free space."""
     if name.kind == "span":
         fill, size = name.sample["markerfacecolor"], _SIZES["span"]
         return label_inside(axes, name.x, name.y, name.text, color=name.color, size=size, fill=fill) is not None
@@ -209,7 +209,7 @@ def _in_two_lines(text: str) -> str:
 
 
 def _break(text: Text, words: str, room: float, side: int, renderer: Any, *, hyphens: bool = False) -> None:
-    """Break a text into the fewest lines that fit into `room` [pixel], without breaking its unit."""
+    """Break a text into the fewest lines that fit into a width `room` [pixel], without breaking its unit."""
     head, bracket, unit = words.partition("[")
     whole = head + bracket + unit.replace(" ", "\u00a0")
     width = len(whole) + 1

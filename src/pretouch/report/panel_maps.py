@@ -1,4 +1,4 @@
-"""Draw maps in figure panels: shades, contour lines with numbers, and hatching for missing values."""
+"""Draw two-dimensional maps with color shades and contour lines in a panel (subplot) of a figure."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _CROWDED: Final = 0.6  # of the plane
 
 
 def draw_map(axes: Axes, shown: Map) -> None:
-    """Draw a map of a quantity in the background of a plot, with shades and contour lines."""
+    """Draw a quantity as a map in the background of a plot, with shades and contour lines."""
     axes.patch.set(facecolor=BLOCKED, edgecolor=QUIET, hatch="////", linewidth=0)  # visible where there is no value
     values = np.ma.masked_invalid(shown.values)
     low, high = float(values.min()), float(values.max())
@@ -66,7 +66,7 @@ def number_contours(axes: Axes) -> None:
 
 
 def _levels(values: FloatArray) -> FloatArray:
-    """Choose contour levels with equal spacing, or by quantiles if most values are close together."""
+    """Choose equally spaced contour levels, or quantiles of the values if most values are close together."""
     low, high = float(values.min()), float(values.max())
     even = np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
     if np.histogram(values, even)[0].max() < _CROWDED * values.size:

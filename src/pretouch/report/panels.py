@@ -1,4 +1,4 @@
-"""Describe the panels of a figure: curves, marks, ranges and maps on axes with units."""
+"""Describe the content of a figure panel (subplot): curves, points, ranges and maps on axes with units."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SPAN_KINDS: Final = ("blocked", "missing", "used")
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Curve(Value):
-    """One curve of a plot, or one set of points.
+    """One curve, or one set of points, in a plot.
 
     Args:
         x: horizontal coordinates, shape (N,), in the unit of the panel's x label.
@@ -89,7 +89,7 @@ class Curve(Value):
         check_style(self.style, who)
 
     def columns(self) -> Iterator[tuple[str, FloatArray]]:
-        """Yield name and numbers of each column of the curve, such as x and y."""
+        """Yield name and numbers of each data column of the curve, such as x and y."""
         for name in ("x", "y", "low", "high"):
             column = getattr(self, name)
             if column is not None:
@@ -106,7 +106,7 @@ class Curve(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark(Value):
-    """One highlighted point of a plot, such as an optimum.
+    """One highlighted point in a plot, such as an optimum.
 
     Args:
         x: horizontal coordinate, in the unit of the panel's x label.
@@ -169,7 +169,7 @@ class Span(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Map(Value):
-    """A map of a quantity over two axes, drawn with labeled contour lines.
+    """A quantity as a function of two variables, drawn as a map with labeled contour lines.
 
     Missing values are hatched.
 
@@ -204,7 +204,7 @@ class Map(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Panel(Value):
-    """One plot: a pair of axes with its curves, or with a map.
+    """One plot with a pair of axes and with curves or a map.
 
     Args:
         x_label: label of the horizontal axis, with its unit in brackets: `distance l [mm]`, or `[1]` for pure numbers.

@@ -1,4 +1,4 @@
-"""Draw the figures of a Pareto front, of its parameters, and of an admittance design."""
+"""Plot Pareto fronts, the free parameters along a front, and joint designs of gain and admittance."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _CHOSEN: Final = {
 
 @check_arguments
 def pareto(front: ParetoFront) -> Figure:
-    """Draw a Pareto front, the parameters along the front, and its distance from the physical bound.
+    """Draw a Pareto front, the parameters along this front, and its distance from the physical bound.
 
     Args:
         front: a front with points.
@@ -62,7 +62,7 @@ def pareto(front: ParetoFront) -> Figure:
 
 @check_arguments
 def admittance(design: AdmittanceDesign) -> Figure:
-    """Draw the best objective as a function of the admittance, on the grid of `design_admittance`.
+    """Draw the smallest objective that any gain reaches as a function of the admittance.
 
     Args:
         design: a design of gain and admittance, with at least one feasible admittance.
@@ -114,7 +114,7 @@ def admittance(design: AdmittanceDesign) -> Figure:
 
 
 def _plane(front: ParetoFront, i: int, k: int) -> Panel:
-    """Return the plot of a Pareto front over two quantities, with dominated points in the background."""
+    """Return a plot of a Pareto front over two quantities, with dominated points in the background."""
     names = front.quantities[i], front.quantities[k]
     across, up = (_scale(front, name, _all_values(front, name)) for name in names)
     x, y = front.of(names[0]) / across.factor, front.of(names[1]) / up.factor
@@ -141,7 +141,7 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
 
 
 def _bound(front: ParetoFront) -> Panel:
-    """Return the plot of the excursion versus the contact speed, compared with the physical bound."""
+    """Return a plot of the excursion versus the contact speed, compared with the bound for every controller."""
     c = front.comparison
     if c is None or front.result is None:
         raise InvalidInputError("front: found one without a physical bound")
@@ -217,12 +217,12 @@ def _scale(front: ParetoFront, name: str, values: FloatArray) -> Scale:
 
 
 def _is_curve(front: ParetoFront) -> bool:
-    """Return whether a Pareto front is a curve, so that its points can be connected by a line."""
+    """Return True if a Pareto front is a curve, so that a line can connect its points."""
     return len(front.quantities) == 2 or front.free == ("gain",)
 
 
 def _dominated(front: ParetoFront, i: int, k: int) -> FloatArray:
-    """Return a selection of the dominated points, within the limits of the plot."""
+    """Return some of the dominated points within the limits of the plot."""
     extent = np.ptp(front.values, axis=0)
     extent = np.where(extent > 0, extent, 1.0)
     limits = [float(_all_values(front, front.quantities[j]).max()) for j in (i, k)]
@@ -232,7 +232,7 @@ def _dominated(front: ParetoFront, i: int, k: int) -> FloatArray:
 
 
 def _broken(front: ParetoFront, values: FloatArray) -> FloatArray:
-    """Insert NaN between the pieces of a Pareto front, so that no line connects the pieces."""
+    """Insert NaN between the separate pieces of a Pareto front, so that no line connects these pieces."""
     return np.insert(values, np.flatnonzero(np.diff(front.piece)) + 1, np.nan)
 
 

@@ -1,4 +1,4 @@
-"""All figures, by short names such as `plots.motion(design)`; `Picture` names figures in the same way."""
+"""Provide functions that plot results under short names, such as `plots.motion(design)`."""
 
 from .calibration_figures import calibration
 from .design_figures import sensitivity, trade_off

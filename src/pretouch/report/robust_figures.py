@@ -1,4 +1,4 @@
-"""Draw the figures of a robust design: the objective over the gain, and distributions of results."""
+"""Plot a robust design: the objective over the gain, and the distributions of results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ROBUST, _NOMINAL, _NONE = 0, 1, 2  # palette indices: a gain has the same style
 
 @check_arguments
 def robust(design: RobustDesign) -> Figure:
-    """Draw the risk measure versus the gain, and the distribution of the objective at two gains.
+    """Draw the risk measure versus the gain, and the distribution of the objective for two gains.
 
     These are the robust and the nominal gain.
 
@@ -48,7 +48,7 @@ def robust(design: RobustDesign) -> Figure:
 
 @check_arguments
 def outcome(design: RobustDesign) -> Figure:
-    """Draw the distributions of contact quantities over many fresh encounters.
+    """Draw the distributions of contact quantities over many new random encounters.
 
     Args:
         design: a design of any status.
@@ -95,7 +95,7 @@ def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
 
 
 def _measure_panel(design: RobustDesign) -> Panel:
-    """Return the plot of the risk measure of the objective versus the gain."""
+    """Return a plot of the risk measure of the objective versus the gain."""
     # Values far above the minimum are not drawn.
     sign, label, logarithmic = gain_axis(design.bounds, design.number)
     curve = design.trade_off
@@ -147,7 +147,7 @@ def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: F
 
 
 def _kind(design: RobustDesign) -> str:
-    """Return the name of the nominal encounter in labels: `ideal` for a sampled loop, else `nominal`."""
+    """Return the word for the nominal encounter in labels: `ideal` for a sampled loop, otherwise `nominal`."""
     return "ideal" if design.on_evaluator else "nominal"
 
 
@@ -164,7 +164,7 @@ def _quantities(design: RobustDesign) -> list[str]:
 
 
 def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, RobustOutcomes]]) -> Panel:
-    """Return the plot of the distribution of one quantity, with its limit."""
+    """Return a plot of the distribution of one quantity, with the limit of this quantity."""
     columns = [(label, style, run.magnitude(name)) for label, style, run in runs]
     required = next((r for r in design.limits if r.constraint.quantity == name), None)
     limit = None if required is None else (required.constraint.limit, required.probability)
@@ -172,7 +172,7 @@ def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, R
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
-    """Yield plots of the best gain, and of the robust gain's loss, versus the value of one input."""
+    """Yield plots of the best gain, and of the loss with the robust gain, versus the value of one input."""
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"

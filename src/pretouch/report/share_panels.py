@@ -1,4 +1,4 @@
-"""Draw cumulative distributions: the share of runs in which a quantity stays below a value."""
+"""Plot cumulative distributions, which show the share of runs below each value of a quantity."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def outcome_panel(
     of: str = "runs",
     marks: Callable[[Scale], Sequence[Mark]] = lambda _: (),
 ) -> Panel:
-    """Return a plot of the distribution of a quantity, with the limit of the quantity.
+    """Return a plot of the distribution of a quantity, with the limit of this quantity.
 
     Curves of negligible values are not drawn.
 

@@ -1,4 +1,4 @@
-"""Draw a simulated encounter, compared with the prediction and with the run without mitigation."""
+"""Plot a simulated encounter next to the prediction and to the same encounter without mitigation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _FIRST: Final = 1.6  # times the duration of the impact: how long a persistent c
 
 
 class _TimeSeries(NamedTuple):
-    """A simulated or predicted run with its name, its color and its time series in SI units."""
+    """Time series of a simulated or predicted run in SI units, with the name and the color of the run."""
 
     label: str
     style: int
@@ -109,7 +109,7 @@ def _unmitigated_series(encounter: SimulatedEncounter) -> _TimeSeries:
 def _columns_of(
     encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return the quantities of a run as time series, with more samples during contact."""
+    """Return the quantities of a run as time series, with more points during contact."""
     time, course = trace.time, trace.contact_course
     touch = (run.time, 0.0, run.relative_velocity, 0.0) if run.touched else None
     extra = course if len(course) else np.array([touch] if touch else np.empty((0, 4)))
@@ -127,19 +127,19 @@ def _columns_of(
 
 
 def _held_columns(trace: LoopTrace) -> dict[str, FloatArray]:
-    """Return the quantities that are constant over a controller period; NaN before the first reading."""
+    """Return the quantities that are constant between two controller steps; NaN before the first reading."""
     reading = trace.reading.copy()
     reading[: int((reading != 0.0).argmax()) if (reading != 0.0).any() else 0] = np.nan
     return {"virtual_force": trace.virtual_force, "reading": reading}
 
 
 def _held(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
-    """Return the samples of a zero-order hold as a step curve."""
+    """Return values that are held between samples as a step curve."""
     return np.column_stack([time, time + period]).ravel(), np.repeat(values, 2)
 
 
 def _relative_velocity(encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace) -> FloatArray:
-    """Return the relative velocity at each step, also after a contact that moves the obstacle."""
+    """Return the relative velocity at each step, even after a contact that has moved the obstacle."""
     # The obstacle's velocity is then a difference quotient.
     obstacle_velocity = encounter.scenario.obstacle.velocity_at(trace.time)
     contact = encounter.loop.contact
@@ -165,7 +165,7 @@ _SOLVED: Final = ("distance", "relative_velocity", "virtual_force")
 def _panel(
     encounter: SimulatedEncounter, runs: list[_TimeSeries], which: tuple[str, str, str], clock: Scale, end: float
 ) -> Panel:
-    """Return the plot of one quantity over time; only the first plot names the curves."""
+    """Return a plot of one quantity over time; only the first plot of the figure names the curves."""
     name, label, unit = which
     shown = [(c, *_window(*c.columns[name], end)) for c in runs if name in c.columns]
     shown = [(c, t, v) for c, t, v in shown if np.isfinite(v).any()]
@@ -190,7 +190,7 @@ def _largest(values: FloatArray) -> float:
 
 
 def _window(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
-    """Cut a time series at the end of the plot, and reduce its points without losing extremes."""
+    """Remove the part of a time series after the end of the plot, and thin out its points without losing extremes."""
     kept = time <= end
     time, values = time[kept], np.where(np.isfinite(values[kept]), values[kept], np.nan)
     if len(time) <= MOST_POINTS:
@@ -203,7 +203,7 @@ def _window(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArra
 
 
 def _marks(encounter: SimulatedEncounter, name: str, clock: Scale, scale: Scale, end: float) -> Iterator[Mark]:
-    """Yield marks at detection and contact, labeled with distance or speed."""
+    """Yield marked points at detection and contact, labeled with distance or speed."""
     run, detection = encounter.run, encounter.detection
     if name == "distance" and detection is not None and detection.time <= end:
         text = f"detected at {scale.text(detection.distance)}"
@@ -226,7 +226,7 @@ def _marks(encounter: SimulatedEncounter, name: str, clock: Scale, scale: Scale,
 
 
 def _positions(encounter: SimulatedEncounter, clock: Scale, end: float) -> dict[str, float]:
-    """Return the times of detection and contact in the simulated run, if they are visible in the plot."""
+    """Return the times of detection and contact in the simulated run, if these times are visible in the plot."""
     run, detection = encounter.run, encounter.detection
     moments = {}
     if detection is not None and 0.01 * end < detection.time <= end:
@@ -237,7 +237,7 @@ def _positions(encounter: SimulatedEncounter, clock: Scale, end: float) -> dict[
 
 
 def _impact_panel(encounter: SimulatedEncounter) -> Panel:
-    """Return the plot of the force of the first contact, with the gain and without mitigation."""
+    """Return a plot of the force during the first contact, with the gain and without mitigation."""
     runs = [
         ("no mitigation", _NONE, encounter.unmitigated, encounter.unmitigated_trace),
         ("on the loop", _LOOP, encounter.run, encounter.trace),

@@ -1,4 +1,4 @@
-"""Define the style of all figures: colors, fonts, units, ticks and reproducible output.
+"""Define the colors, fonts, ticks and units of all figures.
 
 Matplotlib is imported only when a figure is drawn.
 """
@@ -88,7 +88,7 @@ class Scale(NamedTuple):
     unit: str
 
     def text(self, value: float, digits: int = 3, largest: float = 1.0) -> str:
-        """Format an SI value in the display unit; a value that is negligible compared with `largest` is 0."""
+        """Format an SI value in the display unit; return 0 for a value that is negligible compared with `largest`."""
         shown = 0.0 if abs(value) < NEGLIGIBLE * abs(largest) else value / self.factor
         size = digits - 1 - math.floor(math.log10(abs(shown))) if shown and math.isfinite(shown) else 0
         number = "0" if not shown else f"{shown:.{size}f}" if 0 <= size <= 6 else f"{shown:.{digits}g}"
@@ -119,7 +119,7 @@ _LONGEST_IN_UNIT: Final = {"m": 1.0, "s": 1.0, "m/s": 0.1, "N": 0.1, "N*s": 1.0,
 
 
 def scale_for(unit: str, largest: float) -> Scale:
-    """Choose the unit in which numbers up to a largest magnitude are displayed, such as mm or ms.
+    """Choose the unit, such as mm or ms, in which numbers up to a given magnitude are displayed.
 
     Args:
         unit: SI unit.
@@ -142,7 +142,7 @@ def scale_for(unit: str, largest: float) -> Scale:
 
 
 def gain_axis(bounds: tuple[float, float], number: LawNumber, *, magnitude: bool = False) -> tuple[float, str, bool]:
-    """Return the sign with which gains are plotted, the label of the gain axis, and whether it is logarithmic."""
+    """Return how gains are plotted: the sign, the axis label, and whether the axis is logarithmic."""
     low, high = bounds
     name = "virtual force gain" if number.name == "gain" else f"virtual {number.name}"
     sign = "\u2212" if high <= 0 else ""
@@ -151,12 +151,12 @@ def gain_axis(bounds: tuple[float, float], number: LawNumber, *, magnitude: bool
 
 
 def minus(text: str) -> str:
-    """Replace the hyphens in a number by minus signs, for figures."""
+    """Replace the hyphens in a formatted number by minus signs, for figures."""
     return text.replace("-", "\u2212")
 
 
 def minus_signs(text: str) -> str:
-    """Replace hyphens before numbers by minus signs, but not hyphens in words.
+    """Replace hyphens before numbers by minus signs, but keep hyphens in words.
 
     Args:
         text: any text.
@@ -173,7 +173,7 @@ def minus_signs(text: str) -> str:
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Use pretouch's Matplotlib settings temporarily, and restore the user's settings afterwards."""
+    """Use the Matplotlib settings of pretouch temporarily, and restore the user's settings afterwards."""
     from matplotlib import rc_context, rcParams, rcParamsDefault  # noqa: PLC0415
 
     plain = {k: v for k, v in rcParamsDefault.items() if k.split(".")[0] in _GROUPS and rcParams[k] != v}
@@ -187,7 +187,7 @@ _WIDE: Final = 0.6  # of the figure: wider panels stand one below the other
 
 
 def draw_svg(figure: Figure, name: str) -> str:
-    """Draw a figure as an SVG element for an HTML page, with reproducible output.
+    """Draw a figure as an SVG element for an HTML page; the same figure gives the same text.
 
     Args:
         figure: the figure.
@@ -256,7 +256,7 @@ def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
 
 
 def _tick(value: float, _: int | None = None) -> str:
-    """Format the number at a tick in about five characters, such as 0.001 or 3e−4."""
+    """Format the number at an axis tick in about five characters, such as 0.001 or 3e−4."""
     text = f"{value:g}"
     if len(text) <= 5 and "e" not in text:
         return minus(text)
@@ -265,7 +265,7 @@ def _tick(value: float, _: int | None = None) -> str:
 
 
 def log_ticks(low: float, high: float, most: int = 7) -> list[float]:
-    """Choose a limited number of round numbers between two positive numbers, for ticks.
+    """Choose a limited number of round tick values between two positive numbers.
 
     Args:
         low: lower end > 0.

@@ -1,4 +1,4 @@
-"""Draw the figures of a sweep: curves, families of curves and maps."""
+"""Plot the results of a sweep over a grid of inputs as curves or maps."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_CELLS: Final = 300  # along an axis of a map
 
 @check_arguments
 def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
-    """Draw the results of a sweep as curves or maps over one or two of its axes.
+    """Draw the results of a sweep as curves over one axis or as maps over two axes.
 
     With one axis, results are curves. With two axes, they are a family of curves if an axis has up to five values,
     otherwise maps with contour lines, in which encounters without a value are hatched. Axes of one value are ignored.
@@ -69,7 +69,7 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
 
 
 def _axis(flat: xr.Dataset | xr.DataArray, dim: str) -> tuple[FloatArray, Scale, str]:
-    """Return the values of a sweep axis in its display unit, the unit, and the label of the axis."""
+    """Return the values of a sweep axis in its display unit, the name of this unit, and the label of the axis."""
     values = np.asarray(flat[dim].values, dtype=np.float64)
     scale = _scale(flat[dim], values)
     name = words_for(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"
@@ -95,7 +95,7 @@ def _label(variable: Any, scale: Scale, *, short: bool = False) -> str:
 
 
 def _is_logarithmic(values: FloatArray) -> bool:
-    """Return whether the values of an axis are logarithmically spaced over at least a decade."""
+    """Return True if the values of an axis are logarithmically spaced over at least one decade."""
     if len(values) < 3 or not (values > 0).all() or values.max() < 10 * values.min():
         return False
     return bool(np.allclose(np.diff(np.log(values)), np.log(values[-1] / values[0]) / (len(values) - 1), rtol=1e-6))

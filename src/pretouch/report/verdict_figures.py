@@ -1,4 +1,4 @@
-"""Draw the distributions of simulated runs, and compare two single runs with the prediction."""
+"""Plot the distributions of simulated runs, and compare two of the runs with the prediction."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SYMBOLS: Final = {
 
 @check_arguments
 def verdict(verdict: Verdict) -> Figure:
-    """Draw the distributions of simulated runs, compared with the prediction and the limits.
+    """Draw the distributions of contact quantities over simulated runs, with predictions and limits.
 
     Args:
         verdict: a verdict with a gain.
@@ -59,7 +59,7 @@ def verdict(verdict: Verdict) -> Figure:
 
 
 def _quantities(verdict: Verdict) -> list[str]:
-    """Return the quantities to draw: the most important ones, and all quantities with a limit."""
+    """Return the quantities to draw: the most important quantities, and all quantities with a limit."""
     compared = [c.name for c in verdict.comparisons]
     forces = [name for name in ("impact_force", "peak_force") if name in compared]
     names = ["relative_velocity", *forces, "largest_excursion", "time"]
@@ -69,7 +69,7 @@ def _quantities(verdict: Verdict) -> list[str]:
 
 
 def _outcome_panel(verdict: Verdict, name: str) -> Panel | None:
-    """Return the plot of the distribution of one quantity; None if no run has a value."""
+    """Return a plot of the distribution of one quantity; None if no run has a value."""
     columns = [
         ("without mitigation", _WITHOUT, _magnitudes(verdict, name, verdict.unmitigated, 0.0)),
         ("with the gain", _WITH, _magnitudes(verdict, name, verdict.mitigated, verdict.gain)),
@@ -95,7 +95,7 @@ def _magnitudes(verdict: Verdict, name: str, result: SimulationResult | None, ga
 
 
 def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
-    """Yield marks of predicted values at 50 % of the runs, for comparison with the median of the runs."""
+    """Yield points at 50 % of the runs that mark predicted values, for comparison with the median of the runs."""
     compared = verdict.comparison(name)
     check = _limit_of(verdict, name)
     if compared is not None:
@@ -109,7 +109,7 @@ def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
 
 
 class _Shown(NamedTuple):
-    """A run to draw, with its name, its style and its time series."""
+    """Time series of a run to draw, with the name and the line style of the run."""
 
     label: str
     style: int
@@ -122,7 +122,7 @@ class _Shown(NamedTuple):
 
 @check_arguments
 def verdict_run(verdict: Verdict) -> Figure:
-    """Draw the median run and the worst run by contact speed, compared with the prediction.
+    """Draw the predicted run, and the simulated runs with the median and the highest contact speed.
 
     Args:
         verdict: a verdict with a gain.
@@ -150,7 +150,7 @@ def verdict_run(verdict: Verdict) -> Figure:
 
 
 def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
-    """Return name, color and number of the runs to draw: the worst run first, in the background."""
+    """Return name, color and index of the runs to draw, starting with the worst run, which is in the background."""
     touched = np.flatnonzero(result.touched)
     if not len(touched):
         return [("first run", _WITH, 0)]
@@ -200,7 +200,7 @@ def _predicted(verdict: Verdict, predicted: ContactResult, gain: float, end: flo
 
 
 def _run_panel(shown: list[_Shown], name: str, label: tuple[str, str], clock: Scale) -> Panel:
-    """Return the plot of one quantity over time until contact; only the first plot names the runs."""
+    """Return a plot of one quantity over time until contact; only the first plot of the figure names the runs."""
     values: list[FloatArray] = [getattr(s, name) for s in shown]
     scale = scale_for(label[1], max(float(np.nanmax(np.abs(v))) for v in values))
     first = name == "distance"

@@ -1,4 +1,4 @@
-"""Draw the stability limit at each distance, and the simulated objective over the gain."""
+"""Plot the stability limit over the distance, and the simulated objective over the gain."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def verdict_gain(verdict: Verdict) -> Figure:
 
 
 class _Part(NamedTuple):
-    """An objective as a function of the gain, and which gains meet all limits."""
+    """The objective as a function of the gain, and which gains meet all limits."""
 
     label: str
     style: int
@@ -120,7 +120,7 @@ class _Part(NamedTuple):
     kept: BoolArray
 
     def curves(self, sign: float, top: float) -> Iterator[Curve]:
-        """Yield a thin grey curve for gains that miss a limit, and a colored curve for all other gains."""
+        """Yield a thin gray curve for gains that exceed a limit, and a colored curve for all other gains."""
         values = np.where(np.isfinite(self.objective) & (self.objective <= 1.02 * top), self.objective, np.nan)
         kept = np.where(self.kept, values, np.nan)
         both = np.isfinite(kept).any()
@@ -144,7 +144,7 @@ def _objectives(verdict: Verdict) -> Iterator[_Part]:
 
 
 def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
-    """Yield marks at the ideal optimum, the verified gain, and the best gain on the sampled loop."""
+    """Yield marked points at the ideal optimum, the verified gain, and the best gain on the sampled loop."""
     design, loss, number = verdict.design, verdict.loss, verdict.law.number
     if design.gain is not None and design.objective is not None:
         text = f"ideal {number.plot_text(design.gain)}"
@@ -161,7 +161,7 @@ def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
 
 
 def _stable_until(verdict: Verdict, sign: float) -> dict[str, float]:
-    """Return the gains at the stability limit and at a gain margin of 2, if they are within the plot."""
+    """Return the gains with gain margins 1 (the stability limit) and 2, if these gains are visible in the plot."""
     check, loss = verdict.stability, verdict.loss
     low, high = verdict.design.bounds
     if check is None or loss is None:

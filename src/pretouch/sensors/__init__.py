@@ -1,4 +1,4 @@
-"""Define sensor curves by two functions of the distance: ln xi (log output) and its slope g."""
+"""Define sensor curves, each given by two functions of the distance: log output ln xi and its slope g."""
 
 from .conformance import LawCheck, SensorConformance, check_sensor
 from .custom import CustomSensor

@@ -1,4 +1,4 @@
-"""Check that a sensor curve meets the assumptions of pretouch, such as an output that falls with distance."""
+"""Check that a sensor curve meets the assumptions of pretouch: for example, its output must fall with distance."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SHARES = 1000  # an interval is halved while its error exceeds this part of the
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawCheck(Value):
-    """Result of one check of a sensor curve: the law, whether the curve obeys the law, and the evidence.
+    """Result of one check of a sensor curve: the checked property, whether the curve has it, and the evidence.
 
     Args:
         law: the law in one sentence.
@@ -43,7 +43,7 @@ class LawCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorConformance(Value):
-    """Result of checking a sensor curve with `check_sensor`: one check for each law of sensor curves.
+    """Result of `check_sensor`: one check for each property that a sensor curve must have.
 
     Args:
         sensor: the name of the curve.
@@ -65,7 +65,7 @@ class SensorConformance(Value):
 
 @check_arguments
 def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance:
-    """Check that a sensor curve, such as a custom one, has the properties on which pretouch relies.
+    """Check that a sensor curve has all properties on which pretouch relies.
 
     Args:
         sensor: the curve.
@@ -93,7 +93,10 @@ def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance
 
 
 def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool, str]]:
-    """Yield each law of sensor curves with the result of its check, and stop if later checks would be meaningless."""
+    """Yield each required property of a sensor curve with the result of its check.
+
+    Stop if later checks would be meaningless.
+    """
     obstacle = _evaluation_obstacle(sensor, distance)
     evidence = obstacle or "a number, a row and a table of distances"
     yield "ln xi and g take distances of any shape and keep it", obstacle is None, evidence
@@ -162,12 +165,12 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
 
 @cache_by_curve(256)
 def _verified_reach(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - the key of the cache
-    """Return the distance up to which a sensor curve has passed its checks, in a list that the caller updates."""
+    """Return the distance up to which a sensor curve was checked, in a list that the caller updates."""
     return [-np.inf]
 
 
 def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Describe the first law that a sensor curve breaks at the given distances, or return None."""
+    """Describe the first required property that a sensor curve lacks at given distances, or return None."""
     obstacle = _evaluation_obstacle(sensor, distance)
     if obstacle is not None:
         return (
@@ -196,7 +199,7 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
 
 
 def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> str | None:
-    """Describe where a sensor output rises with distance or its slope is not constant as declared, or return None."""
+    """Describe where the sensor output rises or a slope declared as constant varies, or return None."""
     steepest, i = float(np.abs(slope).max()), int(slope.argmax())
     if steepest == 0:
         return "found a slope of 0 1/m at every distance, which must be negative: the output is constant"
@@ -247,7 +250,7 @@ def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
 
 
 def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the change of the log output over intervals, and the integral of the slope over them."""
+    """Return the change of the log output over each interval, and the integral of the slope over each interval."""
     if not len(left):
         return left, left
     offset, weight = np.polynomial.legendre.leggauss(8)
@@ -257,7 +260,7 @@ def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[
 
 
 def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Return the error that a sensor curve raises for valid distances as text, or None if it raises none."""
+    """Return as text the error that a sensor curve raises for valid distances, or None without an error."""
     for function in (sensor.log_output, sensor.log_slope):
         for probe in (float(distance[0]), distance, distance[:16].reshape(4, 4)):
             try:
@@ -268,14 +271,14 @@ def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | Non
 
 
 def _scalar_difference(function: Callable[[Any], Any], distance: FloatArray) -> float:
-    """Return the largest relative difference between evaluating an array and evaluating its elements."""
+    """Return the largest relative difference between evaluating a function for an array and for each element."""
     some = distance[:: max(1, distance.size // 16)]
     together, alone = np.asarray(function(some)), np.array([function(float(d)) for d in some])
     return float(np.abs(together - alone).max() / (np.abs(together).max() + 1))
 
 
 def _is_value(sensor: SensorModel) -> bool:
-    """Return whether a sensor curve is a frozen dataclass with hashable fields."""
+    """Return True if a sensor curve is a frozen dataclass with hashable fields."""
     parameters = vars(type(sensor)).get("__dataclass_params__")
     try:
         hash(sensor)
@@ -285,7 +288,7 @@ def _is_value(sensor: SensorModel) -> bool:
 
 
 def _slope_error(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> tuple[float, float]:
-    """Return the largest error of the slope of a sensor curve and its tolerance, both in 1/m."""
+    """Return the largest error of the slope of a sensor curve and the allowed error, both in 1/m."""
     # The means of g and of the derivative of ln xi over intervals are compared.
     # Intervals that disagree are halved while there are few of them, since steep parts of g need short intervals.
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))

@@ -1,4 +1,4 @@
-"""Define the exponential sensor curves of first and second order."""
+"""Define sensor curves that are exponential functions of first or second order in the distance."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FEW_DIGITS: Final = 100.0  # largest accepted ratio of two terms to their diffe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FirstOrderFamily(Family):
-    """First-order exponential curves for a fit, described by log output and log slope at mid-range.
+    """Family of first-order exponential curves for fits, with mid-range log output and slope as parameters.
 
     The fit parameters are u = (ln xi(l_m), ln -c_1), where l_m is the middle of the calibration window.
     """
@@ -51,7 +51,7 @@ class _FirstOrderFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SecondOrderFamily(Family):
-    """Second-order exponential curves for a fit, described by mid-range log output and the slopes at both ends.
+    """Family of second-order exponential curves for fits, described by log output and two slopes.
 
     The fit parameters are u = (ln xi(l_m), ln -g at the first distance, ln of the ratio of -g at the last to the first
     distance), where l_m is the middle of the calibration window.
@@ -108,7 +108,7 @@ class _SecondOrderFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialFirstOrder(SensorModel):
-    """First-order exponential curve of the sensor output, xi = a_1 exp(c_1 l) of L(5), with a constant slope.
+    """First-order exponential sensor curve xi = a_1 exp(c_1 l) of L(5), whose slope is constant.
 
     Args:
         scale: a_1 > 0, in the unit of the output; it does not affect the motion.
@@ -129,7 +129,7 @@ class ExponentialFirstOrder(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c_1 of the sensor curve [1/m], which is the same at every distance."""
+        """The slope c_1 [1/m] of the sensor curve, which is equal at all distances."""
         return self.rate
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
@@ -147,7 +147,7 @@ class ExponentialFirstOrder(SensorModel):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the factors that map exponential curves to one reference curve by scaling only the gain."""
+        """Return the factors that map first-order exponential curves to one reference curve by scaling the gain."""
         rate = np.asarray(values.get("rate", self.rate))
         if not np.all(rate < 0):
             return None
@@ -161,7 +161,7 @@ class ExponentialFirstOrder(SensorModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialSecondOrder(SensorModel):
-    """Second-order exponential curve of the sensor output over distance, xi = a_2 exp(b_2 l^2 + c_2 l) of L(6).
+    """Second-order exponential sensor curve xi = a_2 exp(b_2 l^2 + c_2 l) of L(6), with the distance l.
 
     With b_2 > 0 the output has its minimum at the turning point l = -c_2 / (2 b_2). Beyond it the modeled virtual
     force would have the wrong sign, so the valid range ends there.
@@ -203,7 +203,7 @@ class ExponentialSecondOrder(SensorModel):
 
     @property
     def valid_range(self) -> tuple[float, float]:
-        """The smallest and largest valid distance [m] of the sensor curve, which ends at its turning point."""
+        """The smallest and the largest valid distance [m] of the sensor curve, which ends where its slope is zero."""
         low = self.minimum_distance
         if self.curvature < 0:  # the turning point is at l < 0, and the slope is negative beyond it
             low = max(low, -self.rate / (2 * self.curvature))
@@ -211,7 +211,7 @@ class ExponentialSecondOrder(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c_2 of the sensor curve [1/m] if the curvature b_2 is 0, otherwise None."""
+        """The slope c_2 [1/m] of the sensor curve if its curvature b_2 is 0, otherwise None."""
         return self.rate if self.curvature == 0 else None
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
@@ -239,7 +239,7 @@ class ExponentialSecondOrder(SensorModel):
         recess: FloatArray,
         distance: Any,
     ) -> CurveSimilarity | None:
-        """Return the factors of length and gain that map second-order exponentials to one reference curve."""
+        """Return the length and gain factors that map second-order exponential curves to one reference curve."""
         # The slope g = c + 2 b (l + recess) = 2 b (l - l*) is scaled by lengths s = L* / l*.
         if self.curvature == 0:
             return None

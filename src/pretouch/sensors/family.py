@@ -1,4 +1,4 @@
-"""Describe curve families for fitting: sensor curves in parameters that suit a numerical fit.
+"""Describe families of sensor curves by parameters that suit a numerical fit.
 
 The first fit parameter is ln xi in the middle of the calibration window, l_m, where the readings determine it best.
 """
@@ -22,7 +22,7 @@ _WIDE: Final = 30.0  # bound of the logarithm of a parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Family(ABC):
-    """A family of sensor curves, with parameters that suit a fit over a range of calibrated distances.
+    """Base class of families of sensor curves, with parameters that suit a numerical fit.
 
     Args:
         curve: the class of the curve.
@@ -42,7 +42,7 @@ class Family(ABC):
 
     @classmethod
     def at_large(cls, curve: Any, first: float, last: float) -> Self:
-        """Return the curve family with its widest bounds, for the estimation of offset, noise and slope."""
+        """Return this family of sensor curves with the widest parameter bounds."""
         return cls(curve=curve, first=first, last=last)
 
     @property
@@ -57,12 +57,12 @@ class Family(ABC):
 
     @property
     def size(self) -> int:
-        """The number of parameters that a fit of this sensor curve has."""
+        """The number of parameters in a fit of this family of sensor curves."""
         return len(self.parameter_names)
 
     @property
     def middle(self) -> float:
-        """The distance [m] in the middle of the calibrated range."""
+        """The distance [m] at the middle of the calibrated range."""
         return (self.first + self.last) / 2
 
     @property
@@ -72,7 +72,7 @@ class Family(ABC):
 
     @abstractmethod
     def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
-        """Return start parameters of a fit from log output, slope and curvature in the middle of the range."""
+        """Return start parameters of a fit for given log output, slope and curvature at mid-range."""
 
     @property
     @abstractmethod
@@ -91,46 +91,49 @@ class Family(ABC):
 
     @abstractmethod
     def coordinates(self, u: FloatArray) -> FloatArray:
-        """Convert fit parameters to transformed curve parameters, such as logarithms, that are always finite."""
+        """Transform fit parameters so that they are always finite, for example to logarithms."""
         # Each is a monotonic function of one of the curve's own parameters.
 
     @abstractmethod
     def parameters(self, coordinates: FloatArray) -> FloatArray:
-        """Convert coordinates to the sensor curve's own parameters in SI; diverging parameters are infinite."""
+        """Convert the transformed parameters of a fit to the curve's own parameters in SI, which may be infinite."""
 
     def written(self, u: FloatArray) -> FloatArray:
-        """Convert fit parameters to the sensor curve's own parameters, all of which are finite."""
+        """Convert fit parameters to the sensor curve's own parameters in SI."""
         return self.parameters(self.coordinates(u))
 
     def sensor(self, u: FloatArray, low: float, high: float) -> Any:
-        """Return the sensor curve for fit parameters, valid between two distances [m]."""
+        """Return the sensor curve with given fit parameters and a valid range between two distances [m]."""
         parameters = dict(zip(self.parameter_names, map(float, self.written(u)), strict=True))
         return self.curve(**parameters, minimum_distance=low, maximum_distance=high)
 
     def easing(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of the fit parameters within which the sensor curve becomes flatter with distance."""
+        """Return bounds of the fit parameters that keep the sensor curve from steepening with distance."""
         return low, high
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return the prior cost of each curve in a fit, in units of a squared residual."""
+        """Return a prior cost for each sensor curve of a fit, in units of a squared residual."""
         return np.zeros(len(u))
 
     def runs_away(self, ends: Any) -> bool:  # noqa: ARG002 - for subclasses
-        """Return whether parameters may diverge together, judged by the ends of their confidence intervals."""
+        """Return True if several fit parameters can grow together without limit within their confidence intervals."""
         return False
 
     def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Return remarks on parameters that the readings do not determine; `runaway` means that some diverge."""
+        """Return remarks on parameters that the readings do not determine.
+
+        With `runaway`, some parameters diverge.
+        """
         return ()
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Return remarks on the fitted parameters, for example on one that reached the bound of the search."""
+        """Return remarks on the fitted parameters, for example that a parameter reached its bound."""
         return ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainFamily(Family):
-    """Family for fitting any sensor curve that defines `fit_start`; it evaluates one curve at a time.
+    """Family of sensor curves for any class with a method `fit_start`; the curves are evaluated one at a time.
 
     u = (ln xi(l_m), the other parameters; those with a prescribed sign as logarithms of their magnitudes).
     """
@@ -143,7 +146,7 @@ class PlainFamily(Family):
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """The bounds of the fit: wide for parameters with a prescribed sign, none for all others."""
+        """The bounds of the fit parameters, wide for parameters of prescribed sign and infinite for all others."""
         ends = np.array([np.inf, *(np.inf if sign == "any" else _WIDE for sign in self._signs)])
         return -ends, ends
 
@@ -154,7 +157,7 @@ class PlainFamily(Family):
         return np.array([log_middle, *(_encoded(float(start[name]), sign) for name, sign in pairs)])
 
     def _curve(self, u: FloatArray) -> Any:
-        """Return the sensor curve with a scale of 1, or None if the parameters are invalid."""
+        """Return the sensor curve with scale 1 for given fit parameters, or None if the parameters are invalid."""
         values = [_decoded(float(v), sign) for v, sign in zip(u[1:], self._signs, strict=True)]
         try:
             parameters = dict(zip(self.parameter_names, [1.0, *values], strict=True))
@@ -175,21 +178,21 @@ class PlainFamily(Family):
         return result.reshape(*u.shape[:-1], len(places))
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return the log outputs ln xi of several sensor curves, which are evaluated one by one."""
+        """Return the log outputs ln xi of several sensor curves, evaluated one curve at a time."""
         return self._rows(u, distance, "log_output")
 
     def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return the slopes g [1/m] of several sensor curves, which are evaluated one by one."""
+        """Return the slopes g [1/m] of several sensor curves, evaluated one curve at a time."""
         return self._rows(u, distance, "log_slope")
 
     def coordinates(self, u: FloatArray) -> FloatArray:
-        """Return the logarithm of the curve's scale, followed by the other fit parameters."""
+        """Replace the scale of the sensor curve by its logarithm, and keep the other fit parameters."""
         curve = self._curve(u)
         level = 0.0 if curve is None else float(curve.log_output(self.middle))
         return np.array([u[0] - level, *u[1:]])
 
     def parameters(self, coordinates: FloatArray) -> FloatArray:
-        """Convert fit coordinates to the sensor curve's own parameters."""
+        """Convert transformed fit parameters to the sensor curve's own parameters."""
         with np.errstate(over="ignore"):
             values = [_decoded(float(v), sign) for v, sign in zip(coordinates[1:], self._signs, strict=True)]
             return np.array([np.exp(coordinates[0]), *values])

@@ -1,4 +1,4 @@
-"""Define the inverse power curve, the usual curve of optical proximity sensors, and how to fit it."""
+"""Define the inverse power curve, which describes most optical proximity sensors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _POINT_SOURCE: Final = 2.0  # the exponent of a point light source
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _InversePowerFamily(Family):
-    """Inverse power curves for a fit, described by mid-range log output, slope and inverse exponent.
+    """Family of inverse power curves for fits, with mid-range log output, slope and inverse exponent as parameters.
 
     The fit parameters are u = (ln xi(l_m), ln r_1, kappa) with r_1 = -1 / g at the first distance and kappa = 1 / n;
     l_m is the middle of the calibration window.
@@ -44,7 +44,7 @@ class _InversePowerFamily(Family):
 
     @property
     def kappa_min(self) -> float:
-        """The smallest inverse exponent 1 / n of a fit; below it the curve equals an exponential."""
+        """The smallest inverse exponent 1 / n in a fit; a smaller value would give nearly an exponential curve."""
         return self.kappa_floor or next(
             (1 / n for n in (200, 100, 50) if n * abs(math.log(n * self.span)) < 500), 1 / 20
         )
@@ -93,7 +93,7 @@ class _InversePowerFamily(Family):
         return cls(curve=curve, first=first, last=last, kappa_max=_HEAVIEST_KAPPA, kappa_floor=_EXPONENTIAL_KAPPA)
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return a prior cost for exponents below 2, because light of a small source decays at least as 1 / l^2.
+        """Return a prior cost for exponents n below 2, because light of a small source decays at least as 1 / l^2.
 
         Clear evidence outweighs it: n = 1 costs 1.1, and no exponent costs more than 3.8, the square of the half width
         of a 95 % interval in standard deviations.
@@ -101,7 +101,7 @@ class _InversePowerFamily(Family):
         return np.asarray(np.minimum((np.maximum(np.log(2 * u[:, 2]), 0.0) / _FLAT_TAIL) ** 2, 3.8))
 
     def runs_away(self, ends: Any) -> bool:
-        """Return whether the inverse exponent 1 / n may be zero, so that the exponent n has no upper bound."""
+        """Return True if the readings allow an inverse exponent 1 / n of zero, so that n has no upper limit."""
         low, _, reached, _ = ends[2]
         return bool(not reached or low <= math.log(1.05 * float(self.bounds[0][2])))
 
@@ -129,7 +129,7 @@ class _InversePowerFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InversePower(SensorModel):
-    """Inverse power curve of the sensor output over distance, xi = scale / (l + l_0)^n of L(3).
+    """Inverse power sensor curve L(3): the output is xi = scale / (l + l_0)^n at the distance l.
 
     Args:
         scale: alpha beta psi > 0, in the unit of the output times m^n; it does not affect the motion.
@@ -181,7 +181,7 @@ class InversePower(SensorModel):
         recess: FloatArray,
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the factors of length and gain that map inverse power curves to one reference curve."""
+        """Return the length and gain factors that map inverse power curves to one reference curve."""
         # For g = -n / (l + l_0), lengths scale with s = L_0 / l_0, and the gain with s n / N.
         offset = np.asarray(values.get("distance_offset", self.distance_offset)) + recess
         exponent = np.asarray(values.get("exponent", self.exponent))

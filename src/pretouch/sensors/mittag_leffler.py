@@ -1,4 +1,4 @@
-"""Define the one-parameter Mittag-Leffler sensor curve, a generalization of the exponential curve."""
+"""Define the Mittag-Leffler sensor curve, a generalization of the exponential curve."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def mittag_leffler(
 
 
 def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Evaluate the Mittag-Leffler function and its derivative by an inverse Laplace transform on a parabola."""
+    """Evaluate the Mittag-Leffler function and its derivative by an inverse Laplace transform along a parabola."""
     # The sum inverts s^(alpha-1) / (s^alpha - z) at time one, and its derivative by z.
     # Orders have the shape (b, 1, 1), arguments (b, n). Half of the nodes suffice; the others are complex conjugates.
     step, mu = 3.0 / _NODES, math.pi * _NODES / 12
@@ -98,7 +98,7 @@ def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Evaluate the Mittag-Leffler function and its derivative by an integral that is accurate for small values."""
+    """Evaluate the Mittag-Leffler function and its derivative by an integral that stays accurate for small results."""
     # E_alpha(-x) = sin(delta) / (pi alpha) int exp(-(x e^v)^(1/alpha)) / (2 (cosh v - cos delta)) dv.
     # This is the transform on its branch cut at r = (x e^v)^(1/alpha), with delta = pi (1 - alpha). All terms are
     # positive, so the sum keeps its relative accuracy for any small E. The trapezoidal rule at half-integers has an
@@ -119,7 +119,7 @@ def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _MittagLefflerFamily(Family):
-    """Mittag-Leffler curves for a fit, described by mid-range log output, rate and order.
+    """Family of Mittag-Leffler curves for fits, with mid-range log output, rate and order as parameters.
 
     The fit parameters are u = (ln xi(l_m), ln -c, alpha), where l_m is the middle of the calibration window.
     """
@@ -139,7 +139,7 @@ class _MittagLefflerFamily(Family):
         return np.array([log_middle, math.log(-slope * (1 + bend)), 1 / (1 + 0.2 * bend)])
 
     def _relative(self, u: FloatArray, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the logarithm of the Mittag-Leffler function and its derivative with respect to the argument."""
+        """Return the logarithm of the Mittag-Leffler function and its derivative."""
         argument = -np.exp(u[..., 1, None]) * distance
         order = np.minimum(u[..., 2], 1.0).ravel()
         value, derivative = mittag_leffler(order, argument, accuracy=_ACCURACY)
@@ -177,7 +177,7 @@ class _MittagLefflerFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MittagLeffler(SensorModel):
-    """Mittag-Leffler curve of the sensor output, xi = a E_alpha(c l), which generalizes the exponential L(5).
+    """Mittag-Leffler sensor curve xi = a E_alpha(c l), a generalization of the exponential curve L(5).
 
     For alpha < 1 the curve decays algebraically.
 
@@ -210,7 +210,7 @@ class MittagLeffler(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c of the sensor curve [1/m] if the order alpha is 1, otherwise None."""
+        """The slope c [1/m] of the sensor curve if its order alpha is 1, otherwise None."""
         return self.rate if self.order == 1 else None
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:

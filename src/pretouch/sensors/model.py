@@ -1,4 +1,4 @@
-"""Define the base class of sensor curves: ln xi (log output), its slope g, and the valid distances."""
+"""Define the base class of sensor curves."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def parameter(
     of_output: str | None = None,
     largest: float = math.inf,
 ) -> Any:
-    """Declare a dataclass field as a parameter of a sensor curve, with its symbol, unit, sign and example.
+    """Declare a dataclass field as a parameter of a sensor curve, with symbol, unit, sign and example.
 
     Args:
         symbol: its symbol in the literature.
@@ -56,7 +56,7 @@ def parameter(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)  # subclasses define their own comparison
 class SensorModel(ABC):
-    """Base class of sensor curves, which provide log output and slope for the virtual force of L(2).
+    """Base class of sensor curves, which compute log output ln xi and slope g for the virtual force L(2).
 
     The virtual force is F_p = D_p xi'/xi = D_p g(l) l', so force, motion and design need only these two functions. A
     new curve is a frozen dataclass that inherits from this class and defines `_log_output` and `_log_slope`.
@@ -91,11 +91,11 @@ class SensorModel(ABC):
 
     @abstractmethod
     def _log_output(self, distance: FloatArray) -> FloatArray:
-        """Return the log output ln xi at distances that have been checked to be valid."""
+        """Return the log output ln xi at distances that were checked to be valid."""
 
     @abstractmethod
     def _log_slope(self, distance: FloatArray) -> FloatArray:
-        """Return the sensor slope g = d ln xi / dl [1/m] at distances that have been checked to be valid."""
+        """Return the sensor slope g = d ln xi / dl [1/m] at distances that were checked to be valid."""
 
     @property
     def valid_range(self) -> tuple[float, float]:
@@ -104,7 +104,7 @@ class SensorModel(ABC):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Distances [m] inside the valid range at which a higher derivative of the log output jumps."""
+        """Distances [m] at which a higher derivative of the log output is discontinuous."""
         low, high = self.valid_range
         return tuple(sorted(k for k in self._knots() if low < k < high))
 
@@ -113,12 +113,12 @@ class SensorModel(ABC):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope g of the sensor curve [1/m] if it is the same at every distance, otherwise None."""
+        """The slope g [1/m] of the sensor curve if it is equal at all distances, otherwise None."""
         return None
 
     @classmethod
     def _declared(cls) -> list[Field[Any]]:
-        """Return the dataclass fields that are parameters of the sensor curve, with the scale first."""
+        """Return those dataclass fields that are parameters of the sensor curve, with the scale first."""
         return [f for f in fields(cls) if "unit" in f.metadata]
 
     @property
@@ -128,21 +128,21 @@ class SensorModel(ABC):
 
     @property
     def bare(self) -> tuple[SensorModel, float]:
-        """The sensor curve without its recess, and the recess [m] behind the contact surface."""
+        """The sensor curve without recess, and the recess [m], which is its distance behind the contact surface."""
         return self, 0.0
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """The SI unit of each parameter of the sensor curve, by name; an empty text for a pure number."""
+        """The SI units of the sensor curve's parameters by name, with an empty text for a dimensionless parameter."""
         return {f.name: f.metadata["unit"] for f in self._declared()}
 
     def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
-        """Return a copy of the sensor curve with new values of some parameters, in SI."""
+        """Return a copy of the sensor curve in which some parameters have new values in SI units."""
         return replace(self, **values)
 
     @classmethod
     def fit_start(cls, slope: float, curvature: float, middle: float) -> Mapping[str, float] | None:  # noqa: ARG003
-        """Return start parameters for fitting this sensor curve, without the scale.
+        """Return start parameters for fitting this sensor curve, without its scale.
 
         Args:
             slope: g in the middle of the window [1/m].
@@ -160,7 +160,7 @@ class SensorModel(ABC):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return factors of length and gain that map curves with other parameters to one reference curve, or None.
+        """Return the length and gain factors that map similar curves to one reference curve, or None if there are none.
 
         Args:
             values: arrays of the parameters that differ.
@@ -175,27 +175,27 @@ class SensorModel(ABC):
         return dict(plain(content))
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:  # noqa: ARG002 - for subclasses
-        """Return the exact derivative with respect to a curve parameter, or None to use a numerical one."""
+        """Return the exact derivative with respect to a curve parameter, or None if only a numerical one exists."""
         return None
 
     @final
     def log_output(self, distance: ArrayLike) -> Any:
-        """Evaluate the log output ln xi(l) at valid distances l [m]; a scalar distance gives a float."""
+        """Return the log output ln xi(l) at valid distances l [m], as a float for a single distance."""
         return self._like(distance, self._log_output(self._checked(distance)))
 
     @final
     def log_slope(self, distance: ArrayLike) -> Any:
-        """Evaluate the slope g(l) = d ln xi / dl [1/m] at valid distances l [m]; a scalar gives a float."""
+        """Return the slope g(l) = d ln xi / dl [1/m] at valid distances l [m], as a float for a single distance."""
         return self._like(distance, self._log_slope(self._checked(distance)))
 
     @final
     def output(self, distance: ArrayLike) -> Any:
-        """Evaluate the sensor output xi(l) in the unit of the calibration at valid distances l [m]."""
+        """Return the sensor output xi(l), in the unit of the calibration, at valid distances l [m]."""
         return self._like(distance, np.exp(self._log_output(self._checked(distance))))
 
     @final
     def contains(self, distance: ArrayLike) -> BoolArray:
-        """Return which distances l [m] lie inside the valid range of the sensor curve."""
+        """Return True where a distance l [m] lies inside the valid range of the sensor curve."""
         low, high = self.valid_range
         values = _distances(distance)
         return np.asarray((values >= low) & (values <= high))
@@ -223,7 +223,7 @@ class SensorModel(ABC):
 
 
 def _distances(distance: ArrayLike) -> FloatArray:
-    """Convert distances [m] to an array of floats and refuse texts, booleans and other values that are no numbers."""
+    """Convert distances [m] to a float array, and refuse values that are not numbers."""
     values = np.asarray(distance)
     if values.dtype.kind == "f" or are_numbers(distance):
         return np.asarray(values, dtype=np.float64)
@@ -233,7 +233,7 @@ def _distances(distance: ArrayLike) -> FloatArray:
 
 
 def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
-    """Check that a curve parameter has its declared sign and does not exceed its declared limit."""
+    """Check that the value of a curve parameter has the declared sign and magnitude."""
     sign, (_, largest) = metadata["sign"], metadata["domain"]
     if (sign != "positive" or value > 0) and (sign != "negative" or value < 0) and value <= largest:
         return
@@ -243,7 +243,7 @@ def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
 
 
 def _number(value: Any, name: str, unit: str) -> float:
-    """Check that a value is a single finite number, and return it as a float."""
+    """Check that a value is a single finite number, and return the number as a float."""
     number = finite(value, name, unit)
     if not isinstance(number, float):
         raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected a single number")
@@ -251,14 +251,14 @@ def _number(value: Any, name: str, unit: str) -> float:
 
 
 def _limit(value: Any, name: str) -> float:
-    """Check that a distance limit [m] is a single number, which may be infinite."""
+    """Check that a distance limit [m] is a single number or infinity."""
     return float(value) if isinstance(value, float) and math.isinf(value) else _number(value, name, "m")
 
 
 def cache_by_curve(
     size: int,
 ) -> Callable[[Callable[Concatenate[SensorModel, P], R]], Callable[Concatenate[SensorModel, P], R]]:
-    """Cache up to `size` results of a function whose first argument is a sensor curve."""
+    """Cache the results of a function that has a sensor curve as its first argument, up to `size` results."""
     # Equal curves share their results. Curves compare by their fields, so one with another attribute is not cached.
 
     def decorate(function: Callable[Concatenate[SensorModel, P], R]) -> Callable[Concatenate[SensorModel, P], R]:
@@ -274,7 +274,7 @@ def cache_by_curve(
 
 
 def _has_only_fields(sensor: SensorModel) -> bool:
-    """Return whether a sensor curve has no attributes that its dataclass fields do not determine."""
+    """Return True if a sensor curve has no attributes besides those that its dataclass fields determine."""
     attributes = getattr(sensor, "__dict__", None)
     if attributes:
         others = attributes.keys() - {f.name for f in fields(sensor)}
@@ -285,7 +285,7 @@ def _has_only_fields(sensor: SensorModel) -> bool:
 
 
 def is_built_in(sensor: SensorModel) -> bool:
-    """Return whether a sensor curve is defined by pretouch and does not call functions of the user."""
+    """Return True if a sensor curve comes from pretouch and calls no user-defined functions."""
     cls: Any = type(sensor)
     cached: bool | None = cls.__dict__.get("_built_in")
     if cached is not None:
@@ -298,7 +298,7 @@ def is_built_in(sensor: SensorModel) -> bool:
 
 
 def innermost(sensor: SensorModel) -> SensorModel:
-    """Return the sensor curve inside a recessed sensor, or the curve itself if it is not recessed."""
+    """Return the sensor curve inside a recessed sensor, or the given curve if it is not recessed."""
     while isinstance(inner := getattr(sensor, "sensor", None), SensorModel):
         sensor = inner
     return sensor

@@ -1,4 +1,4 @@
-"""Describe a sensor that is mounted behind the contact surface."""
+"""Describe a sensor that is mounted behind the contact surface of the robot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ROUNDING: Final = 1e-12  # relative; a recess equal to the start of the curve m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recessed(SensorModel):
-    """A sensor curve whose sensor is mounted behind the contact surface, at a distance called recess.
+    """A sensor curve of a sensor that is mounted behind the contact surface by a distance called recess.
 
     The output of reflective sensors peaks or saturates in the near field. A sensor that is recessed behind the contact
     surface by the start of its usable window works only in the falling part of its curve.
@@ -68,7 +68,7 @@ class Recessed(SensorModel):
 
     @property
     def bare(self) -> tuple[SensorModel, float]:
-        """The sensor curve without its recess, and the recess [m] behind the contact surface."""
+        """The sensor curve without recess, and the recess [m], which is its distance behind the contact surface."""
         return self.sensor, self.recess
 
     @property
@@ -77,7 +77,10 @@ class Recessed(SensorModel):
         return {**self.sensor.parameter_units, "recess": "m"}
 
     def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
-        """Return the recessed sensor with new parameters, valid on the whole range of the inner curve."""
+        """Return a copy of the recessed sensor with new parameters.
+
+        The copy is valid on the whole range of the inner curve.
+        """
         curve = {name: value for name, value in values.items() if name != "recess"}
         inner = self.sensor.with_parameters(curve) if curve else self.sensor
         return Recessed(sensor=inner, recess=values.get("recess", self.recess))
@@ -87,7 +90,7 @@ class Recessed(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope of the inner sensor curve [1/m] if it is the same at every distance, otherwise None."""
+        """The slope [1/m] of the inner sensor curve if it is equal at all distances, otherwise None."""
         return self.sensor.constant_log_slope
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
@@ -110,13 +113,16 @@ class Recessed(SensorModel):
         return np.asarray(self.sensor.log_slope(self._sensor_distance(distance)))
 
     def _sensor_distance(self, distance: FloatArray) -> FloatArray:
-        """Return distances from the sensor's own zero, limited to the valid range because sums are rounded."""
+        """Return distances measured from the sensor itself instead of the contact surface.
+
+        They are limited to the valid range because sums are rounded.
+        """
         low, high = self.sensor.valid_range
         return np.clip(distance + self.recess, low, high)
 
 
 def recess_in_words(nearest: float) -> str:
-    """Return the recess that puts contact where a curve starts [m from the sensor's zero], rounded up to whole um.
+    """Return as text the recess that puts contact at the nearest usable distance, rounded up to whole micrometers.
 
     Examples:
         >>> recess_in_words(0.0075), recess_in_words(0.0123441)

@@ -16,7 +16,7 @@ _HOME: Final = "pretouch."
 
 
 def sensor_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, type[SensorModel]]:
-    """Return the classes of sensor curves that files and fits can select by name.
+    """Return all classes of sensor curves that scenario files and fits can select by name.
 
     Args:
         fitted: return only curves that can be fitted to a calibration.
@@ -52,7 +52,10 @@ CURVE_KINDS: Final = Extensions(
 
 
 def find_curve(name: str) -> type[SensorModel] | None:
-    """Return the curve of a name: built in, defined by the calling program, or of an installed package; else None."""
+    """Return the class of sensor curves with a given name, or None if no class has this name.
+
+    Built-in classes, classes of the calling program and those of installed packages are searched.
+    """
     curve: type[SensorModel] | None = sensor_curves(foreign=True).get(name) or CURVE_KINDS.find(name)
     return curve
 
@@ -65,6 +68,6 @@ def _subclasses(cls: type[SensorModel]) -> Iterator[type[SensorModel]]:
 
 
 def _is_fitted(curve: type[SensorModel]) -> bool:
-    """Return whether a sensor curve class can be fitted, by `fit_start` or by a curve family of its own."""
+    """Return True if a class of sensor curves can be fitted to readings."""
     has_start = any("fit_start" in vars(cls) for cls in curve.__mro__ if cls is not SensorModel)
     return has_start or curve.family is not SensorModel.family

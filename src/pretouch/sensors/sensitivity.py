@@ -1,4 +1,4 @@
-"""Describe how sensor curves change with their parameters, and which curves are scaled copies of another."""
+"""Describe how a sensor curve changes with its parameters, and which changes only scale the curve."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pretouch._core.numbers import FloatArray, chebyshev_basis, chebyshev_extrem
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CurveSimilarity:
-    """Factors of length and gain that map sensor curves of one kind to one reference curve.
+    """Length and gain factors that map sensor curves of one class to one reference curve.
 
     With scaled lengths X = s x, the equation of motion keeps its form if the force does. Lengths are multiplied by
     `length` = s and the gain by `gain`.
@@ -41,7 +41,7 @@ _ROUNDING: Final = 1e-15  # relative rounding error of slopes; smaller differenc
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CurveSensitivity:
-    """Derivative of the log output ln xi of a sensor curve with respect to one of the curve's parameters.
+    """Derivative of the log output ln xi of a sensor curve with respect to one of its parameters.
 
     Up to a constant it equals output ln xi + shift g + stretch l g.
 
@@ -65,7 +65,7 @@ class CurveSensitivity:
 
 
 def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
-    """Differentiate a sensor curve with respect to one of its parameters, given by name."""
+    """Differentiate a sensor curve with respect to one parameter, which is given by name."""
     # If the class of the curve does not define it, dg/d(parameter) is computed from the polynomial through eleven
     # curves with the parameter within 5 % of its value. If values on one side are invalid, the other side is used. The
     # relative error is about 1e-11 if g is computed to rounding.
@@ -78,14 +78,14 @@ def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
 
 
 def _describes_own_curve(cls: type) -> bool:
-    """Return whether a class defines the parameter derivatives of its own curve, not of an inherited curve."""
+    """Return True if a class defines the parameter derivatives itself and does not inherit them."""
     # A subclass that overrides `_log_slope` but not `_sensitivity_to` has a curve that the latter does not describe.
     first = {name: next(c for c in cls.__mro__ if name in vars(c)) for name in ("_sensitivity_to", "_log_slope")}
     return issubclass(first["_sensitivity_to"], first["_log_slope"])
 
 
 def _by_differences(sensor: Any, name: str) -> SlopeSensitivity:
-    """Differentiate the slope of a sensor curve numerically with respect to one of the curve's parameters."""
+    """Differentiate the slope of a sensor curve numerically with respect to one parameter."""
     value = float(getattr(sensor, name))
     half = _WINDOW * abs(value) or 1e-3
     error: InvalidInputError | None = None

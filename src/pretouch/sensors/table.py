@@ -1,4 +1,4 @@
-"""Define sensor curves through given points: a monotone table, and piecewise cubic polynomials."""
+"""Define sensor curves that interpolate measured points."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .model import SensorModel, _limit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table(SensorModel):
-    """Sensor curve through measured points, with the log output interpolated by a monotone piecewise cubic.
+    """Sensor curve through measured points, whose log output is interpolated by a monotone piecewise cubic.
 
     The interpolant (Fritsch and Carlson, SciPy's `PchipInterpolator`) has a continuous slope g and falls as the table
     does. The curve is valid between its first and its last distance.
@@ -91,7 +91,7 @@ def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> An
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PiecewiseCubic(SensorModel):
-    """Sensor curve whose log output is a cubic polynomial on each interval between given points.
+    """Sensor curve whose log output is a cubic polynomial between each two neighboring points.
 
     The slopes at both ends of each interval are given as well.
 
@@ -140,7 +140,7 @@ class PiecewiseCubic(SensorModel):
         return self.distances
 
     def coefficients(self) -> FloatArray:
-        """Return the four polynomial coefficients of the log output on each interval."""
+        """Return the four polynomial coefficients of the log output for each interval between points."""
         # In ln xi = sum c_k z^k, z is l minus the middle of the interval [m]. The result has the shape (N - 1, 4).
         width = np.diff(self.distances)
         (near, far), slopes = np.array([self.log_outputs[:-1], self.log_outputs[1:]]), np.array(self.slopes)
@@ -155,7 +155,7 @@ class PiecewiseCubic(SensorModel):
         )
 
     def part(self, low: float, high: float) -> PiecewiseCubic:
-        """Return the part of this sensor curve between two valid distances [m]."""
+        """Return the section of this sensor curve between two valid distances [m]."""
         inside = [d for d in self.distances if low < d < high]
         edges = np.array([low, *inside, high])
         _, c1, c2, c3 = (c := self.coefficients()).T

@@ -1,4 +1,4 @@
-"""Model the sensor chain, which turns distances into delayed, noisy readings, and the timing of the loop.
+"""Model the sensor chain, which turns distances into delayed and noisy readings.
 
 The stability of a loop depends on the motion and on its timing: when it samples, when its force acts, and for how long.
 """
@@ -28,7 +28,7 @@ _LONGEST_BEAT: Final = 102  # readings: by Dirichlet's theorem, a beat of at mos
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorChain:
-    """Model of a sensor: exposure, offset, noise, clipping, quantization, dropouts and delay, in this order.
+    """Model of a sensor with exposure, offset, noise, clipping, quantization, dropouts and delay, in this order.
 
     The k-th exposure starts at phase + k / rate, shifted by its jitter, and the output is averaged over it. The sensor
     deviates from its curve by the misfit h: its output has the logarithm ln xi + h(l). Here h is a smooth random
@@ -137,7 +137,7 @@ class SensorChain:
         return self.exposure / 2 + self.delay
 
     def numbers(self) -> tuple[float, ...]:
-        """Return the parameters of the sensor chain in the order of the compiled core."""
+        """Return the parameters of the sensor chain in the order that the compiled simulation expects."""
         # The structure is pretouch_chain in native/core/pretouch.h; booleans are 0 or 1.
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
@@ -147,7 +147,7 @@ class SensorChain:
         )
 
     def rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the sensor chain, except optional ones that are zero."""
+        """Yield table rows with the parameters of the sensor chain, without optional parameters that are zero."""
         yield "readings", f"{format_quantity(self.rate, 'Hz')}, one every {format_quantity(self.period, 's')}"
         start = f"after {format_quantity(self.phase, 's')} in every run"
         yield "first exposure", "at a random time within the period, in each run" if self.random_phase else start
@@ -178,7 +178,7 @@ class SensorChain:
 
 @check_arguments
 def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: float = 0.0) -> SensorChain:
-    """Return a sensor chain with the noise, misfit, offset, resolution and saturation of a calibration.
+    """Return a sensor chain with the noise, misfit, offset, resolution and saturation level of a calibration.
 
     Args:
         fit: a fit by `fit_sensor` or `rank_models`; its noise is that of a single reading.
@@ -207,7 +207,7 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
-    """Timing of a sampled loop: rate of sensor readings, delay of the force, and duration of the force.
+    """Timing of a sampled loop: the rate of the sensor readings, and the delay and duration of the virtual force.
 
     Args:
         rate: readings per second 1/T > 0 [Hz].
@@ -263,12 +263,12 @@ class LoopTiming:
 
     @property
     def holding(self) -> float:
-        """The time for which the force computed from two readings acts [s]."""
+        """The time [s] for which the controller applies a virtual force that it computed from two readings."""
         return self.period if self.hold is None else self.hold
 
     @property
     def filters(self) -> tuple[tuple[float, ...], ...]:
-        """All filter sections that a reading passes, with the smoothing filter as the last one."""
+        """All filters through which a reading passes, with the smoothing filter as the last one."""
         if self.smoothing == 0:
             return tuple(self.sections)
         kept = math.exp(-self.holding / self.smoothing)
@@ -326,7 +326,7 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
 
 
 def _waits(chain: SensorChain, period: float) -> tuple[float, float]:
-    """Return the longest and the shortest time [s] that a reading waits for the next controller step."""
+    """Return the longest and the shortest time [s] that a finished reading waits for the next controller step."""
     step = min(period, chain.period)  # a newer reading replaces one that still waits
     ratio = max(chain.period, period) / step
     deviation = abs(ratio - round(ratio))

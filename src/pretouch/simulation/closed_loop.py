@@ -1,4 +1,4 @@
-"""Combine sensor chain, controller, robot and contact into a loop that runs encounters with any gain."""
+"""Combine sensor chain, controller, robot and contact model into a loop that simulates encounters."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TOLERANCE: Final = 1e-6  # relative change of the drag at which this iteration 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoop:
-    """A sampled loop without encounter and gain: sensor chain, controller, robot and contact force.
+    """The model of a sampled control loop: sensor chain, controller, robot and contact force.
 
     Called with a scenario, a sensor and gains, it solves encounters like `find_contact`. So `design_gain` and
     `design_robust_gain` accept it as the argument `evaluate`. With the law and the chain of the example of `simulate`,
@@ -88,7 +88,7 @@ class ClosedLoop:
         whole(self.first_run, "first_run", 0, 2**62)
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike) -> ContactResult:
-        """Simulate encounters until contact.
+        """Simulate encounters in the sampled loop until contact.
 
         The i-th encounter of the scenario has the noise of run `first_run` + i, the same with every gain.
 
@@ -105,7 +105,7 @@ class ClosedLoop:
         return self._until_contact(scenario, (sensor,), gain)
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> ContactResult:
-        """Simulate encounters until contact, each with its own sensor curve."""
+        """Simulate encounters in the sampled loop until contact, each encounter with its own sensor curve."""
         return self._until_contact(scenario, tuple(sensors), gain, each=True)
 
     def _until_contact(
@@ -126,19 +126,19 @@ class ClosedLoop:
 
     @property
     def continuous(self) -> ContinuousLaw | None:
-        """The law in continuous time that the controller samples; None if the controller has none."""
+        """The continuous-time law that the controller approximates; None if the controller has no such law."""
         own = getattr(getattr(self.law, "law", self.law), "continuous", None)
         return None if own is None else continuous_law(own)
 
     def after(self, runs: int) -> ClosedLoop:
-        """Return the same loop, but with the sensor noise of later runs."""
+        """Return a copy of the loop that skips the random noise of the first runs."""
         # The noise of the first encounter is shifted by `runs`.
         return replace(self, first_run=self.first_run + runs)
 
     def run(
         self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike, *, runs: int | None = None
     ) -> SimulationResult:
-        """Simulate encounters, each with one gain.
+        """Simulate encounters in the sampled loop, each encounter with one gain.
 
         Args:
             scenario: the encounter, or an array of them.
@@ -152,11 +152,11 @@ class ClosedLoop:
         return result_of(self.encounters(scenario, (sensor,), gain, runs))
 
     def run_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> SimulationResult:
-        """Simulate encounters, each with its own sensor curve."""
+        """Simulate encounters in the sampled loop, each encounter with its own sensor curve."""
         return result_of(self.encounters(scenario, tuple(sensors), gain, None, each=True))
 
     def stability_limit(self, scenario: Scenario, sensor: SensorModel, value: float | None = None) -> GainLimit:
-        """Find the strongest gain of the law that is stable from the start of an encounter to its contact.
+        """Find the strongest gain with which the loop is stable at all distances from the start to contact.
 
         Args:
             scenario: the encounter.
@@ -192,7 +192,7 @@ class ClosedLoop:
     def stable_bounds(
         self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel, margin: float
     ) -> tuple[float, float]:
-        """Narrow the bounds of the gain to gains with a required gain margin; raise an error if there are none."""
+        """Narrow the bounds of the gain to gains with a required gain margin; raise an error if no such gain exists."""
         strongest = 0.0
         for _ in range(
             _ROUNDS
@@ -222,7 +222,7 @@ class ClosedLoop:
         *,
         each: bool = False,
     ) -> Loop:
-        """Build the loop for an array of encounters, with one sensor or a separate sensor for each."""
+        """Combine the loop with an array of encounters, which share one sensor or have one sensor each."""
         # If `gain` is None, the law keeps its own gain.
         law = self.continuous
         gains = np.asarray(0.0 if gain is None else finite(gain, "gain", "" if law is None else law.number.unit))
@@ -260,12 +260,12 @@ class ClosedLoop:
         )
 
     def _laws(self, gains: FloatArray) -> tuple[tuple[SampledLaw, ...], IntArray]:
-        """Return a controller for every distinct gain, and the index of the controller of each gain."""
+        """Return a controller for every distinct gain, and the index of the controller that belongs to each gain."""
         distinct, law_of = np.unique(gains, return_inverse=True)
         return tuple(self.law.with_value(float(g)) for g in distinct), law_of.reshape(gains.shape)
 
     def _check_admittance(self, scenario: Scenario) -> None:
-        """Raise an error if the encounter has another admittance than the controller."""
+        """Raise an error if the admittance of the encounter differs from the admittance of the controller."""
         admittance = getattr(self.law, "admittance", None)
         for name in _ADMITTANCE:
             in_scenario, in_law = getattr(scenario.admittance, name), getattr(admittance, name, None)
@@ -298,7 +298,7 @@ def loop_section(loop: ClosedLoop, *first: Row) -> PageSection:
 
 
 def loop_sentences(loop: ClosedLoop) -> Iterator[str]:
-    """Yield a plain-text sentence for each part of a sampled loop, such as sensor and robot."""
+    """Yield one sentence for each component of a sampled loop, such as the sensor and the robot."""
     yield (
         f"Sensor: {_joined(loop.chain.rows())}; the noise has a normal distribution and is independent between "
         "readings."
@@ -315,7 +315,7 @@ def _joined(rows: Iterable[Row]) -> str:
 
 
 def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
-    """Yield table rows with the seed of the noise and the duration of the runs."""
+    """Yield table rows with the seed of the noise and the duration of the simulated runs."""
     yield "seed of the noise", str(loop.seed)
     yield "longest time until contact", Measured(loop.horizon, "s")
     if loop.contact is not None:
@@ -323,14 +323,14 @@ def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
 
 
 def law_rows(law: SampledLaw) -> Iterable[Row]:
-    """Return table rows with the parameters of a controller, or with name and period of another law."""
+    """Return table rows with the parameters of a controller; for a user-defined law, its name and its period."""
     if isinstance(law, Controller):
         return law.rows()
     return ("law", type(law).__name__), ("period", Measured(law.period, "s"))
 
 
 def contact_rows(contact: ContactModel | None) -> Iterator[Row]:
-    """Yield table rows with the parameters of a contact force, or a row that says that there is none."""
+    """Yield table rows with the parameters of the contact force, or a row that says that there is none."""
     if contact is None:
         yield "contact", "no contact force: a run ends at the touch"
     else:

@@ -1,4 +1,4 @@
-"""Define the interface of sampled control laws that a simulation can run, with fixed or adjustable gain."""
+"""Define the interface of sampled control laws for simulations."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 
 @runtime_checkable
 class SampledLaw(Protocol):
-    """Interface of a sampled law, such as `pretouch.control.Controller`, that the simulated loop can run.
+    """Interface of a sampled control law, such as `pretouch.control.Controller`, that a simulated loop can run.
 
     Attributes:
         period: time between two steps [s].
@@ -23,13 +23,13 @@ class SampledLaw(Protocol):
 
     @property
     def step(self) -> Any:
-        """The function that computes one controller step, written in Python or compiled."""
+        """The Python function or compiled function that computes one controller step."""
 
     def parameters(self) -> Any:
-        """Return the parameters of the law; for a compiled step, a NumPy array or a ctypes structure."""
+        """Return the parameters of the control law; for a compiled step, a NumPy array or a ctypes structure."""
 
     def start(self, *, position: float, velocity: float) -> Any:
-        """Return the initial state of the law, for position [m] and velocity [m/s] relative to the reference.
+        """Return the controller's initial state for a position [m] and a velocity [m/s] relative to the reference.
 
         For a compiled step, the state is a NumPy array or a ctypes structure, which is copied for each run.
         """
@@ -37,7 +37,7 @@ class SampledLaw(Protocol):
 
 @runtime_checkable
 class TunableLaw(SampledLaw, Protocol):
-    """A law with an adjustable gain, such as `pretouch.control.Controller`."""
+    """Interface of a control law with an adjustable gain, such as `pretouch.control.Controller`."""
 
     def with_value(self, value: float) -> SampledLaw:
-        """Return the same law with another gain, such as D_p of a damper [N s]."""
+        """Return the same control law with another gain, such as D_p of a virtual damper [N s]."""

@@ -1,4 +1,4 @@
-"""Run encounters in the compiled simulator: pass the inputs to C++, and collect the results.
+"""Run the compiled C++ simulator of encounters, and collect its results.
 
 A compiled law is called by its address. A law in Python is called back, which costs some microseconds per step. An
 exception in such a law ends its runs and is raised again here.
@@ -120,7 +120,7 @@ class _Loop(Structure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loop(Value):
-    """Everything that determines simulated runs, so that every run can be repeated.
+    """All inputs of a set of simulated runs, from which each run can be repeated exactly.
 
     `shape` is the shape of the array of runs.
 
@@ -146,7 +146,7 @@ class Loop(Value):
 def run_loop(
     loop: Loop, which: IntArray, rows: int = 0, *, touches: int = TOUCHES, course_rows: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Simulate selected encounters in the compiled loop, on all cores if the law is compiled.
+    """Simulate selected encounters in compiled code, on all processor cores if the control law is compiled.
 
     Args:
         loop: the loop.
@@ -186,7 +186,7 @@ def run_loop(
 
 
 def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> tuple[_Loop, _PythonStep | None]:
-    """Fill the structures of the compiled loop with the inputs of selected encounters."""
+    """Copy the inputs of selected encounters to the data structures of the compiled simulation."""
     # The structure contains the output arrays of `run_loop`.
     scenes, period = _columns(loop, _scene_of(loop.scenario))[which], loop.laws[0].period
     course = loop.scenario.obstacle.course
@@ -222,7 +222,7 @@ def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> 
 
 
 def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _PythonStep | None]:
-    """Fill the structure of the compiled loop with parameters and initial states of the control laws."""
+    """Copy parameters and initial states of the control laws to the structures of the compiled simulation."""
     used_laws, law_of = np.unique(loop.law_of.ravel()[which], return_inverse=True)
     starts = np.column_stack([used_laws[law_of.ravel()], scenes[:, (0, 1)] - scenes[:, (5, 6)]])
     distinct, start_of = np.unique(starts, axis=0, return_inverse=True)
@@ -252,7 +252,7 @@ def _scene_of(s: Scenario) -> tuple[Any, ...]:
 
 
 def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
-    """Broadcast columns of inputs to all runs of a loop and stack them in one matrix."""
+    """Broadcast columns of inputs to all runs of a simulation and combine them into one matrix."""
     rows = np.empty((*loop.shape, len(columns)))
     for i, column in enumerate(columns):
         rows[..., i] = column
@@ -260,7 +260,7 @@ def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
 
 
 def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, float, float]]:
-    """Return a table for each sensor curve in use, up to the farthest distance that may occur."""
+    """Tabulate each sensor curve of the runs, up to the farthest distance that may occur."""
     sensor_of, distance = loop.sensor_of.ravel(), np.broadcast_to(loop.scenario.distance, loop.shape).ravel()
     curves = []
     for index in indices:
@@ -274,7 +274,7 @@ def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, floa
 
 @cache_by_curve(1024)  # the number of sensor samples of a robust design on a loop, or of a verdict
 def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
-    """Tabulate the log output ln xi so finely that cubic interpolation is accurate to 1e-12.
+    """Tabulate the log output ln xi densely enough for cubic interpolation with an error of 1e-12.
 
     Returns:
         Values of ln xi and its slopes times the step, shape (n, 2); the first distance and the step [m].
@@ -294,7 +294,7 @@ def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, f
 
 
 class _PythonStep:
-    """Adapter through which the compiled loop calls a control law that is written in Python.
+    """Adapter through which the compiled simulation calls a control law that is written in Python.
 
     It holds parameters and states; the compiled loop has their indices.
     """
@@ -333,7 +333,7 @@ def _to_sample(raw: RawSample) -> Sample:
 
 
 def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -> FloatArray:
-    """Copy parameters or states of control laws to a matrix for the compiled loop."""
+    """Copy parameters or states of control laws to a matrix for the compiled simulation."""
     # For a Python step, the matrix has indices. Rows are aligned to 8 bytes.
     if python_step is not None:
         return np.arange(len(parts), dtype=np.float64)[:, None]
@@ -352,6 +352,6 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
 
 
 def contact_step(contact: tuple[float, ...], inverse_mass: float, speed: float) -> float:
-    """Return the integration step during contact [s], 1/50 of the time scale of the contact."""
+    """Return the integration step during contact [s], which is 1/50 of the time scale of the contact."""
     # `inverse_mass` is 1 / reduced mass [1/kg], and `speed` the initial speed.
     return float(_contact_step(byref(_Contact(*contact)), inverse_mass, speed))

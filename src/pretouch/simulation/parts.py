@@ -1,4 +1,4 @@
-"""Describe the sensor chains of commercial sensors, with values and sources from data sheets."""
+"""Describe the sensor chains of commercial sensor components with values from data sheets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .chain import SensorChain
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorPart:
-    """A commercial sensor with the sensor chain that its data sheet describes.
+    """A commercial sensor, with a model of its readings that is based on its data sheet.
 
     The chain is a starting point: a calibration determines the noise better.
 
@@ -41,7 +41,7 @@ class SensorPart:
 
 @check_arguments
 def sensor_part(name: str) -> SensorPart:
-    """Look up a commercial sensor by its name.
+    """Return a commercial sensor, given its name.
 
     Args:
         name: a key of PARTS: "RPR-220", "VCNL4010", "VCNL4040", "VL53L5CX-4x4" or "VL53L5CX-8x8".

@@ -1,4 +1,4 @@
-"""Define the results of a simulation, and check the size and length of its runs."""
+"""Define the results of a simulation, and limit the number and duration of its runs."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _MOST_BUFFERED: Final = 1_000_000  # most undelivered readings
 
 
 def check_loop(loop: Loop) -> Loop:
-    """Check the numbers of a simulated loop and return the loop; raise an error for too many steps."""
+    """Check the inputs of a simulation and return them; raise an error if a run would have too many steps."""
     checked_numbers(loop.plant, loop.plant.coefficients(), COEFFICIENTS)
     if loop.contact is not None:
         checked_numbers(loop.contact, loop.contact.numbers(), CONTACT_NUMBERS)
@@ -63,7 +63,7 @@ def check_loop(loop: Loop) -> Loop:
 
 
 def refuse_too_many_runs(count: int) -> None:
-    """Raise an error for too many runs, before memory is allocated for them."""
+    """Raise an error if a simulation has too many runs, before memory is allocated for the runs."""
     if count > MOST_RUNS:
         size = 8 * count * (len(RESULT_COLUMNS) + TOUCHES * len(CONTACT_COLUMNS))
         raise InvalidInputError(
@@ -108,14 +108,14 @@ def _time(seconds: float) -> str:
 
 
 def whole(value: Any, name: str, least: int, most: int) -> int:
-    """Return an integer after checking that it lies in the allowed range."""
+    """Return an integer after checking that the integer lies in the allowed range."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
         raise InvalidInputError(f"{name}: found {value!r}, expected a whole number from {least} to {most}")
     return int(value)
 
 
 def runs_of(value: Any) -> int:
-    """Return a number of runs after checking that it is a positive integer and not too large."""
+    """Return a number of runs after checking that the number is a positive integer and not too large."""
     refuse_too_many_runs(runs := whole(value, "runs", 1, 2**63))
     return runs
 
@@ -125,7 +125,7 @@ _COURSE: Final = 8192  # steps in contact that a trace records: about fifty rebo
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LoopTrace(Value):
-    """Time series of one simulated run, with one element per controller step.
+    """Time series of one simulated run, with one value per controller step.
 
     Each array has the shape (n,).
 
@@ -170,7 +170,7 @@ class LoopTrace(Value):
 
 @dataclass(frozen=True, repr=False)
 class SimulationResult(Value):
-    """Result of `simulate`: floats for one run, or arrays of one shape for an array of runs.
+    """Result of `simulate`: single numbers for one run, or arrays of the same shape for an array of runs.
 
     Args:
         columns: the quantities by name, each of the shape of the runs.
@@ -226,7 +226,7 @@ class SimulationResult(Value):
 
     @property
     def touched(self) -> BoolArray:
-        """Which of the simulated runs reached contact."""
+        """Return which of the simulated runs ended in contact."""
         return np.asarray(self.columns["status"] == ContactStatus.CONTACT)
 
     def trace(self, index: int | tuple[int, ...] = ()) -> LoopTrace:
@@ -260,7 +260,7 @@ class SimulationResult(Value):
 
 
 def result_of(loop: Loop) -> SimulationResult:
-    """Simulate all encounters of a loop and return their results."""
+    """Simulate all encounters of a simulation and return the results."""
     shape = loop.shape
     refuse_too_many_runs(math.prod(shape))
     out, touches, _, _ = run_loop(loop, np.arange(math.prod(shape)))

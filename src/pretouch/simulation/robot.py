@@ -1,4 +1,4 @@
-"""Model how the robot follows the virtual object, and the contact force when the robot touches the obstacle."""
+"""Model how the robot follows its commanded motion, and the contact force between robot and obstacle."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Row = tuple[str, Cell]
 
 
 class PlantModel(ABC):
-    """Model of how the robot's contact surface follows the virtual object and yields to a contact force.
+    """Model of a robot whose contact surface follows the virtual object and yields to a contact force.
 
     The equation of motion is m x'' = f - friction(x') - F_contact, where f follows k (x_v - x) + d_v x_v' - d_x x' +
     m_f x_v'' at the servo's rate. A user-defined plant implements `coefficients`. A robot with more states, such as
@@ -51,16 +51,16 @@ class PlantModel(ABC):
     """Its name in a scenario file."""
 
     def system(self) -> Any:
-        """Return the `StateSpace` of a linear robot, which replaces all coefficients but the mass; else None."""
+        """Return the `StateSpace` of a linear robot; None for robots that `coefficients` describes completely."""
         return None
 
     @abstractmethod
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
+        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
         # The order is m, k, d_v, d_x, m_f, rate of the servo (0: no lag), Coulomb friction, friction speed.
 
     def rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the robot; by default, all coefficients."""
+        """Yield table rows with the parameters of the robot; by default, these are all coefficients."""
         yield "robot", type(self).__name__
         for (label, unit), value in zip(_WORDS.values(), self.coefficients(), strict=True):
             yield label, Measured(value, unit)
@@ -68,7 +68,7 @@ class PlantModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdealPlant(PlantModel):
-    """An ideal robot without mass, which follows the virtual object exactly as the letter assumes (Section II).
+    """An ideal robot without mass, which follows the virtual object exactly, as Section II of the letter assumes.
 
     The position of the plant is that of the virtual object, x = x_v.
 
@@ -78,7 +78,7 @@ class IdealPlant(PlantModel):
     kind: ClassVar[str] = "ideal"
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
+        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
         return (0.0,) * len(COEFFICIENTS)
 
     def rows(self) -> Iterator[Row]:
@@ -88,7 +88,7 @@ class IdealPlant(PlantModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpedancePlant(PlantModel):
-    """A robot mass behind an impedance controller, with friction and a force servo of finite bandwidth.
+    """A robot with mass and impedance controller, with friction and with a force controller of finite bandwidth.
 
     Args:
         mass: the *physical* reflected mass at the contact point m > 0 [kg], not the virtual mass M_a.
@@ -128,7 +128,7 @@ class ImpedancePlant(PlantModel):
             )
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
+        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
         rate = 0.0 if math.isinf(self.bandwidth) else 2 * math.pi * self.bandwidth
         own_damping = self.damping + (self.viscous_friction if rate == 0 else 0.0)
         ahead = self.mass if self.feedforward else 0.0
@@ -151,7 +151,7 @@ class ImpedancePlant(PlantModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionPlant(PlantModel):
-    """A position-controlled robot, which follows the virtual object with a second-order lag.
+    """A position-controlled robot, which follows the virtual object with second-order dynamics.
 
     The equation of motion is x'' = w^2 (x_v - x) - 2 zeta w x'.
 
@@ -181,7 +181,7 @@ class PositionPlant(PlantModel):
             )
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return mass, stiffness, damping, friction and servo rate of the robot, in SI units."""
+        """Return mass, stiffness, damping, friction and force-controller bandwidth of the robot, in SI units."""
         omega = 2 * math.pi * self.bandwidth
         return (self.mass, self.mass * omega**2, 0.0, 2 * self.damping_ratio * omega * self.mass, 0.0, 0.0, 0.0, 1.0)
 
@@ -202,7 +202,7 @@ PLANT_KINDS: Final = Extensions(
 
 
 def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, ...]) -> tuple[float, ...]:
-    """Return the numbers of a robot model or contact model after checking that they are finite."""
+    """Return the parameters of a robot model or contact model after checking that they are finite numbers."""
     if len(values) != len(names) or not all(map(math.isfinite, values)):
         raise InvalidInputError(
             f"{type(model).__name__}: found {values}, expected {len(names)} finite numbers: {', '.join(names)}"
@@ -211,7 +211,7 @@ def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, 
 
 
 def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the linear system from virtual force to position: admittance L(1) and plant, without Coulomb friction.
+    """Return the linear system from virtual force to position: admittance L(1) and robot, without Coulomb friction.
 
     Returns:
         A, B and C of s' = A s + B F_p, x = C s. The state s has the virtual position and velocity, then position,
@@ -251,7 +251,7 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
 
 
 def plant_step(plant: PlantModel, period: float) -> float:
-    """Return the integration step of a robot model [s], an integer fraction of the controller's period."""
+    """Return the integration step of a robot model [s], which divides the controller period into equal parts."""
     mass, stiffness, _, own_damping, _, servo, coulomb, friction_speed = plant.coefficients()
     if mass == 0:
         return period
@@ -266,7 +266,7 @@ def plant_step(plant: PlantModel, period: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactModel(ABC):
-    """Model of the normal contact force as a function of the depth of contact and its rate of change.
+    """Model of the normal contact force, which depends on the penetration depth and its rate of change.
 
     The force is F(d, d') >= 0 with the depth d = -l.
 
@@ -285,7 +285,7 @@ class ContactModel(ABC):
 
     @abstractmethod
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
+        """Return stiffness, damping and exponent of the contact force, and one divided by the mass of the obstacle."""
         # The fourth number says whether damping grows with depth.
 
     def rows(self) -> Iterator[Row]:
@@ -295,7 +295,7 @@ class ContactModel(ABC):
         yield "obstacle", "driven: it does not yield" if driven else f"of {format_quantity(self.obstacle_mass, 'kg')}"
 
     def force_rows(self) -> Iterator[Row]:
-        """Yield table rows with the parameters of the contact force; by default, all coefficients."""
+        """Yield table rows with the parameters of the contact force; by default, these are all coefficients."""
         stiffness, damping, exponent, grows, _ = self.numbers()
         yield "contact", type(self).__name__
         yield "stiffness", Measured(stiffness, "N/m^n")
@@ -305,7 +305,7 @@ class ContactModel(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HuntCrossley(ContactModel):
-    """Contact force with damping that grows with the depth, after Hunt and Crossley.
+    """Contact force with damping that grows with the penetration depth, after Hunt and Crossley.
 
     The force F = k d^n (1 + a d') starts and ends at 0.
 
@@ -336,7 +336,7 @@ class HuntCrossley(ContactModel):
             raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
+        """Return stiffness, damping and exponent of the contact force, and one divided by the mass of the obstacle."""
         return self.stiffness, self.dissipation * self.stiffness, self.exponent, True, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:
@@ -349,7 +349,7 @@ class HuntCrossley(ContactModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpringDamper(ContactModel):
-    """Contact force of a spring and a damper in parallel, the Kelvin-Voigt model.
+    """Contact force of a spring and a damper in parallel (Kelvin-Voigt model).
 
     It is F = max(0, k d + c d'). With c > 0, the force jumps at the touch.
 
@@ -372,7 +372,7 @@ class SpringDamper(ContactModel):
     damping: float = quantity("N*s/m", 0.0, sign="nonnegative")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
-        """Return stiffness, damping and exponent of the contact force, and the inverse mass of the obstacle."""
+        """Return stiffness, damping and exponent of the contact force, and one divided by the mass of the obstacle."""
         return self.stiffness, self.damping, 1.0, False, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:

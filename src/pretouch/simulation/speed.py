@@ -20,7 +20,7 @@ _LAG: Final = 0.25  # allowed motion within the lag, in detection distances; a d
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedLimit(Value):
-    """The highest approach speeds at which a loop with a virtual drag is stable, and reacts in time.
+    """The approach speeds up to which a loop with virtual drag is stable, and up to which the loop reacts in time.
 
     Args:
         stable: the approach speed v above which 2 phi g^2 |l'| exceeds the largest stable damping at some distance
@@ -37,7 +37,7 @@ class SpeedLimit(Value):
 
     @property
     def speed(self) -> float:
-        """The highest approach speed at which the loop is stable and also reacts in time [m/s]."""
+        """The highest approach speed [m/s] at which the loop is stable and also reacts in time."""
         return min(self.stable, self.timely)
 
 
@@ -51,7 +51,7 @@ def speed_limit(
     detection_distance: float,
     plant: PlantModel | None = None,
 ) -> SpeedLimit:
-    """Find the highest approach speeds at which a loop with a virtual drag is stable, and reacts in time.
+    """Find the approach speeds up to which a loop with virtual drag is stable, and up to which it reacts in time.
 
     Args:
         sensor: the sensor curve.

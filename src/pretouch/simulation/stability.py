@@ -1,4 +1,4 @@
-"""Compute the largest stable gain of the sampled loop, and the lowest sensor rate that a gain needs."""
+"""Compute the largest stable gain of the sampled loop, and the lowest sensor rate at which a gain is stable."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class DampingLimit(Value):
 
     @property
     def is_certified(self) -> bool:
-        """Whether eigenvalues confirm that the loop is stable below the limit and unstable above it."""
+        """True if eigenvalues confirm that the loop is stable below the limit and unstable above the limit."""
         if self.damping == 0:
             return self.radius_above > 1
         return self.radius_below < 1 < self.radius_above or math.isinf(self.damping)
@@ -63,7 +63,7 @@ class DampingLimit(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainLimit(Value):
-    """The strongest gain of a law with which the sampled loop is stable, at each distance.
+    """The strongest gain of a control law with which the sampled loop is stable, at each distance.
 
     Args:
         distance: l [m], shape (n,).
@@ -80,16 +80,16 @@ class GainLimit(Value):
 
     @property
     def strongest(self) -> float:
-        """The strongest gain that is stable at every distance, such as D_p [N s]."""
+        """The strongest gain, such as D_p [N s], with which the loop is stable at every distance."""
         return float(self.gain[np.abs(self.gain).argmin()])
 
     @property
     def critical_distance(self) -> float:
-        """The distance [m] at which the strongest stable gain is smallest in magnitude."""
+        """The distance [m] at which the magnitude of the strongest stable gain is smallest."""
         return float(self.distance[np.abs(self.gain).argmin()])
 
     def allowed(self, margin: float = 2.0) -> float:
-        """Return the largest gain magnitude that keeps a gain margin to instability.
+        """Return the largest magnitude of the gain that still has the required gain margin.
 
         It is the limit for a `Constraint(name="gain")`.
 
@@ -108,7 +108,7 @@ class GainLimit(Value):
         return abs(self.strongest) / margin
 
     def bounds(self, *, margin: float = 2.0, weakest: float = -1e-3) -> tuple[float, float]:
-        """Return bounds of the gain that keep a gain margin; raise an error if no gain does."""
+        """Return bounds that contain only gains with the required gain margin; raise an error if no gain has it."""
         n, unit = self.law.number, pretty_unit(self.law.number.unit)
         strongest = n.sign * self.allowed(margin)
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
@@ -120,7 +120,7 @@ class GainLimit(Value):
 
 
 def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
-    """Return distances from contact to the farthest start [m], within the valid range of the sensor."""
+    """Return distances [m] from contact to the farthest start, within the usable range of the sensor."""
     low, high = sensor.valid_range
     first = max(low, 0.0)
     return np.linspace(first, max(min(farthest, high), first), _PLACES)
@@ -129,7 +129,7 @@ def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
 def passage(
     law: ContinuousLaw, scenario: Scenario, sensor: SensorModel, value: float, farthest: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Return the distances that an encounter passes [m], and relative velocities if damping depends on them."""
+    """Return the distances [m] that an encounter covers, and relative velocities if the damping depends on them."""
     if law.degree == 1:
         return passed_distances(sensor, farthest), None
     motion = law.motion(scenario, sensor, value)
@@ -138,7 +138,7 @@ def passage(
 
 @check_arguments
 def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:
-    """Find the largest damping d, such as D_p g, at which the sampled loop with admittance L(1) is stable.
+    """Find the largest virtual damping d, such as D_p g, with which the sampled loop with admittance L(1) is stable.
 
     The linear loop is discretized exactly. Its eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and
     negative. The phase crossover of P with the smallest d is the limit, and the eigenvalues of the closed loop below
@@ -193,7 +193,7 @@ def gain_limit(
     law: ContinuousLaw = DAMPER,
     relative_velocity: ArrayLike | None = None,
 ) -> GainLimit:
-    """Find the strongest gain of a law with which the sampled loop, linearized at each distance, is stable.
+    """Find the strongest gain with which the sampled loop is stable, linearized at each distance of an encounter.
 
     By default it is the gain D_p of the admittance L(1) with the virtual force L(2). For any law with a force
     proportional to its gain, it is the largest damping over the damping of the gain 1. An active drag suspends spring
@@ -229,7 +229,7 @@ def gain_limit(
 def _linearize(
     law: ContinuousLaw, sensor: SensorModel, admittance: Admittance, distance: ArrayLike, relative_velocity: Any
 ) -> tuple[FloatArray, FloatArray, Admittance]:
-    """Return the damping that a law has with a gain of 1, at each distance [m]."""
+    """Return the virtual damping of a control law with a gain of 1, at each distance [m]."""
     # The active admittance is returned as well. A law with unknown damping is refused.
     distances = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
     slope = np.abs(np.asarray(sensor.log_slope(distances)))
@@ -264,7 +264,7 @@ def lowest_rate(
     law: ContinuousLaw = DAMPER,
     relative_velocity: ArrayLike | None = None,
 ) -> float:
-    """Find the sensor rate above which a gain is stable at every rate and every distance.
+    """Find the sensor rate above which the loop with a given gain is stable at every rate and every distance.
 
     The limit on the gain does not always grow with the rate: it has local minima. A gain near a minimum is unstable
     between two rates, and stable again below the lower one; the result is the upper one. So the lowest rate jumps when
@@ -323,7 +323,7 @@ def lowest_rate(
 
 
 def _last_change(spare: Callable[[float], float], top: float) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return the highest interval below `top` in which a function becomes negative.
+    """Return the highest interval below `top` in which the sign of a function changes.
 
     If a minimum between three points of the scan may be negative, it is searched for.
     """

@@ -1,4 +1,4 @@
-"""Robots as linear state spaces of any order: flexible joints, motors, and delays by Pade approximations."""
+"""Model robots as linear state-space systems of any order, for example with flexible joints."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ERROR: Final = 1e-9  # largest relative rounding of a condition on the matrices
 
 @dataclass(frozen=True, kw_only=True)
 class StateSpace:
-    """A linear robot w' = A w + B u, x = C w, with u = (x_v, x_v', x_v'', F).
+    """A linear robot w' = A w + B u, x = C w, with the states w and the inputs u = (x_v, x_v', x_v'', F).
 
     x is the position of the contact surface. x_v is the position of the virtual object that the robot follows, and F a
     force on the contact surface in the direction of x. All numbers are SI.
@@ -72,18 +72,18 @@ class StateSpace:
 
     @cached_property
     def arrays(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """A, B and C as arrays."""
+        """The state-space matrices A, B and C as arrays."""
         return np.array(self.a), np.array(self.b), np.array(self.c)
 
     @property
     def inverse_mass(self) -> float:
-        """1 / the mass that a force feels at first [1/kg]."""
+        """The inverse [1/kg] of the mass that a sudden contact force accelerates at first."""
         a, b, c = self.arrays
         return float(c @ a @ b[:, 3])
 
     @cached_property
     def steady(self) -> FloatArray:
-        """The states at x = 1 m at rest, and at x = 0 with x' = 1 m/s in steady motion, shape (n, 2)."""
+        """The steady states at the position x = 1 m, and at a velocity of 1 m/s at x = 0, with the shape (n, 2)."""
         a, b, c = self.arrays
         rest = _solved(a, c, -b[:, 0], 1.0, "a virtual object at rest")
         moving = _solved(a, c, rest - b[:, 1], None, "a virtual object of constant velocity")
@@ -91,7 +91,7 @@ class StateSpace:
 
     @cached_property
     def basis(self) -> FloatArray:
-        """Rows that turn the states into x, x' and n - 2 hidden states, shape (n, n)."""
+        """Matrix of shape (n, n) that converts the states to position, velocity and n - 2 remaining states."""
         a, _, c = self.arrays
         first = np.array([c, c @ a])
         hidden = np.linalg.svd(first)[2][2:]
@@ -99,7 +99,7 @@ class StateSpace:
 
     @property
     def fastest(self) -> float:
-        """The largest magnitude of an eigenvalue [rad/s]."""
+        """The largest magnitude of an eigenvalue of the matrix A [rad/s]."""
         return float(np.abs(np.linalg.eigvals(self.arrays[0])).max())
 
 
@@ -108,7 +108,7 @@ def _as_tuple(matrix: FloatArray) -> Any:
 
 
 def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | None, what: str) -> FloatArray:
-    """Solve A w = right, with the output C w if it is given; refuse a robot that cannot follow."""
+    """Solve the linear system A w = right for the states w; raise an error if the robot cannot follow its input."""
     rows = a if output is None else np.vstack([a, c])
     values = right if output is None else np.append(right, output)
     scale = np.abs(rows).max(axis=1, initial=0.0)
@@ -121,7 +121,7 @@ def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | Non
 
 
 def native_rows(system: StateSpace) -> tuple[FloatArray, FloatArray]:
-    """Return the blocks `rows` and `starts` of pretouch_state_space in native/core/pretouch.h."""
+    """Return the matrices of the state space in the form that the compiled simulation expects."""
     a, b, _ = system.arrays
     basis = system.basis
     back = np.linalg.inv(basis)
@@ -130,21 +130,21 @@ def native_rows(system: StateSpace) -> tuple[FloatArray, FloatArray]:
 
 
 class LinearPlant(PlantModel):
-    """A robot that is a linear state space; a user-defined one implements `system`."""
+    """A linear robot in state-space form; a user-defined robot implements the method `system`."""
 
     __slots__ = ()
 
     @abstractmethod
     def system(self) -> StateSpace:
-        """Return the state space of the robot."""
+        """Return the state-space model of the robot."""
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return the mass that a contact force feels at first [kg]; the other coefficients are those of no drive."""
+        """Return the coefficients of a robot without drive, with the mass [kg] that a contact force accelerates."""
         numbers = dict.fromkeys(COEFFICIENTS, 0.0) | {"mass": 1 / self.system().inverse_mass, "friction_speed": 1.0}
         return tuple(numbers.values())
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield the rows of a report on the robot: its states, its mass and its eigenvalues."""
+        """Yield table rows with the states, the mass and the eigenvalues of the robot."""
         system = self.system()
         yield "robot", f"{type(self).__name__}: a linear state space"
         yield "states", ", ".join(system.states)
@@ -154,7 +154,7 @@ class LinearPlant(PlantModel):
 
 @dataclass(frozen=True, kw_only=True)
 class StateSpacePlant(LinearPlant):
-    """A robot that is described by its matrices; see `StateSpace`.
+    """A linear robot that is described by its state-space matrices; see `StateSpace`.
 
     Args:
         states: the names of the n states.
@@ -189,5 +189,5 @@ class StateSpacePlant(LinearPlant):
             object.__setattr__(self, name, getattr(system, name))
 
     def system(self) -> StateSpace:
-        """Return the state space of the robot."""
+        """Return the state-space model of the robot."""
         return StateSpace(states=self.states, a=self.a, b=self.b, c=self.c)

@@ -1,4 +1,4 @@
-"""Compute contacts or designs over grids of inputs; sweeps run in parallel, resume, and return datasets."""
+"""Solve encounters or find optimal gains over a grid of inputs, in parallel and with the option to resume."""
 
 from .axes import Axes, Axis
 from .executors import Progress

@@ -1,4 +1,4 @@
-"""Define the axes of a sweep, and which inputs of a task they can vary."""
+"""Define the axes of a sweep, which are inputs of a task that vary over a grid."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _IMPACT_UNITS: Final = {
 
 
 def with_input(task: Task, name: str, value: float) -> Task:
-    """Return a task with another value of an input of the sensor, impact, constraints or objective."""
+    """Return a copy of the task in which an input of sensor, impact, constraints or objective has a new value."""
     part, _, rest = name.partition(".")
     if part == "sensor":
         return replace(task, sensor=sensor_with(task.sensor, {rest: value}))
@@ -92,16 +92,16 @@ class Axis(Value):
 
     @property
     def looped(self) -> bool:
-        """Whether each value of this axis needs its own call of the solver, as for sensor parameters."""
+        """True if each value of this axis needs a separate call of the solver, as for sensor parameters."""
         return any(name not in ENCOUNTER_INPUTS for name in self.columns)
 
     def at(self, which: slice | FloatArray | Any) -> Axis:
-        """Return the sweep axis with a selection of its values."""
+        """Return the sweep axis with only some of its values."""
         return replace(self, columns={name: values[which] for name, values in self.columns.items()})
 
 
 def make_axes(axes: Axes, task: Task) -> tuple[Axis, ...]:
-    """Check the axes of a sweep and return them; raise an error for unknown inputs or missing values."""
+    """Check and return the axes of a sweep; raise an error for unknown inputs or missing values."""
     if not axes:
         raise InvalidInputError(
             'axes: found none, expected input names and values, such as {"obstacle.velocity": [-0.3, -0.2]}'
@@ -146,7 +146,7 @@ def _values(name: str, values: Any, units: Mapping[str, str]) -> FloatArray:
 
 
 def _unit(name: str, units: Mapping[str, str], option: str) -> str:
-    """Return the unit of an input; for an unknown input, raise an error that suggests similar names."""
+    """Return the unit of an input; if the input is unknown, raise an error that suggests similar names."""
     if name not in units:
         similar = [key for key in units if key.rpartition(".")[2] == name]
         near = sorted(similar, key=lambda n: not n.startswith("obstacle.")) or get_close_matches(name, units, n=1)
@@ -156,7 +156,7 @@ def _unit(name: str, units: Mapping[str, str], option: str) -> str:
 
 
 def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
-    """Parse an axis that is given on the command line: the name of an input and its values.
+    """Parse a sweep axis from a command line argument, which contains the name of an input and its values.
 
     Args:
         text: `NAME=START:STOP:COUNT`, `NAME=START:STOP:COUNT:log` or `NAME=VALUE,VALUE,...`; values with units, or bare

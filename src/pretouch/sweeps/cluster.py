@@ -1,4 +1,4 @@
-"""Distribute the blocks of a sweep to Dask workers, which write their results to a Zarr folder."""
+"""Distribute a sweep over Dask workers, which write their results to a Zarr folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TIMEOUT: Final = "10 s"
 
 @contextmanager
 def connected(dask: Any) -> Iterator[Any]:
-    """Connect to a Dask scheduler and yield the client.
+    """Connect to a Dask scheduler, and yield the Dask client.
 
     Args:
         dask: the address of a scheduler, such as `tcp://10.0.0.1:8786`, or a `distributed.Client`, which is not closed.
@@ -82,7 +82,7 @@ def _open(path: str, plan: Plan) -> ZarrStore:
 
 
 def _run(store: ZarrStore, block: int) -> BlockRecord:
-    """Compute a block of encounters on a Dask worker, unless the block is already finished."""
+    """Compute a block of encounters on a Dask worker, unless another worker has finished the block."""
     _check_folder(store.path)  # without shared storage, zarr would create a new folder here
     if store.finished()[block]:
         return BlockRecord(encounters=store.size(block), repeated=True)

@@ -1,4 +1,4 @@
-"""Build the dataset of a sweep with units and provenance, and write or open NetCDF files."""
+"""Create the dataset with the results of a sweep, and write or open it as a NetCDF file."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _PROBES: Final = 17
 
 
 def attributes_of(plan: Plan) -> dict[str, Any]:
-    """Return the attributes of a dataset: all inputs of the sweep, software versions and the seed."""
+    """Return the metadata of a sweep: all its inputs, the software versions and the random seed."""
     # The seed is -1 if there is none.
     versions = {package: version(package) for package in _PACKAGES}
     inputs = _inputs_of(plan)
@@ -56,7 +56,7 @@ def attributes_of(plan: Plan) -> dict[str, Any]:
 
 
 def _inputs_of(plan: Plan) -> dict[str, Any]:
-    """Return all inputs of a sweep for JSON, in SI units."""
+    """Return all inputs of a sweep in SI units, in a form that JSON can represent."""
     # Columns of values are represented by their ends and a hash.
     task = plan.task
     parts = ("admittance", "obstacle", "plant", "reference")
@@ -88,7 +88,7 @@ def differing_parts(attributes: dict[str, Any], plan: Plan) -> str:
 
 
 def _sensor(sensor: SensorModel) -> dict[str, Any]:
-    """Return the parameters of a sensor curve and a hash of its values, which identify a custom curve."""
+    """Return the parameters of a sensor curve, and a hash of its values that identifies a user-defined curve."""
     low, high = sensor.valid_range
     distances = np.linspace(low, min(high, low + _FARTHEST), _SAMPLES)
     samples = np.stack([sensor.log_output(distances), sensor.log_slope(distances)])
@@ -101,7 +101,7 @@ def _sensor(sensor: SensorModel) -> dict[str, Any]:
 
 
 def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, Any]:
-    """Return the terms of an objective, or the name of a custom objective and a hash of its values."""
+    """Return the terms of an objective; for a user-defined objective, return its name and a hash of its values."""
     custom = isinstance(objective, CustomObjective)
     if not custom and all(term.quantity in QUANTITY_KINDS.built_in() for term in objective.terms):
         return asdict(objective)
@@ -112,10 +112,10 @@ def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, An
 
 
 class _Probes:
-    """Pseudorandom contacts for telling different custom objectives apart by their values."""
+    """Pseudorandom contacts at which user-defined objectives are computed, to tell different objectives apart."""
 
     def column(self, name: str) -> FloatArray:
-        """Return reproducible pseudorandom numbers for a quantity at contact."""
+        """Return reproducible pseudorandom values of one quantity at contact."""
         seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
         size = np.random.default_rng(seed).uniform(0.01, 1.0, _PROBES)
         return -size if name == "relative_velocity" else size
@@ -131,7 +131,7 @@ def _digest(value: dict[str, Any]) -> str:
 
 
 def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
-    """Make a dataset from results on the grid of a sweep; without results, the dataset has only axes."""
+    """Make a dataset on the grid of a sweep; without results, the dataset contains only the axes."""
     xarray = require("xarray")
     coords: dict[str, Any] = {}
     units = inputs_of(plan.task)
@@ -151,7 +151,7 @@ _ENGINE = "h5netcdf"
 
 
 def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
-    """Write a dataset to a NetCDF file, with only one variable in memory at a time.
+    """Write a dataset to a NetCDF file while keeping only one variable in memory at a time.
 
     Raises:
         OutputExistsError: the file exists and `overwrite` is false.
@@ -184,7 +184,7 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
 
 
 class _DeferringFile(io.RawIOBase):
-    """A new file that stores the first write error and raises it at the end.
+    """A new file that keeps the first write error and raises this error at the end.
 
     It ignores later writes.
 
@@ -197,7 +197,7 @@ class _DeferringFile(io.RawIOBase):
         self._failure: OSError | None = None
 
     def check(self) -> None:
-        """Wait until all data are on the disk, and raise the first write error if there was one."""
+        """Wait until all data are on the disk; raise the first write error if an error has occurred."""
         if self._failure is None:
             os.fsync(self._file.fileno())
         else:
@@ -253,7 +253,7 @@ class _DeferringFile(io.RawIOBase):
 
 
 def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
-    """Open a NetCDF file of a sweep lazily; return None if pretouch did not write the file."""
+    """Open a NetCDF file of a sweep without loading its data; return None if pretouch did not write the file."""
     xarray = require("xarray")
     require(_ENGINE)
     try:
@@ -270,7 +270,7 @@ def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
 
 
 def is_intact(dataset: xr.Dataset, plan: Plan) -> bool:
-    """Return whether a dataset can be read completely, fits the planned sweep and has only valid statuses."""
+    """Return True if a dataset is readable, belongs to the planned sweep and contains only valid statuses."""
     try:
         codes = dataset[STATUS].values
         shapes = {dataset[name].shape for name in (STATUS, *plan.results)}

@@ -1,4 +1,4 @@
-"""Compute parts of a sweep by calling the solvers with arrays of encounters, and record the progress."""
+"""Compute one block of a sweep by calling the solvers with arrays of encounters."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Columns: TypeAlias = dict[str, NDArray[Any]]
 
 
 def evaluate(plan: Plan, region: Region) -> Columns:
-    """Return status and results of a part of the grid; results are NaN without contact or optimum."""
+    """Return status and results of encounters in a part of the grid; results are NaN without contact or optimum."""
     # Each array has the shape of the region.
     axes = [axis.at(part) for axis, part in zip(plan.axes, region, strict=True)]
     shape = tuple(map(len, axes))
@@ -49,7 +49,7 @@ def evaluate(plan: Plan, region: Region) -> Columns:
 
 
 def _values(axes: Sequence[Axis]) -> Columns:
-    """Return the inputs of the encounters as arrays along the dimensions of their axes."""
+    """Return the inputs of the encounters as arrays, with one dimension for each axis of the sweep."""
     values: Columns = {}
     for k, axis in enumerate(axes):
         shape = tuple(-1 if i == k else 1 for i in range(len(axes)))
@@ -58,7 +58,7 @@ def _values(axes: Sequence[Axis]) -> Columns:
 
 
 def _columns(task: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Compute contacts or optimal gains in one call of the solver, for arrays of inputs."""
+    """Compute contacts or optimal gains for arrays of inputs in one call of the solver."""
     position = values.get("obstacle.position", np.full((1,) * len(plan.axes), task.scenario.obstacle.position))
     changed = {name: value for name, value in values.items() if name != "gain"}
     scenario = scenario_with(task.scenario, {**changed, "obstacle.position": position})
@@ -92,7 +92,7 @@ _TRIAL: Final = 32  # a chunk is 32 times as large as the trial that measures th
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlockRecord:
-    """Number of encounters in a block of a sweep, and the time spent on the block.
+    """Number of encounters in a block of a sweep, and the time for computing and writing this block.
 
     Args:
         encounters: number of encounters.
@@ -109,7 +109,7 @@ class BlockRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress(Value):
-    """Progress of a sweep: finished encounters and elapsed time.
+    """Progress of a sweep: the number of finished encounters and the elapsed time.
 
     Args:
         finished: number of encounters that are stored, including those of earlier runs.
@@ -129,12 +129,12 @@ class Progress(Value):
 
     @property
     def remaining(self) -> float:
-        """Estimated remaining time [s] at the speed of this run; NaN until encounters are computed."""
+        """Estimated remaining time [s] at the present speed of computation; NaN before any encounter is computed."""
         return (self.total - self.finished) * self.seconds / self.computed if self.computed else float("nan")
 
 
 def chunks_per_block(plan: Plan, *, workers: int = 1) -> int:
-    """Choose how many chunks of the grid form a block of work, from the duration of a trial.
+    """Choose how many chunks of the grid form one block of work, from the duration of a trial run.
 
     The results of the sweep do not depend on this number.
 
@@ -159,7 +159,7 @@ def chunks_per_block(plan: Plan, *, workers: int = 1) -> int:
 
 
 def run_block(plan: Plan, store: Store, block: int) -> BlockRecord:
-    """Compute and store a block of encounters; computing and writing overlap."""
+    """Compute and store a block of encounters; the next results are computed while results are being written."""
     computing = writing = 0.0
 
     def write(region: Region, columns: Columns) -> float:

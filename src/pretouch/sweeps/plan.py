@@ -1,4 +1,4 @@
-"""Plan a sweep: check the request, and divide its grid into chunks in the same way on every machine."""
+"""Plan a sweep: check the inputs, and divide the grid of inputs into chunks."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _CHUNK: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
-    """A planned sweep: a grid of encounters and the results to compute for each of them.
+    """A planned sweep: a grid of encounters, and the results to compute for each encounter.
 
     Args:
         task: the task with the values of all inputs that are not on an axis.
@@ -56,7 +56,7 @@ class Plan:
 
     @property
     def designs(self) -> bool:
-        """Whether the sweep designs gains; otherwise it computes contacts for given gains."""
+        """True if the sweep designs gains; False if the sweep computes contacts for given gains."""
         return self.task.objective is not None
 
     @property
@@ -71,7 +71,7 @@ class Plan:
 
     @property
     def size(self) -> int:
-        """The number of encounters of the sweep."""
+        """The number of encounters in the sweep."""
         return math.prod(self.shape)
 
     @property
@@ -85,13 +85,13 @@ class Plan:
         return math.prod(self.chunk_grid)
 
     def region(self, index: int) -> Region:
-        """Return the part of the grid that a chunk covers."""
+        """Return the part of the grid that a chunk contains."""
         # Chunks are numbered along the last dimension first.
         place = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
         return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in place)
 
     def thinned(self, most: int) -> Plan:
-        """Return a small plan with a few evenly spaced values of each axis, as a trial."""
+        """Return a small trial sweep with a few evenly spaced values of each axis."""
         # It has one chunk with at most `most` encounters.
         axes: list[tuple[int, Axis]] = []
         room = most
@@ -106,7 +106,7 @@ class Plan:
 def make_plan(
     task: Task, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
 ) -> Plan:
-    """Check the request for a sweep and divide its grid into chunks of limited size."""
+    """Check the request for a sweep, and divide its grid into chunks of limited size."""
     # `chunk_size` is the largest number of encounters of a chunk; None for a default size.
     if task.scenario.shape != ():
         raise InvalidInputError(
@@ -149,7 +149,7 @@ def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
 
 
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """Return the shape of equal parts of a grid, each with a limited number of encounters.
+    """Return the shape of the equal parts into which a grid is divided, each with a limited number of encounters.
 
     The last axes are taken whole, and the first axis that does not fit is divided.
 
@@ -171,7 +171,7 @@ def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
 
 
 def _check_values(plan: Plan) -> None:
-    """Check all values of the axes before the sweep starts."""
+    """Check all input values of a sweep before the sweep starts."""
     scenario = plan.task.scenario
     first = {n: float(v[0]) for axis in plan.axes for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS}
     positions = {name: first[name] for name in ("obstacle.position", "plant.position") if name in first}
@@ -195,7 +195,7 @@ def _check_values(plan: Plan) -> None:
 
 
 def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
-    """Return the task with the values at one index of the sweep axes, for inputs that cannot be arrays."""
+    """Return the task at one point of the sweep grid, for inputs whose values cannot be passed as arrays."""
     for axis, i in zip(axes, index, strict=True):
         for name, values in axis.columns.items():
             if name not in ENCOUNTER_INPUTS:
@@ -204,7 +204,7 @@ def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
 
 
 def _check_distances(plan: Plan) -> None:
-    """Check that all initial distances are positive and within the range of the sensor."""
+    """Check that all initial distances are positive and within the distance range of the sensor."""
     scenario, sensors = plan.task.scenario, [a for a in plan.axes if any(n.startswith("sensor.") for n in a.columns)]
     low = high = 0.0
     for name, position, sign in (

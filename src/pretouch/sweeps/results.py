@@ -40,7 +40,7 @@ _DEFAULT_DESIGNS: Final = ("gain", "objective", "relative_velocity")
 
 
 def check_results(results: Sequence[str] | None, *, designs: bool, impact: ImpactModel | None) -> tuple[str, ...]:
-    """Check the names of requested results; without a request, return a default selection."""
+    """Check the names of the requested results; if none are requested, return the default results."""
     # The status is not among the returned names.
     if results is None:
         return _DEFAULT_DESIGNS if designs else _DEFAULT_CONTACTS
@@ -63,12 +63,12 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
 
 
 def is_of_whole_motion(name: str) -> bool:
-    """Return whether a result depends on the whole motion, and so takes longer to compute than those at its end."""
+    """Return True if computing a result needs the whole motion and so takes longer than results at contact."""
     return name not in OF_DESIGNS and name in QUANTITIES and QUANTITIES[name].whole
 
 
 def read(name: str, result: ContactResult, impact: Any) -> Any:
-    """Return a quantity at contact in SI units, without masking encounters that have no contact."""
+    """Return a quantity at the end of each encounter in SI units, even if the encounter has no contact."""
     if name in ALWAYS:
         return getattr(result, name)
     if name in ContactState.names():
@@ -77,7 +77,7 @@ def read(name: str, result: ContactResult, impact: Any) -> Any:
 
 
 def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) -> dict[str, Any]:
-    """Return the attributes of a dataset variable, such as its name in words and its unit.
+    """Return the metadata of a dataset variable, such as its name in plain words and its unit.
 
     Returns:
         Attributes that follow the CF conventions.
@@ -102,7 +102,7 @@ _MOST_READ: Final = 10**7  # encounters, up to which the ranges of results are c
 
 
 def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
-    """Return a sweep as a JSON object in SI units, with all values for up to 10,000 encounters."""
+    """Return a sweep as a JSON object in SI units, with all values if there are at most 10,000 encounters."""
     status = dataset[STATUS]
     size = int(np.prod(status.shape))
     axes = {}
@@ -150,7 +150,7 @@ def sweep_as_text(dataset: xr.Dataset) -> str:
 
 
 def counts(dataset: xr.Dataset) -> dict[str, int]:
-    """Return the number of encounters with each status, such as `contact`."""
+    """Return how many encounters of a sweep have each status, such as `contact`."""
     words = dataset[STATUS].attrs["flag_meanings"].split()
     numbers = np.bincount(np.asarray(dataset[STATUS].values).ravel(), minlength=len(words))
     return dict(zip(words, map(int, numbers), strict=True))

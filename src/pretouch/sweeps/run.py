@@ -1,4 +1,4 @@
-"""Define the function `sweep`, which computes a grid of encounters in memory or writes it to disk."""
+"""Define the function `sweep`, which solves encounters or finds optimal gains over a grid of inputs."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def sweep(
 
 
 def _sweep_task(task: Task, axes: Axes) -> Task:
-    """Return the task of a sweep: without an objective if gains are given, otherwise with stable bounds."""
+    """Return the task for a sweep: without an objective if gains are given, otherwise with bounds of stable gains."""
     names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
     if task.gain is not None or "gain" in names or task.objective is None:
         gain = None if task.gain is None else finite(task.gain, "gain", task.law.number.unit)
@@ -135,7 +135,7 @@ def _sweep_task(task: Task, axes: Axes) -> Task:
 
 @with_file_location
 def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
-    """Return the bounds of stable gains; raise an error if an axis changes the stability limit."""
+    """Return the bounds of stable gains; raise an error if a sweep axis changes these bounds."""
     moving = [name for name in names if name.startswith(_MOVE_THE_LIMIT)]
     if moving and task.stability_margin is not None:
         raise InvalidInputError(
@@ -241,7 +241,7 @@ def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress
 
 
 def _is_written(plan: Plan, target: Path) -> bool:
-    """Return whether a NetCDF file contains the complete results of the planned sweep."""
+    """Return True if a NetCDF file contains the complete results of the planned sweep."""
     dataset = open_netcdf(target)
     if dataset is None:
         return False
@@ -250,7 +250,7 @@ def _is_written(plan: Plan, target: Path) -> bool:
 
 
 def _finished(plan: Plan, target: Path, *, overwrite: bool) -> xr.Dataset | None:
-    """Open the output file if it contains the same sweep; raise an error if it must not be replaced."""
+    """Open the output file if it contains the same sweep; raise an error if the file must not be replaced."""
     if not target.exists():
         return None
     dataset = open_netcdf(target)

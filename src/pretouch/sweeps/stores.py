@@ -1,4 +1,4 @@
-"""Store the results of a sweep in memory or in a Zarr folder, and record the finished blocks.
+"""Store the results of a sweep in memory or in a Zarr folder, so that an interrupted sweep can be resumed.
 
 The data of a block are written first, each chunk atomically as a file. Then its entry in the ledger is written, a file
 of one byte. If the process is killed, only unfinished blocks are lost. A block with damaged data is computed
@@ -69,7 +69,7 @@ class Store:
         self.plan, self.chunks_per_block, self._arrays = plan, chunks_per_block, arrays
 
     def regions(self, block: int) -> list[Region]:
-        """Return the parts of the grid that a block covers, one for each chunk."""
+        """Return the parts of the grid that belong to a block, one part for each chunk of the block."""
         first = block * self.chunks_per_block
         return [self.plan.region(i) for i in range(first, min(first + self.chunks_per_block, self.plan.chunk_count))]
 
@@ -86,7 +86,7 @@ class Store:
         return self.finished()
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a part of the grid, which must consist of whole chunks."""
+        """Store the results of a part of the grid; this part must consist of whole chunks."""
         for name, column in columns.items():
             self._arrays[name][region] = column
 
@@ -95,12 +95,12 @@ class Store:
         self._arrays[LEDGER][block] = 1
 
     def dataset(self) -> xr.Dataset:
-        """Return all results of the sweep as a dataset."""
+        """Return all results of the sweep as an xarray dataset."""
         return make_dataset(self.plan, {name: a for name, a in self._arrays.items() if name != LEDGER})
 
 
 class MemoryStore(Store):
-    """Storage of a sweep in memory."""
+    """Storage that keeps the results of a sweep in memory."""
 
     def __init__(self, plan: Plan, chunks_per_block: int) -> None:
         arrays = {name: np.empty(plan.shape) for name in plan.results}
@@ -110,7 +110,7 @@ class MemoryStore(Store):
 
 
 class ZarrStore(Store):
-    """Storage of a sweep in a Zarr folder, to which several processes may write at the same time.
+    """Storage that keeps the results of a sweep in a Zarr folder, to which several processes may write.
 
     Args:
         path: the folder, made by `create`.
@@ -182,7 +182,7 @@ class ZarrStore(Store):
         return bool(np.isin(codes, meanings).all())
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a part of the grid, which must consist of whole chunks."""
+        """Store the results of a part of the grid; this part must consist of whole chunks."""
         with self._explaining():
             super().write(region, columns)
 
@@ -193,7 +193,7 @@ class ZarrStore(Store):
 
     @contextmanager
     def _explaining(self) -> Iterator[None]:
-        """Convert errors of the operating system to an `InvalidInputError` that explains how to resume."""
+        """Convert errors of the operating system to an `InvalidInputError` that explains how to resume the sweep."""
         try:
             yield
         except OSError as error:
@@ -204,7 +204,7 @@ class ZarrStore(Store):
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], plan: Plan, chunks_per_block: int) -> ZarrStore:
-        """Create the Zarr folder of a sweep atomically, with axes, attributes and no results.
+        """Create the Zarr folder of a sweep in one atomic step, with axes and metadata but without results.
 
         Args:
             path: the folder; its parent must exist, and the path must be free.
@@ -259,14 +259,14 @@ class ZarrStore(Store):
         return cls(path, plan)
 
     def dataset(self) -> xr.Dataset:
-        """Open the results of the sweep lazily as a dataset."""
+        """Open the stored results of the sweep as a dataset without loading them."""
         xarray = require("xarray")
         dataset: xr.Dataset = xarray.open_zarr(str(self.path), chunks=None)
         return dataset[[STATUS, *self.plan.results]]
 
 
 def _attributes(path: Path) -> dict[str, Any] | None:
-    """Return the attributes of the folder of a sweep; None if the folder contains no sweep."""
+    """Return the metadata of a folder that contains a sweep; None if the folder contains no sweep."""
     zarr = require("zarr")
     if not (path / "zarr.json").is_file():
         return None
@@ -278,12 +278,12 @@ def _attributes(path: Path) -> dict[str, Any] | None:
 
 
 def is_sweep(path: Path) -> bool:
-    """Return whether a folder contains a sweep that pretouch wrote."""
+    """Return True if a folder contains a sweep that pretouch wrote."""
     return _attributes(path) is not None
 
 
 def replace_sweep(path: Path) -> None:
-    """Remove a stored sweep; raise an error if the path holds something else or is being written to."""
+    """Remove a stored sweep; raise an error if the path contains anything else or is being written to."""
     if not is_sweep(path):
         raise OutputExistsError(
             f"{path}: this path is not a sweep of pretouch, so pretouch does not remove it; choose another name "
@@ -312,7 +312,7 @@ def remove_unused(path: Path) -> bool:
 
 @contextmanager
 def in_use(path: Path) -> Iterator[bool]:
-    """Lock a folder against removal by other processes; yield False if the folder no longer exists."""
+    """Protect a folder against removal by other processes; yield False if the folder no longer exists."""
     lock = _locked(path, exclusive=False)
     try:
         yield lock is not None
@@ -325,7 +325,7 @@ _NO_LOCKS: Final = -1  # instead of a lock, on systems without locks
 
 
 def _locked(path: Path, *, exclusive: bool) -> int | None:
-    """Lock a folder, exclusively or shared; return None if the lock is not available."""
+    """Lock a folder for one process or for several processes; return None if the lock is not available."""
     if sys.platform == "win32":
         return _NO_LOCKS if path.exists() else None
     try:

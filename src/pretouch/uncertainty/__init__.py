@@ -1,4 +1,4 @@
-"""Describe uncertain inputs by distributions, and sample the encounters that result from them."""
+"""Describe uncertain inputs by probability distributions, and sample random encounters from them."""
 
 from .correlated import CorrelatedNormal, Empirical, parameter_distribution
 from .distributions import Distribution, Interval, JointDistribution, Normal, TruncatedNormal, Uniform

@@ -1,4 +1,4 @@
-"""Define distributions from data: correlated parameters of a fitted curve, and measured samples."""
+"""Define distributions of correlated sensor parameters and of measured samples."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _DEVIATIONS: Final = 4.0  # standard deviations; one sample in 16,000 is farther
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatedNormal(JointDistribution):
-    """Normal distribution of several correlated inputs, such as the parameters of a fitted sensor curve.
+    """Joint normal distribution of several correlated inputs, such as the parameters of a sensor curve.
 
     Args:
         names: the inputs, such as `sensor.exponent`.
@@ -68,7 +68,7 @@ class CorrelatedNormal(JointDistribution):
 
     @property
     def root(self) -> FloatArray:
-        """A square root R of the covariance, which maps independent normal numbers to correlated inputs."""
+        """A matrix square root of the covariance, which maps independent normal numbers to correlated inputs."""
         # R R^T = covariance
         covariance = np.asarray(self.covariance)
         deviation = np.sqrt(np.diag(covariance).clip(0))
@@ -81,7 +81,7 @@ class CorrelatedNormal(JointDistribution):
         return np.asarray(unit[:, None] * vectors * np.sqrt(values.clip(0)))
 
     def inputs(self, name: str) -> tuple[str, ...]:  # noqa: ARG002
-        """Return the names of the correlated inputs."""
+        """Return the names of all correlated inputs."""
         return self.names
 
     def means(self) -> tuple[float, ...]:
@@ -89,7 +89,7 @@ class CorrelatedNormal(JointDistribution):
         return self.mean
 
     def draw(self, points: FloatArray) -> FloatArray:
-        """Draw samples of the correlated inputs for points of the unit cube."""
+        """Draw one random sample of the correlated inputs for each given point of the unit cube."""
         from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
 
         return np.asarray(np.asarray(self.mean) + ndtri(points) @ self.root.T)
@@ -99,17 +99,17 @@ class CorrelatedNormal(JointDistribution):
         return float(slopes @ np.asarray(self.covariance) @ slopes)
 
     def alone(self, index: int) -> Normal:
-        """Return the normal distribution of one of the inputs; a deviation of 0 is refused."""
+        """Return the normal distribution of one input by itself."""
         return Normal(mean=self.mean[index], deviation=math.sqrt(self.covariance[index][index]))
 
     def others(self, index: int, values: FloatArray) -> FloatArray:
-        """Return the conditional means of all inputs for given values of one input."""
+        """Return the conditional means of all inputs, given values of one input."""
         covariance, mean = np.asarray(self.covariance), np.asarray(self.mean)[:, None]
         slope = covariance[index] / covariance[index, index]
         return np.asarray(mean + slope[:, None] * (values - mean[index]))
 
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield the name of each correlated input and its distribution in words."""
+        """Yield the name and a description of the distribution of each correlated input."""
         for i, member in enumerate(self.names):
             text = normal_in_words(self.mean[i], math.sqrt(self.covariance[i][i]), units.get(member, ""))
             yield member, f"{text}, jointly with the other inputs of {name}"
@@ -169,7 +169,7 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
 
 
 def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance: FloatArray) -> None:
-    """Refuse a distribution of curve parameters whose tails contain impossible curves."""
+    """Refuse a distribution of curve parameters if improbable parameter values give impossible sensor curves."""
     # For each parameter at its limits, the other parameters have their conditional means.
     for i, name in enumerate(names):
         error = float(np.sqrt(max(covariance[i, i], 0.0)))
@@ -189,7 +189,7 @@ def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Empirical(Distribution):
-    """Empirical distribution of measured values, each with a probability equal to its frequency.
+    """Distribution of an input given by measured values, each with its relative frequency as probability.
 
     Args:
         samples: the values, in SI, in any order; at least two.
@@ -212,7 +212,7 @@ class Empirical(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        """The smallest and the largest measured value."""
+        """The smallest and the largest of the measured values."""
         return self.samples[0], self.samples[-1]
 
     @property
@@ -222,7 +222,7 @@ class Empirical(Distribution):
 
     @property
     def variance(self) -> float:
-        """The variance of the measured values, which is the mean squared distance from their mean."""
+        """The variance of the measured values, computed as the mean squared deviation from their mean."""
         return math.fsum((x - self.mean) ** 2 for x in self.samples) / len(self.samples)
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
@@ -230,7 +230,7 @@ class Empirical(Distribution):
         return np.asarray(self.samples)[np.minimum((probability * count).astype(np.int64), count - 1)]
 
     def described(self, unit: str) -> str:
-        """Return the number of measured values and their range in words."""
+        """Return a description of the distribution: the number and the range of the measured values."""
         return f"{len(self.samples)} measured values, {format_range(self.support, unit)}"
 
 

@@ -1,4 +1,4 @@
-"""Define probability distributions of uncertain inputs, such as intervals, uniform and normal distributions."""
+"""Define probability distributions of uncertain inputs, such as uniform and normal distributions."""
 
 from __future__ import annotations
 
@@ -27,36 +27,36 @@ _FLAT: Final = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointDistribution(ABC):
-    """Base class of joint distributions of several inputs; user-defined ones implement its abstract methods."""
+    """Abstract base class of joint distributions of several inputs, from which users can derive their own."""
 
     @abstractmethod
     def inputs(self, name: str) -> tuple[str, ...]:
-        """Return the names of the inputs that this distribution covers."""
+        """Return the names of the inputs that have this distribution."""
         # `name` is the key of the distribution in the uncertainty.
 
     @abstractmethod
     def means(self) -> tuple[float, ...]:
-        """Return the mean of each input of this distribution, in SI units."""
+        """Return the mean of each input in SI units."""
 
     @abstractmethod
     def draw(self, points: FloatArray) -> FloatArray:
-        """Return a random sample of the inputs for each point of the open unit cube."""
+        """Return one random sample of the inputs for each given point of the open unit cube."""
         # Points and samples have the shape (n, k).
 
     @abstractmethod
     def variance_along(self, slopes: FloatArray) -> float:
-        """Return the variance of a weighted sum of the inputs, with the given slopes as weights."""
+        """Return the variance of a weighted sum of the inputs, with given slopes as weights."""
 
     @abstractmethod
     def alone(self, index: int) -> Distribution:
-        """Return the marginal distribution of one of the inputs."""
+        """Return the distribution of one input by itself (the marginal distribution)."""
 
     @abstractmethod
     def others(self, index: int, values: FloatArray) -> FloatArray:
-        """Return the conditional means of all inputs for given values of one input, shape (k, n)."""
+        """Return the conditional means of all inputs, given values of one input, with shape (k, n)."""
 
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield the name of each input and its distribution in words."""
+        """Yield the name and a description of the distribution of each input."""
         # `units` has the SI units of inputs.
         members = self.inputs(name)
         others = f", jointly with the other inputs of {name}" if len(members) > 1 else ""
@@ -64,26 +64,26 @@ class JointDistribution(ABC):
             yield member, self.alone(i).described(units.get(member, "")) + others
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the distribution as a dictionary for JSON, with its kind and its fields in SI."""
+        """Return the distribution as a dictionary for JSON: its kind, and its parameters in SI units."""
         return with_kind(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distribution(JointDistribution):
-    """Base class of distributions of one input; user-defined ones implement `support` and `_quantile`."""
+    """Abstract base class of distributions of one input; derived classes define `support` and `_quantile`."""
 
     @property
     @abstractmethod
     def support(self) -> tuple[float, float]:
-        """The smallest and the largest possible value of the input, which may be infinite."""
+        """The smallest and the largest possible value of the input, either of which may be infinite."""
 
     @abstractmethod
     def _quantile(self, probability: FloatArray) -> FloatArray:
-        """Return the quantiles of the distribution for probabilities in (0, 1)."""
+        """Return the quantiles of the distribution for probabilities between 0 and 1."""
 
     @property
     def mean(self) -> float:
-        """The mean of the distribution, computed from its quantiles; for an interval, its middle.
+        """The mean of the input.
 
         The quadrature is of the Gauss-Legendre type.
         """
@@ -92,7 +92,7 @@ class Distribution(JointDistribution):
 
     @property
     def variance(self) -> float:
-        """The variance of the distribution, computed from its quantiles.
+        """The variance of the input.
 
         For an interval, it is that of a uniform distribution.
         """
@@ -101,13 +101,13 @@ class Distribution(JointDistribution):
         return float(0.5 * (weights * deviation**2).sum())
 
     def described(self, unit: str) -> str:
-        """Return the distribution in words, such as `uniform, 38 mm to 46 mm`."""
+        """Return a description of the distribution, such as `uniform, 38 mm to 46 mm`."""
         # `unit` is the SI unit of the input.
         return f"{type(self).__name__}, {format_range(self.support, unit)}"
 
     @final
     def quantile(self, probability: Any) -> Any:
-        """Return the quantile of the distribution for a probability in [0, 1].
+        """Return the quantile of the distribution for a probability from 0 to 1.
 
         At 0 and 1 it is the end of the support.
 
@@ -123,22 +123,22 @@ class Distribution(JointDistribution):
 
     @final
     def inputs(self, name: str) -> tuple[str, ...]:
-        """Return the name of the only input."""
+        """Return the name of the single input as a tuple."""
         return (name,)
 
     @final
     def means(self) -> tuple[float, ...]:
-        """Return the mean of the only input."""
+        """Return the mean of the single input as a tuple."""
         return (self.mean,)
 
     @final
     def draw(self, points: FloatArray) -> FloatArray:
-        """Return random samples of the input, which are its quantiles at the given points."""
+        """Return random samples of the input, which are the quantiles of the distribution at given probabilities."""
         return np.asarray(self.quantile(points))
 
     @final
     def variance_along(self, slopes: FloatArray) -> float:
-        """Return the variance of the input times its slope."""
+        """Return the variance of the input multiplied by a slope."""
         return float(slopes[0] ** 2 * self.variance)
 
     @final
@@ -148,12 +148,12 @@ class Distribution(JointDistribution):
 
     @final
     def others(self, index: int, values: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Return the given values of the only input."""
+        """Return the given values, because the distribution has no other input."""
         return values[None]
 
 
 def normal_in_words(mean: float, deviation: float, unit: str) -> str:
-    """Return a normal distribution in words, with the unit of its input."""
+    """Return a description of a normal distribution: mean and standard deviation with the unit of the input."""
     return f"normal, {format_quantity(mean, unit)} with a standard deviation of {format_quantity(deviation, unit)}"
 
 
@@ -166,7 +166,7 @@ def _check_order(low: float, high: float) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval(Distribution):
-    """Bounds of an input without a distribution between them, for worst-case designs.
+    """Smallest and largest value of an input without any distribution in between, for worst-case designs.
 
     If samples are drawn nevertheless, alone or together with other inputs, they are uniform.
 
@@ -206,7 +206,7 @@ class Interval(Distribution):
         return self.low + (self.high - self.low) * probability
 
     def described(self, unit: str) -> str:
-        """Return the bounds of the interval in words."""
+        """Return a description of the interval: its two bounds."""
         return f"{self._words}, {format_range(self.support, unit)}"
 
 
@@ -247,12 +247,12 @@ class Normal(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        """The range of a normal distribution, which is unbounded."""
+        """The range of the normal distribution, which is infinite."""
         return -math.inf, math.inf
 
     @property
     def variance(self) -> float:
-        """The variance of the normal distribution, the square of its standard deviation."""
+        """The variance of the normal distribution."""
         return self.deviation**2
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
@@ -261,13 +261,13 @@ class Normal(Distribution):
         return np.asarray(self.mean + self.deviation * ndtri(probability))
 
     def described(self, unit: str) -> str:
-        """Return mean and standard deviation of the normal distribution in words."""
+        """Return a description of the normal distribution: its mean and its standard deviation."""
         return normal_in_words(self.mean, self.deviation, unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruncatedNormal(Distribution):
-    """Normal distribution truncated to the range between two values.
+    """Normal distribution whose values are restricted to a range.
 
     Args:
         location: mean mu of the normal distribution before truncation, in SI.
@@ -298,12 +298,12 @@ class TruncatedNormal(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        """The smallest and the largest possible value after truncation."""
+        """The smallest and the largest possible value of the truncated normal distribution."""
         return self.low, self.high
 
     @property
     def mean(self) -> float:
-        """The mean of the normal distribution after truncation.
+        """The mean of the truncated normal distribution.
 
         It is mu + sigma (phi(a) - phi(b)) / (Phi(b) - Phi(a)), accurate in both tails.
         """
@@ -333,6 +333,6 @@ class TruncatedNormal(Distribution):
         return np.asarray(np.clip(self.location + self.deviation * z, self.low, self.high))
 
     def described(self, unit: str) -> str:
-        """Return the normal distribution and its truncation in words."""
+        """Return a description of the truncated normal distribution."""
         normal = normal_in_words(self.location, self.deviation, unit)
         return f"{normal}, truncated to {format_range(self.support, unit)}"

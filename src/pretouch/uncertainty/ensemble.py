@@ -1,4 +1,4 @@
-"""Sample uncertain inputs, and solve the encounters with these samples."""
+"""Draw random samples of uncertain inputs, and solve the resulting encounters."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MOST_SAMPLES: Final = 1_000_000
 
 
 def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
-    """Return the names of all uncertain inputs, and refuse inputs with two distributions."""
+    """Return the names of all uncertain inputs, and raise an error if an input has two distributions."""
     for name, distribution in uncertainty.items():
         if not isinstance(distribution, JointDistribution):
             raise InvalidInputError(
@@ -57,7 +57,7 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
 def sample_inputs(
     uncertainty: Uncertainty, count: int, *, seed: int = 0, sampling: str = "sobol"
 ) -> dict[str, FloatArray]:
-    """Draw random samples of uncertain inputs, which are the same for the same seed on every machine.
+    """Draw random samples of uncertain inputs; the same seed gives the same samples on every machine.
 
     Args:
         uncertainty: the distributions of the inputs; different distributions are independent.
@@ -96,7 +96,7 @@ def sample_inputs(
 
 
 def check_draw(count: int, *, seed: int, sampling: str) -> None:
-    """Raise an error for an invalid number of samples, seed or sampling method."""
+    """Raise an error if the number of samples, the seed or the sampling method is invalid."""
     if sampling not in SAMPLINGS:
         raise InvalidInputError(f"sampling: found {sampling!r}, expected one of {', '.join(SAMPLINGS)}")
     if type(count) is not int or count < 1:
@@ -111,7 +111,7 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
 
 
 def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray:
-    """Return random sample points in the unit cube, with one dimension per uncertain input."""
+    """Return random sample points in a unit cube that has one dimension per uncertain input."""
     rng = np.random.default_rng(seed)
     if sampling == "random":
         points = rng.random((count, dimensions))
@@ -126,7 +126,7 @@ def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray
 
 
 def share_in_words(share: float) -> str:
-    """Return a share from 0 to 1 in percent, rounded down so that only 1 is shown as 100 %.
+    """Format a share from 0 to 1 in percent; the percentage is rounded down, so that only 1 gives 100 %.
 
     Returns:
         Text such as `99.99 %`, also for 0.99998.
@@ -135,7 +135,7 @@ def share_in_words(share: float) -> str:
 
 
 def uncertainty_in_words(uncertainty: Uncertainty, sensor: SensorModel) -> list[tuple[str, str]]:
-    """Return the name and the distribution of each uncertain input in words."""
+    """Return the name of each uncertain input with a description of its distribution."""
     units = input_units(sensor)
     return [row for name, distribution in uncertainty.items() for row in distribution.rows(name, units)]
 
@@ -148,7 +148,7 @@ _REMEDY: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ensemble(Value):
-    """Encounters with different inputs and sensors, such as random samples of uncertain inputs.
+    """Many encounters that differ in some inputs, such as random samples of uncertain inputs.
 
     Args:
         scenario: the encounters, of the shape (n,) or of a shape that broadcasts with it.
@@ -179,11 +179,11 @@ class Ensemble(Value):
 
     @property
     def speed(self) -> Any:
-        """Speed of the obstacle at the start of each encounter [m/s]."""
+        """Initial speed of the obstacle in each encounter [m/s]."""
         return np.abs(np.broadcast_to(self.scenario.obstacle.velocity, (len(self),)))
 
     def contacts(self, gain: Any) -> ContactResult:
-        """Find the contacts of all encounters for one gain or for an array of gains."""
+        """Find time and state of contact in all encounters, for one gain or an array of gains."""
         # The last axis of the gains is 1 or n.
         gains = np.asarray(gain, dtype=np.float64)
         gains = np.broadcast_to(gains, (*gains.shape[:-1], len(self)))
@@ -204,7 +204,7 @@ class Ensemble(Value):
         return _stacked([self.law.contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
 
     def _evaluated(self, evaluator: Evaluator, gains: FloatArray) -> ContactResult:
-        """Solve the encounters by a custom solver, one by one if it accepts only one sensor."""
+        """Solve all encounters by a custom solver, one at a time if the solver accepts only one sensor."""
         if not any(map(_of_sensor, self.values)):
             return evaluator(self.scenario, self.sensor, gains)
         if isinstance(evaluator, ManySensorEvaluator):
@@ -212,11 +212,11 @@ class Ensemble(Value):
         return _stacked([with_noise_after(evaluator, i)(*self.at(i), gains[..., i]) for i in range(len(self))])
 
     def sensors(self) -> tuple[SensorModel, ...]:
-        """Return the sensor of each encounter."""
+        """Return the sensor curve of each encounter."""
         return tuple(self._sensor(i) for i in range(len(self)))
 
     def slope(self, result: ContactResult, quantity: str, name: str) -> Any:
-        """Differentiate a quantity at contact with respect to an input, for every encounter."""
+        """Return the derivative of a contact quantity, such as the contact time, with respect to one input."""
         # If the natural frequency is an input, a change of the mass keeps the frequency.
         of, frequency = result.gradients.of, "admittance.natural_frequency"
         if name not in {frequency, "admittance.damping_ratio", "admittance.mass"}:
@@ -234,7 +234,7 @@ class Ensemble(Value):
         return of(quantity, name) + omega**2 * by_stiffness + a.damping / a.mass * by_damping
 
     def at(self, index: int) -> tuple[Scenario, SensorModel]:
-        """Return one of the encounters and its sensor, by index."""
+        """Return the encounter with a given index, and the sensor curve of this encounter."""
         return map_fields(self.scenario, lambda v: float(v[index]) if np.ndim(v) else v), self._sensor(index)
 
     def _sensor(self, index: int) -> SensorModel:
@@ -248,21 +248,21 @@ class Ensemble(Value):
 
 @dataclass(frozen=True, slots=True)
 class _Stacked(Value):
-    """Results of several solver calls, combined along a new last axis."""
+    """Combined results of several solver calls, with one element per call along the last axis."""
 
     parts: list[ContactResult]
 
     def column(self, name: str) -> Any:
-        """Return a quantity such as the contact time of all combined results."""
+        """Return one quantity, such as the contact time, from all combined results."""
         return np.stack([part.columns.column(name) for part in self.parts], axis=-1)
 
     @property
     def gradients(self) -> _Stacked:
-        """The object that computes derivatives of the combined results."""
+        """The object that provides the derivatives of the combined results, which is this object itself."""
         return self
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a quantity at contact with respect to an input, for all combined results."""
+        """Return the derivatives of a contact quantity with respect to an input from all combined results."""
         return np.stack([part.gradients.of(quantity, by) for part in self.parts], axis=-1)
 
 
@@ -281,7 +281,7 @@ def make_ensemble(
     law: ContinuousLaw = DAMPER,
     evaluate: Evaluator | None = None,
 ) -> Ensemble:
-    """Create encounters that differ in some inputs from samples of these inputs.
+    """Create many encounters from samples of the inputs in which they differ.
 
     Args:
         scenario: one encounter.
@@ -348,7 +348,7 @@ def make_ensemble(
 def _sensors(
     sensor: SensorModel, parameters: Mapping[str, FloatArray], several: Scenario, law: ContinuousLaw, method: str
 ) -> tuple[EncounterSimilarity | None, ManyCurves | None]:
-    """Map all sensors to one sensor by scaling, or collect them so that they are solved together."""
+    """Prepare the sensor curves of many encounters so that a single solver call can use all of them."""
     if not parameters:
         return EncounterSimilarity(sensor=sensor, length=1.0, gain=1.0), None
     if law.degree is not None and (likeness := find_similarity(sensor, parameters, several.distance)) is not None:

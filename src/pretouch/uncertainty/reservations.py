@@ -1,4 +1,4 @@
-"""Warn if the motion leaves the distances that the calibration covers, and say how to correct this."""
+"""Warn if an encounter uses distances that the calibration does not cover."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reservations(Value):
-    """Warnings about the distances of an encounter at which no calibration data support the sensor curve.
+    """Warnings about distances that an encounter uses although no calibration reading covers them.
 
     Distances count from the contact surface.
 
@@ -74,20 +74,17 @@ class Reservations(Value):
 
     @property
     def is_refuted(self) -> bool:
-        """Whether the readings allow a harder contact than without mitigation, contrary to the prediction."""
+        """Whether the readings allow a harder contact than without mitigation, which contradicts the prediction."""
         return self.witness is not None and self.witness.harder_count > 0
 
     @property
     def is_contact_supported(self) -> bool:
-        """Whether calibration readings support the sensor curve down to contact."""
+        """Whether calibration readings cover all distances down to contact."""
         return self.supported[0] <= _NO_DISTANCE
 
     @property
     def headline(self) -> str | None:
-        """The warning that readings contradict the gain or do not support some distances, with a remedy.
-
-        None without a reason for a warning.
-        """
+        """The main warning about the calibration, with a remedy, or None if there is no reason for a warning."""
         contradiction = None if self.witness is None else self.witness.headline
         parts = [contradiction, self._extension] if self.is_refuted else [self._extension, contradiction]
         if not any(parts):
@@ -101,7 +98,7 @@ class Reservations(Value):
 
     @property
     def _receding(self) -> str:
-        """The warning that the object recedes, with a remedy, or an empty text if the object approaches."""
+        """A warning that the object moves away at the start, or an empty text if the object approaches."""
         if not self.recedes:
             return ""
         remedy = " For an approach, give the obstacle a negative velocity." if self.leaves_range else ""
@@ -109,14 +106,14 @@ class Reservations(Value):
 
     @property
     def _measured_span(self) -> tuple[str, str]:
-        """The nearest and the farthest distance of the encounter that were calibrated, as text."""
+        """The nearest and the farthest distance of the encounter with calibration readings, as text."""
         return format_quantity(max(self.supported[0], 0.0), "m"), format_quantity(
             min(self.supported[1], self.start), "m"
         )
 
     @property
     def _extension(self) -> str | None:
-        """The warning about important distances without calibration data, with a remedy, or None."""
+        """A warning about important distances without calibration readings, with a remedy, or None."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
         start = format_quantity(self.start, "m")
         parts, remedies = [], []
@@ -151,7 +148,7 @@ class Reservations(Value):
 
     @property
     def _zero(self) -> str:
-        """A sentence that says from where distances in brackets are counted."""
+        """A sentence that explains from which point distances in brackets are measured."""
         return f" Distances in brackets count from {self._sensor_zero}." if self.recess else ""
 
     @property
@@ -162,7 +159,7 @@ class Reservations(Value):
         )
 
     def _without_force(self, near: str) -> str:
-        """Compare the predicted contact speed with the speed if no force acts nearer than any calibration reading."""
+        """Compare the predicted contact speed with the contact speed if no force acts below the nearest reading."""
         if self.speed is None or self.speed_without_force is None:
             return ""
         speed, predicted = (format_quantity(v, "m/s") for v in (self.speed_without_force, self.speed))
@@ -181,20 +178,20 @@ class Reservations(Value):
 
     @property
     def _limits(self) -> tuple[str, str]:
-        """The smallest and the largest distance at which calibration data support the sensor curve, as text."""
+        """The smallest and the largest distance that calibration readings cover, as text."""
         near, far = self.supported
         return "contact" if self.is_contact_supported else format_quantity(near, "m"), format_quantity(far, "m")
 
     @property
     def _reasons(self) -> tuple[str, str]:
-        """The reasons why calibration data end at the nearest and at the farthest supported distance."""
+        """The reasons why the calibration covers no distances below its smallest and above its largest distance."""
         # The distances in these reasons count from the sensor's zero.
         window, near = self.report.window, self.supported[0]
         return f" ({window.start_reason})" if near >= -_NO_DISTANCE else "", f" ({window.end_reason})"
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Notes on the sensor curve, the calibrated distances and the offset to subtract, a clause each."""
+        """Notes on the calibration: sensor curve, covered distances, and the offset to subtract."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
         lines = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
         if self.recess:
@@ -244,7 +241,7 @@ class Reservations(Value):
 
     @property
     def verdict(self) -> str:
-        """The verdict on the calibration and the offset that the controller must subtract, in one line."""
+        """A line with the verdict on the calibration and the offset that the controller must subtract."""
         offset, unit = self.report.offset, self.report.calibration.unit
         subtract = "" if offset is None else f"; the controller must subtract {offset.value:.4g} {unit}".rstrip()
         return f"Calibration {self.report.calibration.name}: {self.report.verdict}{subtract}"
@@ -254,7 +251,7 @@ class Reservations(Value):
         return "\n\n".join(part for part in (self.headline, text, str(self)) if part)
 
     def around_dict(self, result: dict[str, Any]) -> dict[str, Any]:
-        """Return the JSON dictionary of a result with the warnings about its calibration added."""
+        """Return the JSON dictionary of a result, with the warnings about the calibration added."""
         combined = {**result, "calibration": self.to_dict()}
         if self.is_refuted:
             combined |= {"status": "not-supported", "status_on_fitted_curve": result.get("status")}
@@ -265,7 +262,7 @@ class Reservations(Value):
 
 
 def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
-    """Find warnings about the calibration behind a result: unsupported distances, and a gain that readings contradict.
+    """Find warnings about the calibration on which a result depends, such as distances without readings.
 
     Args:
         report: the report of the fit that the sensor comes from.
@@ -333,7 +330,7 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
 
 
 def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> float:
-    """Return the log output at a distance, or for a drag the integral of the squared slope up to the start."""
+    """Return the log output at a distance, or for a virtual drag the integral of g^2 from there to the start."""
     # Degree 1: ln xi at the distance. Degree 2: the integral of g^2 from the distance to the start. Both within the
     # valid range.
     low, high = sensor.valid_range
@@ -347,7 +344,7 @@ def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> 
 def _speed_without_force(
     scenario: Scenario, sensor: SensorModel, law: ContinuousLaw, gain: float, near: float
 ) -> float | None:
-    """Return the contact speed if the virtual force ends at a given distance; None without contact."""
+    """Return the contact speed if no virtual force acts below a given distance, or None without contact."""
     end = law.contact(scenario, replace(sensor, minimum_distance=near), gain).end
     o, r, t = scenario.obstacle, scenario.reference, end.time
     rest = Scenario(
@@ -367,7 +364,9 @@ def _speed_without_force(
 
 
 def recess_advice(nearest: float, present: float) -> str:
-    """Return how to mount the sensor so that contact is where its curve starts; distances from the sensor's zero [m].
+    """Return advice on how far to mount the sensor behind the contact surface, so that the curve covers contact.
+
+    Distances count from the sensor's zero [m].
 
     Examples:
         >>> recess_advice(0.021, 0.015)[:77]

@@ -1,4 +1,4 @@
-"""Check a gain on other sensor curves that fit the readings, by comparing their contact speeds."""
+"""Compare the contact speeds that a gain reaches on different sensor curves that fit the same readings."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _SAMPLES: Final = 60  # points at which a drawn curve that is not piecewise cubi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WitnessCheck(Value):
-    """Check of a gain on many sensor curves that fit the calibration readings.
+    """Result of testing a gain on many sensor curves that fit the calibration readings.
 
     Some curves pass through the readings, the others flatten under soft ceilings.
 
@@ -71,12 +71,12 @@ class WitnessCheck(Value):
 
     @property
     def is_supported(self) -> bool:
-        """Whether the calibration readings support the prediction of the fitted sensor curve."""
+        """Whether the readings support the contact speed that the fitted sensor curve predicts."""
         return not (self.is_contradicted or self.harder_count or self.share_outside > _DISAGREE)
 
     @property
     def headline(self) -> str | None:
-        """A sentence on the contact speeds that the readings allow, or None if they support the prediction."""
+        """A sentence on the contact speeds that the readings allow, or None if the readings support the prediction."""
         if self.is_supported:
             return None
         low, high, predicted, free = (
@@ -96,7 +96,7 @@ class WitnessCheck(Value):
 
     @property
     def text(self) -> str:
-        """A clause on the range of contact speeds over all sensor curves that fit the readings."""
+        """A clause with the range of contact speeds over all sensor curves that fit the readings."""
         low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.predicted))
         outside = (
             ""
@@ -107,19 +107,19 @@ class WitnessCheck(Value):
         return f"on {self.curves} sensor curves that fit the readings, the contact speed is {low} to {high} ({fitted})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the check of a gain on the readings as a dictionary for JSON, in SI units."""
+        """Return the result of testing a gain on several sensor curves as a dictionary for JSON, in SI units."""
         return {"is_supported": self.is_supported, **asdict(self)}
 
 
 def is_within(value: float, low: float, high: float) -> bool:
-    """Return whether a value lies in a range as both are shown, in three digits."""
+    """Return True if a value lies in a range after all numbers are rounded to three digits."""
     return (1 - _SHOWN) * low <= value <= (1 + _SHOWN) * high
 
 
 def check_on_readings(
     curves: AllowedCurves, offset: float, scenario: Scenario, sensor: SensorModel, *, gain: Any, law: ContinuousLaw
 ) -> WitnessCheck | None:
-    """Check a gain on many sensor curves that fit the readings, or return None without contact.
+    """Test a gain on many sensor curves that fit the readings, and return None if there is no contact.
 
     Args:
         curves: the curves that fit the readings.
@@ -156,7 +156,7 @@ def check_on_readings(
 
 
 def _judge(through: FloatArray, under: FloatArray, predicted: float, free: float) -> WitnessCheck:
-    """Compare the contact speeds on sensor curves that fit the readings with the predicted speed."""
+    """Compare the predicted contact speed with the contact speeds on other curves that fit the readings."""
     groups = [group[np.isfinite(group)] for group in (through, under)]
     ends = np.concatenate([np.quantile(group, _QUANTILES) for group in groups if len(group)] or [np.array([np.nan])])
     agreeing = np.abs(under - predicted) <= CLOSE * predicted
@@ -175,7 +175,7 @@ def _judge(through: FloatArray, under: FloatArray, predicted: float, free: float
 
 
 def _speed(result: ContactResult) -> FloatArray:
-    """Return the contact speed of each encounter [m/s], or NaN without contact."""
+    """Return the contact speed of each encounter [m/s], or NaN for an encounter without contact."""
     return np.where(result.reached, np.abs(result.end.relative_velocity), np.nan)
 
 
@@ -194,7 +194,7 @@ def _speeds(
 
 
 def mount(drawn: DrawnCurve, sensor: SensorModel, offset: float, start: float) -> PiecewiseCubic:
-    """Return a drawn sensor curve as the controller observes it, mounted like the fitted sensor.
+    """Return a sensor curve as the controller sees it, after subtraction of the offset and with the sensor's recess.
 
     Args:
         drawn: the curve, over the distance from the sensor's zero, and the offset that belongs to it.
@@ -235,7 +235,7 @@ def _points_of(sensor: SensorModel, places: FloatArray) -> Points:
 
 
 def _observed_points(drawn: DrawnCurve, low: float, high: float, offset: float, recess: float) -> Points:
-    """Return points of a drawn sensor curve after the controller has subtracted its offset."""
+    """Return points of a sensor curve as the controller sees it, after it has subtracted the sensor offset."""
     if isinstance(drawn.sensor, PiecewiseCubic):
         part = drawn.sensor.part(low, high)
         places, level, slopes = np.array(part.distances), np.array(part.log_outputs), np.array(part.slopes)

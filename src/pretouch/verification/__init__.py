@@ -1,4 +1,4 @@
-"""Verify a gain by simulating the sampled loop, compare the runs with the prediction, and suggest changes."""
+"""Verify a gain by simulating the sampled loop, and suggest improvements of the loop."""
 
 from pretouch.design.options import VerifyOptions
 

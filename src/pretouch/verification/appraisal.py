@@ -1,4 +1,4 @@
-"""Simulate random encounters on a loop, and evaluate objective, limits and mitigation of every run."""
+"""Simulate random encounters on a sampled loop, and evaluate the objective and limits of every run."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities tha
 
 
 def foreseen_impact(task: Task) -> ImpactModel | None:
-    """Return the impact model for the prediction: from the task, or lossless with the loop's contact stiffness."""
+    """Return the task's impact model, or else a lossless impact with the contact stiffness of the sampled loop."""
     contact, mass = task.loop.contact, task.loop.plant.coefficients()[0]
     if task.impact is not None or contact is None or mass == 0:  # an ideal robot has no mass and no contact force
         return task.impact
@@ -45,13 +45,13 @@ def foreseen_impact(task: Task) -> ImpactModel | None:
 
 
 def predicted_contact(task: Task, gain: float) -> ContactResult:
-    """Predict the nominal encounter with a gain, in continuous time and with a perfect sensor."""
+    """Predict the contact of the nominal encounter with a gain, in continuous time and with a perfect sensor."""
     return task.law.contact(task.scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Draws:
-    """Random encounters, each with its own sequence of sensor noise.
+    """Random encounters, each with its own sensor noise.
 
     Encounter i always has the i-th noise sequence.
     """
@@ -63,7 +63,7 @@ class Draws:
 
     @property
     def compared(self) -> int:
-        """Number of runs on which changes of the loop and other gains are compared."""
+        """Number of runs in which other gains and changes of the loop are compared."""
         return min(self.task.verify.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
 
     @property
@@ -77,7 +77,7 @@ class Draws:
         return self._each(self.scenarios.distance)
 
     def run(self, loop: ClosedLoop, gain: ArrayLike, count: int | None = None) -> SimulationResult:
-        """Simulate all encounters, or the first `count` encounters, with one or several gains."""
+        """Simulate all encounters, or only the first `count` encounters, with one or several gains."""
         # Several gains have the shape (m, 1).
         n = self.task.verify.runs if count is None else count
         several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
@@ -95,7 +95,7 @@ class Draws:
 
 
 def draw_encounters(task: Task) -> Draws:
-    """Draw independent random encounters with the seed of the loop."""
+    """Sample independent random encounters, using the random seed of the loop."""
     # Exact confidence bounds need independent encounters.
     if not task.uncertainty:
         obstacle = task.scenario.obstacle
@@ -114,7 +114,7 @@ def draw_encounters(task: Task) -> Draws:
 
 
 class Requirement(NamedTuple):
-    """A condition, such as a limit, that must hold in a required share of the runs."""
+    """A condition, such as a limit, that a required share of the simulated runs must meet."""
 
     name: str  # name of a limit, or `contact`
     held: BoolArray  # the runs in which the condition holds
@@ -127,13 +127,13 @@ class Requirement(NamedTuple):
 
     @property
     def is_met(self) -> bool:
-        """Whether enough runs meet the condition."""
+        """True if enough runs meet the condition."""
         return self.standing >= 1 - _ROUNDING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopOutcomes:
-    """Results of one gain on one loop over many runs."""
+    """Results of one gain in many simulated runs of one sampled loop."""
 
     result: SimulationResult
     objective: FloatArray  # objective of each run; infinite without contact
@@ -149,17 +149,17 @@ class LoopOutcomes:
 
     @property
     def stable(self) -> float:
-        """Score for stability: the gain margin, but at most 1; also 1 if the margin is not known."""
+        """Score for stability: the gain margin, but at most 1; also 1 if the margin is unknown."""
         return 1.0 if self.margin is None else min(self.margin, 1.0)
 
     @property
     def worst(self) -> Requirement:
-        """The requirement that is missed most often, or the first one if all are met."""
+        """The requirement that is missed most often; if all requirements are met, the first one."""
         return min(self.requirements, key=lambda r: r.standing)
 
     @property
     def softness(self) -> float:
-        """Score for softer contact: 1 if the gain makes contact softer, and less than 1 if it does not.
+        """Score of the contact speed: 1 if the gain makes contact softer than without mitigation, otherwise below 1.
 
         It is unmitigated speed / speed if contact is harder with the gain, and 0.99 if the gain has no effect.
         """
@@ -170,12 +170,12 @@ class LoopOutcomes:
 
     @property
     def is_kept(self) -> bool:
-        """Whether every requirement is met and contact is softer than without mitigation."""
+        """True if every requirement is met and contact is softer than without mitigation."""
         return self.softness == 1 and all(r.is_met for r in self.requirements)
 
     @property
     def mean(self) -> float:
-        """The mean objective; infinite if a run ends without contact."""
+        """The mean of the objective over the runs; infinite if a run ends without contact."""
         return float(self.objective.mean())
 
     @property
@@ -186,7 +186,7 @@ class LoopOutcomes:
 
 
 def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
-    """Return the status of a verdict from limits, contact speed and gain margin alone."""
+    """Return the status of a gain, such as `holds`, from limits, contact speed and gain margin alone."""
     # Prediction, sensor speed and calibration are ignored.
     effect, margin = outcomes.effect, outcomes.margin
     if not outcomes.is_kept or outcomes.stable < 1:
@@ -201,14 +201,14 @@ def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopProblem:
-    """The encounters on which gains and loops are compared, with reference runs without mitigation."""
+    """The encounters on which loops and gains are compared, with simulated runs without mitigation for comparison."""
 
     draws: Draws
     predicted: BoolArray  # which of the encounters end in contact in continuous time
     unmitigated: SimulationResult  # runs with gain 0 on the unchanged loop; changed loops are compared with them, too
 
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
-        """Return a loop whose runs end at contact, unless objective or limits need the forces after contact."""
+        """Return a loop whose runs end at contact, unless objective or limits need the forces during contact."""
         task = self.draws.task
         custom = isinstance(task.goal, CustomObjective)
         needed = {constraint.quantity for constraint in task.limits}
@@ -217,17 +217,17 @@ class LoopProblem:
         return loop if custom or needed & _IN_CONTACT else replace(loop, follow_time=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
-        """Simulate all encounters, or the first `count` encounters, with one gain and evaluate each run."""
+        """Simulate all encounters, or the first `count` encounters, with one gain; compute limits and objective."""
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
     def appraise_each(self, gains: FloatArray) -> list[LoopOutcomes]:
-        """Simulate the same encounters with each of several gains and evaluate all runs."""
+        """Simulate the same encounters with each of several gains, and compute limits and objective of every run."""
         loop = self.compared(self.draws.task.loop)
         runs = self.draws.run(loop, gains[:, None], self.draws.compared)
         return [self.appraised(part_of(runs, i), loop, gain) for i, gain in enumerate(gains.tolist())]
 
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
-        """Evaluate simulated runs, given the loop and the gain of these runs."""
+        """Compute the results of simulated runs: the objective, the limits, and the change of the contact speed."""
         limits, touched = limits_of(self.draws.task.constraints), result.touched
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
         requirements = (
@@ -262,7 +262,7 @@ class LoopProblem:
 
 
 def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
-    """Return a selection of the runs along the first axis, without time series."""
+    """Return the results of selected simulated runs, without time series."""
     columns = {name: column[which] for name, column in result.columns.items()}
     return SimulationResult(columns, result.contact_list[which], result.trace_of)
 
@@ -270,7 +270,7 @@ def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
 def simulated_quantity(
     name: str, result: SimulationResult, gain: float, loop: ClosedLoop, impact: ImpactModel | None
 ) -> FloatArray:
-    """Return a quantity of every run by its name; NaN if the quantity needs a contact that did not happen."""
+    """Return one quantity of every simulated run; NaN if the quantity needs a contact that did not happen."""
     if name == "gain":
         return np.full(result.shape, gain)
     model: Any = impact  # not None if needed: the ideal design refuses objectives that lack physical properties
@@ -288,7 +288,7 @@ def simulated_quantity(
 
 @dataclass(frozen=True, slots=True)
 class _Runs(Value):
-    """Quantities of simulated runs under the names that a `ContactState` uses."""
+    """Quantities of simulated runs under the names that `ContactState` uses."""
 
     result: SimulationResult
     gain: float
@@ -296,5 +296,5 @@ class _Runs(Value):
     impact: ImpactModel | None
 
     def column(self, name: str) -> FloatArray:
-        """Return one quantity of every run by its name."""
+        """Return one quantity of every simulated run, given the name of the quantity."""
         return simulated_quantity(name, self.result, self.gain, self.loop, self.impact)

@@ -1,4 +1,4 @@
-"""Compute how far sensor noise moves a robot at rest, and which signal floor keeps the robot still."""
+"""Compute how far sensor noise moves a robot at rest, and the noise floor that keeps the robot still."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _PLACES: Final = 2001  # number of distances from contact to _FARTHEST
 
 
 def creep_in_words(task: Task, gain: float) -> Iterator[str]:
-    """Yield a sentence on how far noise moves a robot at rest near an object, and which floor prevents this."""
+    """Yield a sentence on how far noise moves a robot at rest near an object, and which signal floor prevents this."""
     law = task.loop.law
     if not isinstance(law, Controller) or not gain:
         return
@@ -59,12 +59,12 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
 
 
 def _rest(law: Controller) -> float:
-    """Return the time for which a robot at rest is simulated [s]."""
+    """Return the time [s] for which the motion of a robot at rest is simulated."""
     return float(f"{min(_REST, _STEPS * law.period):.3g}")
 
 
 def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> float | None:
-    """Return a signal floor that keeps a robot at rest still despite noise; None if none is found."""
+    """Return a signal floor with which noise does not move a robot at rest; None if no such floor is found."""
     # With the present floor, the robot moves by `moved` [m].
     below = floor = law.conditioning.floor
     far = moved
@@ -83,7 +83,7 @@ def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> floa
 
 
 def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[float, float]:
-    """Return the distance at which noise moves a robot at rest most [m], and a 95 % bound of the motion [m].
+    """Return the distance [m] at which noise moves a robot at rest most, and a 95 % bound of this motion [m].
 
     The largest of 59 runs exceeds the 95 % quantile with a confidence of 95 %, since 0.95^59 = 0.048. Separate runs
     find the worst distances. The robot follows the virtual object exactly.

@@ -1,4 +1,4 @@
-"""Check whether a calibration is accurate enough for a gain, and say what to measure otherwise."""
+"""Check whether a calibration is accurate enough for a gain, and say what to measure if it is not."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _CLOSE: Final = 1e-9  # m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationCheck(Value):
-    """Results of a gain on other sensors that are compatible with the readings of the calibration.
+    """Simulated results of a gain with other sensor curves that are compatible with the calibration readings.
 
     Each draw is another sensor: a curve, its offset, and the misfit of the chain. The controller subtracts its
     configured offset on all of them. The loop runs without noise, so that the calibration causes all differences.
@@ -68,12 +68,12 @@ class CalibrationCheck(Value):
 
     @property
     def is_good_enough(self) -> bool:
-        """Whether at least 95 % of the sensors agree with the fitted curve, and no reading contradicts it."""
+        """True if at least 95 % of the sensors agree with the fitted curve, and no reading contradicts this curve."""
         return self.failing <= _FAILING * self.draws and (self.witness is None or self.witness.is_supported)
 
     @property
     def reason(self) -> str:
-        """Why the calibration is not good enough, and what to measure, in one clause."""
+        """A clause that explains why the calibration is not good enough and says what to measure."""
         named = (
             (
                 self.harder_count,
@@ -94,7 +94,7 @@ class CalibrationCheck(Value):
 
     @property
     def text(self) -> str:
-        """The result of the check in sentences."""
+        """A few sentences that summarize the calibration check."""
         if self.is_good_enough:
             kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
             wider = "" if self.witness is None else f", in continuous time: {self.witness.text}"
@@ -113,7 +113,7 @@ class CalibrationCheck(Value):
 
     @property
     def _spread(self) -> str:
-        """The contact speeds on the loop, without noise: on the fitted curve and on the drawn sensors."""
+        """A sentence on the contact speed with the fitted sensor curve and with the sampled curves, without noise."""
         text = (
             "On the sampled loop without noise, the contact speed is "
             f"{format_quantity(self.predicted, 'm/s', 3)} with the fitted curve"
@@ -132,14 +132,14 @@ class CalibrationCheck(Value):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the results of the check as one JSON object, in SI units."""
+        """Return the results of the calibration check as one JSON object, in SI units."""
         open_ends = {"decisive": self.decisive or None, "remedy": self.remedy or None}
         return {"is_good_enough": self.is_good_enough, **asdict(self), **open_ends}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
-    """Contact speed and ratios quantity / limit of one gain on each of several sensors.
+    """Contact speeds, and ratios quantity / limit, of one gain with each of several sensors.
 
     Speeds are NaN and ratios infinite without contact.
     """
@@ -148,7 +148,7 @@ class _Outcome:
     ratios: FloatArray
 
     def failures(self, predicted: _Outcome) -> tuple[BoolArray, BoolArray, BoolArray]:
-        """Return for each sensor whether contact is missing, contact is harder, or a limit is missed."""
+        """Return for each sensor whether contact is missing, whether it is harder, and whether a limit is exceeded."""
         missing = np.isnan(self.speed)
         allowed = np.maximum(1.0, (1 + _ROOM) * predicted.ratios[0])
         return (
@@ -158,13 +158,13 @@ class _Outcome:
         )
 
     def badness(self, predicted: _Outcome) -> tuple[int, float]:
-        """Return the number of sensors that fail, and a quantile of the contact speed to rank equal numbers."""
+        """Return the number of sensors that fail and a quantile of the contact speed, for comparing errors."""
         failing = int(np.any(self.failures(predicted), axis=0).sum())
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
 
 def check_calibration(task: Task, report: CalibrationReport, gain: float) -> CalibrationCheck | None:
-    """Simulate the nominal encounter on other sensors that the readings of the calibration allow."""
+    """Simulate the nominal encounter with other sensor curves that are compatible with the calibration readings."""
     if report.curves is None or report.offset is None:  # too few readings to draw other curves
         return None
     chain = _without_noise(task.loop.chain)
@@ -196,21 +196,21 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
 
 
 def _without_noise(chain: SensorChain) -> SensorChain:
-    """Return the sensor chain without noise, so that every run is the same except for the misfit."""
+    """Return the sensor chain without noise, so that runs differ only by the misfit of the sensor curve."""
     return replace(
         chain, noise=0.0, relative_noise=0.0, distance_noise=0.0, jitter=0.0, dropout=0.0, random_phase=False
     )
 
 
 def _mount(drawn: DrawnCurve, task: Task) -> DrawnCurve:
-    """Mount a randomly drawn sensor curve with the recess and the range of the fitted curve."""
+    """Mount a randomly sampled sensor curve with the recess and the distance range of the fitted curve."""
     # The sensor chain already has the controller's offset.
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
 
 
 def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve, ...]) -> _Outcome:
-    """Simulate the nominal encounter once on each of several sensors."""
+    """Simulate the nominal encounter once with each of several sensors."""
     # The i-th sensor has the misfit of the i-th run.
     own = 0.0 if task.calibration is None or task.calibration.offset is None else task.calibration.offset.value
     limits = [limit for limit in task.limits if limit.name != "gain"]
@@ -232,7 +232,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
 
 
 def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, predicted: _Outcome) -> str:
-    """Return the largest source of error in the calibration: misfit, offset, or curve."""
+    """Return the largest source of error in the calibration: misfit, offset, or sensor curve."""
     # Offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
     # offset is nearest to the fitted one show the uncertainty that remains if the offset is known.
     report: Any = task.calibration
@@ -251,7 +251,7 @@ def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Ou
 
 
 def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
-    """Return in words what to measure so that the calibration becomes good enough."""
+    """Return a sentence on what to measure so that the calibration becomes good enough."""
     window, recess = report.window, getattr(task.sensor, "recess", 0.0)
     if decisive == "offset":
         again = "more " if report.offset is not None and report.offset.kind == "measured" else ""
@@ -280,5 +280,5 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
 
 
 def _lower(sentence: str) -> str:
-    """Return a sentence as a clause, with a lower-case first letter and without a period."""
+    """Return a sentence without its final period and with a lower-case first letter."""
     return f"{sentence[:1].lower()}{sentence[1:].removesuffix('.')}"

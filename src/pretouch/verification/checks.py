@@ -1,4 +1,4 @@
-"""Compare simulated runs with the prediction and the limits, and list assumptions and warnings."""
+"""Compare simulated runs with the prediction and with the limits of the task."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def compare_quantities(
     runs: tuple[SimulationResult, SimulationResult],
     foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
-    """Compare simulated and predicted quantities of contact, with the gain and without mitigation."""
+    """Compare simulated and predicted contact quantities, with the gain and without mitigation."""
     contact, impact = task.loop.contact, foreseen_impact(task)
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
     if contact is not None and any(np.any(r.peak_force > (1 + _ROUNDING) * r.impact_force) for r in runs):
@@ -65,7 +65,7 @@ def compare_quantities(
 
 
 def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
-    """Return mean, quantiles and maximum of a quantity over selected runs; None without such runs."""
+    """Return mean, quantiles and maximum of a quantity over selected runs; None if no run is selected."""
     some = values[counted]
     if not len(some):
         return None
@@ -76,7 +76,7 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
 
 
 def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, gain: float) -> tuple[LimitCheck, ...]:
-    """Return how often each limit is met in the runs, and the value predicted for the nominal encounter."""
+    """Return how often the simulated runs meet each limit, and the predicted value for the nominal encounter."""
     checks, impact = [], foreseen_impact(task)
     for required, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
         constraint = required.constraint
@@ -100,14 +100,14 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
 
 
 def _source_of(name: str, loop: ClosedLoop) -> str:
-    """Return how a quantity of a run is computed, such as `simulated contact force`."""
+    """Return a text that says how a quantity of a run is computed, such as `simulated contact force`."""
     if name == "impact_force":
         return "impact model at the simulated speed of contact" if loop.contact is None else "simulated contact force"
     return "robot mass times largest simulated acceleration" if name == "drive_force" else "simulated"
 
 
 def check_reached(result: SimulationResult, predicted: BoolArray, confidence: float) -> Reached:
-    """Return how many runs end in contact, compared with the prediction in continuous time."""
+    """Return how many simulated runs end in contact, compared with the prediction in continuous time."""
     expected, came = int(predicted.sum()), int(result.touched[predicted].sum())
     return Reached(
         predicted=float(predicted.mean()),
@@ -125,7 +125,7 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
 
 
 def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
-    """Return the assumptions of a verdict in sentences."""
+    """Return sentences that state the assumptions of a verification."""
     # `compared` is the number of runs that compare changes.
     loop, runs = task.loop, task.verify.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
@@ -146,7 +146,7 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
 
 
 def _force(task: Task) -> Iterator[str]:
-    """Yield a sentence on how the impact force is predicted."""
+    """Yield a sentence that says how the impact force is predicted."""
     if task.loop.contact is None:
         if task.impact is not None:
             yield "The impact force is computed by the impact model from the simulated speed at contact."
@@ -167,7 +167,7 @@ def cautions_of(
     design: GainDesign,
     gain: float,
 ) -> tuple[str, ...]:
-    """Return the warnings of a verdict, from simulated runs with the gain and without mitigation."""
+    """Return the warnings of a verification, from simulated runs with the gain and without mitigation."""
     loop = draws.task.loop
     return (
         *_no_ideal_gain(design),
@@ -247,7 +247,7 @@ def _why_late(loop: ClosedLoop, late: float) -> str:
 
 
 def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:
-    """Yield a warning if a push after the impact makes the largest contact force larger with mitigation."""
+    """Yield a warning if the gain increases the contact force because the robot pushes after the impact."""
     contact, both = loop.contact, result.touched & unmitigated.touched
     if contact is None or not both.any():
         return
@@ -297,7 +297,7 @@ def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
 
 
 def _stale(result: SimulationResult) -> float:
-    """Return the share of controller steps after detection at which a sensor reading was overdue."""
+    """Return the share of controller steps after detection at which an expected sensor reading had not arrived."""
     late = count = 0
     for i in range(min(result.shape[0], _TRACED)):
         flags = result.trace(i).flags.astype(np.int64)
@@ -311,7 +311,7 @@ def _percent(share: float) -> str:
 
 
 def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
-    """Yield a warning if the calibration has too few readings to be checked."""
+    """Yield a warning if the calibration has too few readings for a check of the sensor curve."""
     if report is None or report.best is None or report.curves is not None:
         return
     yield (

@@ -1,4 +1,4 @@
-"""Compare contact speeds with and without mitigation, and with an infinitely fast sensor."""
+"""Compare contact speeds of simulated runs: with mitigation, without mitigation, and with an ideally fast sensor."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LEAST_SPEED: Final = 1e-9  # m/s: smaller speeds are not divided by
 
 
 class VerdictStatus(StrEnum):
-    """Status of a verdict: holds, holds narrowly, does not hold, or no gain."""
+    """Status of a verified gain: holds, holds narrowly, does not hold, or no gain."""
 
     HOLDS = "holds"
     HOLDS_NARROWLY = "holds-narrowly"
@@ -41,7 +41,7 @@ class VerdictStatus(StrEnum):
 
     @property
     def meaning(self) -> str:
-        """Explanation of the status in one sentence."""
+        """A sentence that explains the status of the verified gain."""
         return {
             VerdictStatus.HOLDS: "Every limit was met as often as required, every predicted contact happened, and the "
             "gain margin is at least 2.",
@@ -55,7 +55,7 @@ class VerdictStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect(Value):
-    """Effect of a gain on the contact speed, over all runs that end in contact.
+    """Change of the contact speed by a gain, over all simulated runs that end in contact.
 
     If the same run ends without contact at gain 0, its unmitigated speed counts as 0.
 
@@ -86,7 +86,7 @@ class Effect(Value):
 
     @property
     def is_harder(self) -> bool:
-        """Whether the gain makes contact significantly harder, on average or in most runs.
+        """True if the gain makes contact significantly harder on average, or harder in most of the runs.
 
         Significant means more than two standard errors.
         """
@@ -95,26 +95,26 @@ class Effect(Value):
 
     @property
     def is_softer(self) -> bool:
-        """Whether the gain makes contact softer by more than two standard errors."""
+        """True if the gain makes contact softer by more than two standard errors."""
         return -self.difference > self._chance
 
     @property
     def is_absent(self) -> bool:
-        """Whether the gain has no effect, that is, contact is softer by less than 1 % and not harder."""
+        """True if the gain has no effect, that is, contact is softer by less than 1 % and not harder."""
         return not self.is_harder and self.difference > -EFFECT * self.unmitigated
 
     @property
     def is_clear(self) -> bool:
-        """Whether the gain makes contact significantly softer on average, and harder in at most one run in 20."""
+        """True if the gain makes contact significantly softer on average, and harder in at most one run in 20."""
         return self.is_softer and self.harder_count <= OFTEN * self.runs
 
     @property
     def excess(self) -> float | None:
-        """Fraction by which the mean contact speed exceeds the prediction; None if no contact is predicted."""
+        """Relative excess of the mean contact speed over the prediction; None if no contact is predicted."""
         return self.reached / self.predicted - 1 if self.predicted and self.reached is not None else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the effect as one JSON object, in SI units."""
+        """Return the effect of the gain as one JSON object, in SI units."""
         derived = {name: getattr(self, name) for name in ("is_harder", "is_absent", "excess")}
         return {**asdict(self), **derived}
 
@@ -150,14 +150,14 @@ def effect_of(
 
 
 def chase_in_words(number: LawNumber, gain: float | None) -> Iterator[str]:
-    """Yield a warning if the gain has the wrong sign, so that the robot chases the object."""
+    """Yield a warning if the sign of the gain is wrong, so that the robot chases the object."""
     if gain is not None and number.sign * gain < 0:
         text = f"{number.equals(gain)} makes the robot chase the object"
         yield f"{text}: mitigating {number.name}s are {number.mitigating}"
 
 
 def mean_and_error(values: FloatArray) -> tuple[float, float]:
-    """Return the mean over independent runs and its standard error; NaN if a value is infinite."""
+    """Return the mean over independent runs, and the standard error of this mean; NaN if a value is infinite."""
     if not len(values) or not np.isfinite(values).all():
         return math.nan, math.nan
     error = float(np.std(values, ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else math.nan
@@ -176,7 +176,7 @@ def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: S
 
 
 def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield a warning if the gain has no effect on the contact speed; no warning for a gain of 0."""
+    """Yield a warning if a gain other than 0 has no effect on the contact speed."""
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
         yield (
@@ -186,14 +186,14 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
 
 
 def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:
-    """Return the contact speeds with the gain and without mitigation [m/s]; 0 without contact."""
+    """Return the contact speeds [m/s] with the gain and without mitigation; 0 for runs without contact."""
     speed, before = (abs(one.relative_velocity) if one.touched else 0.0 for one in (run, free))
     return speed, before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSpeed(Value):
-    """The contact speed compared with an infinitely fast sensor, both without noise.
+    """The noise-free contact speed with the real sensor, compared with an infinitely fast sensor.
 
     Args:
         rate: readings per second of the loop [Hz].
@@ -216,7 +216,7 @@ class SensorSpeed(Value):
 
     @property
     def is_fast_enough(self) -> bool:
-        """Whether contact is at most `tolerance` harder than with an infinitely fast sensor."""
+        """True if the contact speed exceeds the speed with an infinitely fast sensor by at most `tolerance`."""
         return self.excess <= self.tolerance
 
     @property
@@ -235,14 +235,14 @@ class SensorSpeed(Value):
 
     @property
     def excess_in_words(self) -> str:
-        """The increase of the contact speed in 95 % of the runs, and the allowed one, as a clause."""
+        """A clause on the increase of the contact speed in 95 % of the runs, and on the allowed increase."""
         size, fast = "no faster than with an infinitely fast sensor", "with an infinitely fast sensor"
         if self.excess > _SHOWN_SHARE:
             size = f"up to {faster_in_words(self.excess, fast)}"
         return f"in 95 % of the runs, contact is {size} (up to {100 * self.tolerance:.3g} % faster is allowed)"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as one JSON object, in SI units."""
+        """Return the comparison with an infinitely fast sensor as one JSON object, in SI units."""
         return {**asdict(self), "is_fast_enough": self.is_fast_enough}
 
 
@@ -253,7 +253,7 @@ def without_noise(loop: ClosedLoop) -> ClosedLoop:
 
 
 def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
-    """Return the loop with an instant reading for every controller step; None if the law has no sensor rate."""
+    """Return the loop with an instant sensor reading at every controller step; None for user-defined laws."""
     law = loop.law
     if not isinstance(law, Controller):
         return None
@@ -264,7 +264,7 @@ def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
 def compare_with_fast_sensor(
     loop: ClosedLoop, run: Callable[[ClosedLoop], SimulationResult], quiet: SimulationResult, tolerance: float
 ) -> SensorSpeed | None:
-    """Compare the contact speed with the speed for an infinitely fast sensor; None without contact."""
+    """Compare the contact speed of the loop with the speed for an infinitely fast sensor; None without contact."""
     fast = with_fast_sensor(without_noise(loop))
     if fast is None:
         return None

@@ -1,4 +1,4 @@
-"""Simulate one encounter on the sampled loop, and compare it with the prediction and without mitigation."""
+"""Simulate one encounter on the sampled loop, and compare the result with the prediction."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ Row = tuple[Cell, ...]
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SimulatedEncounter(Described, Value):
-    """Result of `simulate_encounter`: simulated and predicted encounter, with the gain and without mitigation.
+    """Result of `simulate_encounter`: one encounter, simulated and predicted, with the gain and without mitigation.
 
     Comparisons are computed when they are first read.
 
@@ -155,17 +155,17 @@ class SimulatedEncounter(Described, Value):
 
     @property
     def has_contact_force(self) -> bool:
-        """Whether the loop has a contact model, so that a run continues after the first touch."""
+        """True if the loop has a contact model, so that a simulated run continues after the first touch."""
         return self.loop.contact is not None
 
     @cached_property
     def comparisons(self) -> tuple[QuantityComparison, ...]:
-        """Simulated and predicted quantities of the contact, with the gain and without mitigation."""
+        """Contact quantities of simulation and prediction, with the gain and without mitigation."""
         runs, predictions = (self.run, self.unmitigated), (self.prediction, self.unmitigated_prediction)
         return compare_contacts(runs, predictions, self.impact, self.has_contact_force)
 
     def comparison(self, name: str) -> QuantityComparison:
-        """Return the comparison of one quantity by its name, such as `relative_velocity`."""
+        """Return the comparison of one quantity, given the name of the quantity, such as `relative_velocity`."""
         for found in self.comparisons:
             if found.name == name:
                 return found
@@ -174,17 +174,17 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def contacts(self) -> tuple[LoopContact, ...]:
-        """The contacts of the run with the gain in the order of time, including repeated contacts."""
+        """The contacts of the run with the gain, including repeated contacts, in chronological order."""
         return contacts_of(self.run, self.has_contact_force)
 
     @cached_property
     def unmitigated_contacts(self) -> tuple[LoopContact, ...]:
-        """The contacts of the run without mitigation, in the order of time."""
+        """The contacts of the run without mitigation, in chronological order."""
         return contacts_of(self.unmitigated, self.has_contact_force)
 
     @cached_property
     def flags(self) -> tuple[ReportedFlag, ...]:
-        """The flags that the controller reported during the run with the gain, in the order of time."""
+        """The flags that the controller reported during the run with the gain, in chronological order."""
         return flags_of(self.trace, self.loop.law.period, self.run.time)
 
     @cached_property
@@ -194,14 +194,14 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def headline(self) -> str:
-        """The simulated contact in one or two sentences, compared with the prediction and with no mitigation."""
+        """A summary of the simulated contact, compared with the prediction and with contact without mitigation."""
         compared = self.comparison("relative_velocity"), self.comparison("time")
         grows = self.grows_after_impact if self.has_contact_force else None
         return headline_of(self.run, self.unmitigated, self.prediction, compared, grows)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings to read before relying on the results, most important first."""
+        """Warnings about the simulated encounter, most important first."""
         parts = self.detection, self.flags, self.contacts, self.grows_after_impact
         both = self.law.number, self.gain, self.run, self.unmitigated
         return (
@@ -213,7 +213,7 @@ class SimulatedEncounter(Described, Value):
         )
 
     def _instability(self) -> Iterator[str]:
-        """Yield a warning if the loop is unstable with the gain, or has a small gain margin."""
+        """Yield a warning if the loop is unstable with the gain, or if its gain margin is small."""
         distances = passage(self.law, self.scenario, self.sensor, self.gain, float(self.scenario.distance))
         limit = limit_of(self.loop, self.sensor, distances)
         margin = stability_margin(limit, self.gain)
@@ -236,17 +236,17 @@ class SimulatedEncounter(Described, Value):
 
     @property
     def is_mitigated(self) -> bool:
-        """Whether the run ends in contact, no harder than without mitigation."""
+        """True if the run ends in a contact that is not harder than without mitigation."""
         return bool(self.run.touched) and not is_harder(self.run, self.unmitigated)
 
     @property
     def grows_after_impact(self) -> bool:
-        """Whether a push after the impact, or a later contact, is stronger than the impact itself."""
+        """True if a push after the impact, or a later contact, has a larger force than the impact itself."""
         run = self.run
         return bool(self.has_contact_force and run.touched and run.peak_force > _PUSH * run.impact_force)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the encounter as one JSON object, in SI units and without time series."""
+        """Return the results of the encounter as one JSON object in SI units, without time series."""
         loop = self.loop
         fields: dict[str, Any] = plain(
             {
@@ -281,7 +281,7 @@ class SimulatedEncounter(Described, Value):
 
 
 def _part_as_dict(part: object) -> dict[str, Any]:
-    """Return the model name and the fields of one part of the loop, such as the robot."""
+    """Return the model name and the parameters of one component of the loop, such as the robot."""
     return {"model": type(part).__name__, **(plain(part) if is_dataclass(part) else {})}
 
 

@@ -1,4 +1,4 @@
-"""Summarize a simulated encounter: its contact, detection, controller flags and warnings."""
+"""Summarize one simulated encounter: contact, detection time and warnings."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _OF_CONTACT: Final = ("impact_force", "peak_force", "impulse", "rebound_velocity
 
 @dataclass(frozen=True, slots=True)
 class QuantityComparison(Value):
-    """One quantity of an encounter, simulated and predicted, with the gain and without mitigation.
+    """Simulated and predicted values of one quantity, with the gain and without mitigation.
 
     Values are None if they are not available.
     """
@@ -50,12 +50,12 @@ class QuantityComparison(Value):
 
     @property
     def values(self) -> tuple[float | None, ...]:
-        """The four compared values: simulated and predicted, each with the gain and without mitigation."""
+        """The four compared values: simulated and predicted, with the gain and without mitigation."""
         return self.loop, self.predicted, self.loop_unmitigated, self.predicted_unmitigated
 
     @property
     def is_empty(self) -> bool:
-        """Whether none of the four compared values is available."""
+        """True if none of the four compared values is available."""
         return all(value is None for value in self.values)
 
     @property
@@ -65,14 +65,14 @@ class QuantityComparison(Value):
 
     @property
     def relative_difference(self) -> float | None:
-        """Fraction by which the simulated magnitude exceeds the predicted magnitude; None if unknown."""
+        """Relative excess of the simulated magnitude over the predicted magnitude; None if one of them is unknown."""
         if self.loop is None or not self.predicted:
             return None
         return abs(self.loop) / abs(self.predicted) - 1
 
     @property
     def difference_in_words(self) -> str:
-        """Difference between simulation and prediction as text, with unit and percentage; empty if unknown."""
+        """Text with the difference between simulation and prediction, with unit and percentage; empty if unknown."""
         share = self.relative_difference
         if self.difference is None:
             return ""
@@ -83,13 +83,13 @@ class QuantityComparison(Value):
         return text if share is None else f"{text} ({'+' if share > 0 else '-'}{percent(share)})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as one JSON object, in SI units."""
+        """Return the simulated and predicted values as one JSON object, in SI units."""
         return {**asdict(self), "difference": self.difference, "relative_difference": self.relative_difference}
 
 
 @dataclass(frozen=True, slots=True)
 class LoopContact(Value):
-    """One contact of a simulated run, with its forces if the loop has a contact model.
+    """One contact in a simulated run, with its forces if the loop has a contact model.
 
     Quantities that need a contact model are None without one.
     """
@@ -114,12 +114,12 @@ class ReportedFlag(Value):
 
     @property
     def has_meaning(self) -> bool:
-        """Whether pretouch knows what the flag means."""
+        """True if the meaning of the flag is known."""
         return self.meaning != _OWN
 
     @property
     def is_trouble(self) -> bool:
-        """Whether the flag reports faulty readings, or limited forces or motions."""
+        """True if the flag reports faulty readings, or a limited force or motion."""
         return self.meaning not in _NO_TROUBLE
 
 
@@ -140,7 +140,7 @@ class Detection(Value):
 
     @property
     def sentence(self) -> str:
-        """A sentence with time and distance of the first detection."""
+        """A sentence with time and distance at which the controller first detected the object."""
         if self.time == 0:
             return f"The object was detected at the start, at {format_quantity(self.distance, 'm')}."
         text = f"The object was first detected after {format_quantity(self.time, 's', 3)}, at "
@@ -168,13 +168,13 @@ _NO_TROUBLE: Final = frozenset({_MEANINGS[Status.DETECTING], _MEANINGS[Status.IN
 
 
 def percent(share: float) -> str:
-    """Return the magnitude of a share in percent, with two digits."""
+    """Return the magnitude of a relative change as a percentage with two digits."""
     size = abs(100 * share)
     return f"{size:.0f} %" if size >= 99.5 else f"{size:.2g} %"
 
 
 def faster_in_words(excess: float, other: str = "") -> str:
-    """Return a relative excess of a speed in words, compared with `other` if that is given.
+    """Return text for a relative excess of speed, such as `5 % faster than predicted`.
 
     Examples:
         >>> faster_in_words(0.12, "predicted"), faster_in_words(5.39, "predicted"), faster_in_words(-0.22)
@@ -195,7 +195,7 @@ def compare_contacts(
     impact: ImpactModel | None,
     has_force: bool,
 ) -> tuple[QuantityComparison, ...]:
-    """Compare simulated and predicted quantities of contact, with the gain and without mitigation."""
+    """Compare the simulated and predicted contact quantities, with the gain and without mitigation."""
     ends = [None if p is None or not p.reached.all() else p.end for p in predictions]
 
     def row(name: str, loop: Iterable[float], predicted: Iterable[float]) -> QuantityComparison:
@@ -222,7 +222,7 @@ def compare_contacts(
 
 
 def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ...]:
-    """Return the contacts of a single run, at most 32."""
+    """Return the contacts of a single simulated run, at most 32 contacts."""
     contacts = []
     for row in run.contact_list[~np.isnan(run.contact_list[:, 0])]:
         time, velocity, *rest = map(finite_or_none, row)
@@ -231,7 +231,7 @@ def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ..
 
 
 def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
-    """Return the flags that the controller reported, in the order of time."""
+    """Return the flags that the controller reported, in chronological order."""
     # `period` is the controller period [s]; `contact_time` may be NaN.
     flags = trace.flags.astype(np.int64)
     before = ~(trace.time >= contact_time)
@@ -251,7 +251,7 @@ def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[Repo
 
 
 def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, scenario: Scenario) -> Detection | None:
-    """Return time and distance at which the object was first detected; None without detection."""
+    """Return time and distance at which the controller first detected the object; None without detection."""
     if math.isnan(run.detection_time):
         return None
     distance = float(trace.distance[int(np.abs(trace.time - run.detection_time).argmin())])
@@ -269,7 +269,7 @@ def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, s
 
 
 def run_as_dict(run: SimulationResult) -> dict[str, Any]:
-    """Return the quantities of a run in SI units, and how the run ended."""
+    """Return the final quantities of a simulated run in SI units, and how the run ended."""
     return {"status": ContactStatus(run.status).label, **{name: getattr(run, name) for name in _RUN}}
 
 
@@ -280,7 +280,7 @@ def headline_of(
     compared: tuple[QuantityComparison, QuantityComparison],
     grows: bool | None,
 ) -> str:
-    """Return speed and time of a simulated contact in words, compared with prediction and no mitigation."""
+    """Return a sentence that compares a simulated contact with the prediction and with contact without mitigation."""
     text = _loop_clause(run, free)
     if predicted is None:
         text += "; no prediction, because the obstacle has a course"
@@ -298,7 +298,7 @@ def headline_of(
 
 
 def is_harder(run: SimulationResult, free: SimulationResult) -> bool:
-    """Return whether contact is harder with the gain than without mitigation."""
+    """Return True if contact is harder with the gain than without mitigation."""
     before = abs(free.relative_velocity) if free.touched else 0.0
     return bool(run.touched and abs(run.relative_velocity) > before * (1 + _SAME))
 
@@ -323,7 +323,7 @@ def _speed_or_none(run: SimulationResult) -> str:
 
 
 def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
-    """Return a comparison of contact speed and contact time with the prediction, in words."""
+    """Return a text that compares contact speed and contact time with the prediction."""
     share, late = speed.relative_difference, time.difference
     parts = []
     if share is not None:
@@ -336,7 +336,7 @@ def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
 
 
 def _force_sentence(run: SimulationResult, free: SimulationResult, grows: bool) -> str:
-    """Return a sentence with the contact force, with the gain and without mitigation."""
+    """Return a sentence on the contact force with the gain and without mitigation."""
     text = f" Impact force {_force(run.impact_force)}"
     text += f" instead of {_force(free.impact_force)} without mitigation" if free.touched else ""
     text += f", later up to {_force(run.peak_force)}" if grows else ""
@@ -381,7 +381,7 @@ def cautions_in_words(
 
 
 def force_in_words(force: QuantityComparison) -> Iterator[str]:
-    """Yield a warning if the virtual force on the loop is much larger than predicted."""
+    """Yield a warning if the virtual force in the sampled loop is much larger than predicted."""
     if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
         loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
         yield (
@@ -391,7 +391,7 @@ def force_in_words(force: QuantityComparison) -> Iterator[str]:
 
 
 def ending_in_words(status: Any) -> str:
-    """Return how a simulated or predicted encounter ended in words, such as `never in contact`."""
+    """Return text that says how a simulated or predicted encounter ended, such as `never in contact`."""
     return ContactStatus(status).words
 
 

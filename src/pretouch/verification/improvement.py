@@ -1,4 +1,4 @@
-"""Search for improvements of a loop: the best gain, and the single change that helps most.
+"""Search for the best gain of a loop, and for the single change of the loop that helps most.
 
 Every candidate is simulated with the same noise as the verdict.
 """
@@ -33,7 +33,7 @@ _DIGITS: Final = 12  # decimals of u = ln|D_p| that distinguish two gains
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LoopCurve(Value):
-    """Results of all gains that were tried on the sampled loop.
+    """Simulated results of all gains that the search tried on the sampled loop.
 
     Args:
         gain: the law's number, such as D_p [N s], ascending, shape (n,).
@@ -58,7 +58,7 @@ class LoopCurve(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss(Value):
-    """Objective of the verified gain, compared with the best gain for this loop.
+    """The objective with the verified gain, compared with the objective of the best gain for the sampled loop.
 
     Args:
         predicted: the objective of the nominal encounter in continuous time; None without contact.
@@ -86,7 +86,7 @@ class Loss(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopChange(Value):
-    """Result of one simulated change of the loop or of the gain.
+    """Simulated results after one change of the loop or of the gain.
 
     Args:
         name: short name, such as `sensor-rate`.
@@ -117,7 +117,7 @@ class LoopChange(Value):
 
 
 class Verified(NamedTuple):
-    """The verified gain with its prediction, simulated results and stability."""
+    """The verified gain with its predicted contact, its simulated runs and its stability."""
 
     gain: float  # such as D_p [N s]
     predicted: ContactResult  # the nominal encounter with the gain in continuous time
@@ -131,7 +131,7 @@ class Verified(NamedTuple):
 def find_improvements(
     problem: LoopProblem, verified: Verified
 ) -> tuple[Loss, tuple[LoopChange, ...], tuple[LoopChange, ...]]:
-    """Find changes that improve the loop, and how much better the best gain is than the verified gain."""
+    """Find changes that improve the sampled loop, and compare the verified gain with the best gain for this loop."""
     # The results for the unchanged loop are returned as well.
     task, gain, runs = problem.draws.task, verified.gain, problem.draws.compared
     loop = task.loop
@@ -165,7 +165,7 @@ def find_improvements(
 
 
 def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
-    """Return changes of the loop that may help, given the fastest approach and the largest noise."""
+    """Return changes of the loop that may help, for the fastest approach and the largest noise."""
     draws, check, free = problem.draws, verified.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
     slope = np.abs(np.asarray(sensor.log_slope(verified.passed[0])))
@@ -180,7 +180,7 @@ def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
 
 
 def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | None) -> Loss:
-    """Compare the objective of the verified gain with the objective of the best gain on the loop."""
+    """Compare the objective of the verified gain with the objective of the best gain on the sampled loop."""
     predicted, ideal = verified.predicted, None
     if predicted.reached.all():
         speed = abs(task.scenario.obstacle.velocity)
@@ -203,7 +203,7 @@ def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | No
 
 
 class _Tried(NamedTuple):
-    """Summary of the results of a gain that was tried on the loop."""
+    """Summary of the simulated results of one gain that the search tried."""
 
     gain: float  # the law's number, such as D_p [N s]
     objective: float  # the mean objective
@@ -214,7 +214,7 @@ class _Tried(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Search:
-    """Search for the best gain on the loop; every gain is simulated with the same encounters and noise."""
+    """Search for the best gain on the sampled loop; every gain is simulated in the same encounters with equal noise."""
 
     problem: LoopProblem
     axis: GainAxis
@@ -222,7 +222,7 @@ class _Search:
     tried: dict[float, _Tried] = field(default_factory=dict)  # the tried gains by coordinate
 
     def merit(self, coordinate: FloatArray) -> FloatArray:
-        """Return the mean objective at scaled values of the gain; infinite if a requirement is missed."""
+        """Return the mean objective for gains on the scaled search axis; infinite if a requirement is missed."""
         places = {round(u, _DIGITS): u for u in coordinate.tolist()}
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
@@ -236,24 +236,24 @@ class _Search:
         return np.array([one.objective if one.kept else math.inf for one in of])
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Return the mean objective in the form that the scan of the gain expects."""
+        """Return the mean objective for gains on the scaled search axis, in the form that the search function needs."""
         return Landscape(objective=self.merit(coordinate), ratios=np.empty((0, len(coordinate))))
 
     @property
     def best(self) -> float | None:
-        """The best tried gain that meets all requirements; None if no tried gain does."""
+        """The best tried gain that meets all requirements; None if no tried gain meets all of them."""
         kept = [one for one in sorted(self.tried.values()) if one.kept]
         return min(kept, key=lambda one: one.objective).gain if kept else None
 
     @property
     def nearest(self) -> float | None:
-        """The tried gain with the highest score; None if no gain was tried."""
+        """The tried gain with the best score; None if no gain was tried."""
         tried = sorted(self.tried.values())
         return max(tried, key=lambda one: (one.standing, -one.objective)).gain if tried else None
 
     @property
     def curve(self) -> LoopCurve:
-        """The results of all tried gains, in the order of the gain."""
+        """The results of all tried gains, sorted by the gain."""
         columns = np.array(sorted(self.tried.values()), dtype=np.float64).reshape(-1, len(_Tried._fields)).T
         gain, objective, standing, share, _ = columns
         runs = self.problem.draws.compared
@@ -261,7 +261,7 @@ class _Search:
 
 
 def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:
-    """Search for the best gain on the loop; verified and ideal gain are among the tried gains."""
+    """Search for the best gain on the sampled loop, trying also the verified gain and the ideal gain."""
     (low, high), limit = problem.draws.task.stable_bounds(), verified.limit
     margin, sign = None, problem.draws.task.law.number.sign
     if limit is not None:
@@ -281,7 +281,7 @@ def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:
 
 
 def _redesign(number: LawNumber, gain: float, loop_gain: float, margin: float | None) -> str:
-    """Return a sentence that recommends another gain, with its gain margin."""
+    """Return a sentence that recommends another gain and states the gain margin of that gain."""
     stable = "" if margin is None or margin > _BEYOND else f" (gain margin {margin:.3g})"
     return f"Use {number.equals(loop_gain)} instead of {number.text(gain)}{stable}."
 
@@ -312,13 +312,13 @@ def _evaluate_change(
 
 
 def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requirement, Requirement]:
-    """Return the requirement that was missed most before a change, with its results before and after."""
+    """Return the requirement that was missed most before a change, with its results before and after the change."""
     worst = before.worst
     return worst, next(r for r in after.requirements if r.name == worst.name)
 
 
 def _add_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
-    """Return the recommendation for a change, and warn if the gain margin becomes clearly smaller."""
+    """Return the recommendation for a change, with a warning if the change clearly reduces the gain margin."""
     if candidate.name == "gain" or before is None or after is None:  # for a gain, the sentence already has the margin
         return candidate.sentence
     if after > _BEYOND or after >= _FALL * before:
@@ -328,7 +328,7 @@ def _add_margin(candidate: Candidate, before: float | None, after: float | None)
 
 
 def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
-    """Return whether a change makes the worst requirement fail significantly less often."""
+    """Return True if the most missed requirement is met significantly more often after a change."""
     if after.standing <= before.standing:
         return False
     if before.stable <= before.standing:  # the margin was decisive; it does not depend on chance
@@ -342,7 +342,7 @@ def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
 
 
 def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, float | None]:
-    """Return the relative mean decrease of the objective over all runs, and its standard error."""
+    """Return the relative mean decrease of the objective over all runs, and the standard error of this decrease."""
     whole, _ = mean_and_error(before)
     with np.errstate(invalid="ignore"):
         fall, error = mean_and_error(before - after)

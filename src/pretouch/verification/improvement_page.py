@@ -1,4 +1,4 @@
-"""Build the report sections on improvements: the best gain, and all changes that were tried."""
+"""Build the report sections on the best gain and on possible changes of the loop."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _HELPS: Final = (
 
 
 def best_change_section(v: Verdict) -> PageSection | None:
-    """Return the report section on the change that helps most; None if no change was tried."""
+    """Return the report section on the most helpful change of the loop; None if no change was tried."""
     if not v.changes:
         return None
     best, rate = v.best_change, _rate_in_words(v)
@@ -51,7 +51,7 @@ def best_change_section(v: Verdict) -> PageSection | None:
 
 
 def _reasons_not_checked(v: Verdict) -> list[str]:
-    """Return what stands against the gain and is not computed for a change, as clauses that follow "whether"."""
+    """Return clauses that list the problems of the gain that are not checked again after a change."""
     effect, speed, calibration = v.effect, v.sensor_speed, v.calibration_check
     excess = None if effect is None else effect.excess
     report = v.design.problem.task.calibration
@@ -68,7 +68,7 @@ def _reasons_not_checked(v: Verdict) -> list[str]:
 
 
 def _rate_in_words(v: Verdict) -> str:
-    """Return a sentence with the sensor rate that the gain needs for a gain margin of 2."""
+    """Return a sentence on the sensor rate with which the gain reaches a gain margin of 2."""
     # The text is empty if the margin is at least 2, or if a change is enough.
     check, best = v.stability, v.best_change
     enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= USUAL_MARGIN)
@@ -106,7 +106,7 @@ def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
 
 
 def _missed_most(v: Verdict) -> str:
-    """Return in words the requirement that is missed most often."""
+    """Return text that names the requirement that is missed most often."""
     shares: list[tuple[float, str]] = []
     if v.reached is not None and v.reached.missing:
         shares.append((1 - v.reached.missing / round(v.reached.predicted * v.runs), "runs with the predicted contact"))
@@ -116,7 +116,7 @@ def _missed_most(v: Verdict) -> str:
 
 
 def changes_section(v: Verdict) -> PageSection | None:
-    """Return the report section on every tried change, most helpful first; None if no change was tried."""
+    """Return the report section on every tried change, most helpful change first; None if no change was tried."""
     if not v.changes:
         return None
     n = v.compared_runs
@@ -222,7 +222,7 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
 
 
 def _best_gain_in_words(loss: Loss) -> str:
-    """Return a label for the best gain on the loop that names its required gain margin."""
+    """Return a label for the best gain on the sampled loop that states the required gain margin."""
     if loss.sought_margin is None:
         return "best gain on this loop"
     if loss.sought_margin >= USUAL_MARGIN:
@@ -231,7 +231,7 @@ def _best_gain_in_words(loss: Loss) -> str:
 
 
 def _lacks_in_words(v: Verdict) -> str:
-    """Return in words which requirement the verified gain misses and the best gain on the loop meets."""
+    """Return text that names the requirement that the verified gain misses and the best gain meets."""
     check, loss = v.stability, v.loss
     if not all(limit.is_met for limit in v.limits):
         return "it misses a limit"

@@ -1,4 +1,4 @@
-"""Build the report of a verification: status, reasons, improvements, comparisons and assumptions."""
+"""Build the report of a verification: its verdict, the reasons, and suggested improvements."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ _OF_THE_RUNS: Final = (
 
 
 def verdict_page(verdict: Verdict) -> Page:
-    """Return the report page of a verdict."""
+    """Return the report page on the verification of a gain."""
     v = verdict
     return Page(
         kind="Does the gain hold on this loop?",
@@ -129,7 +129,7 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
 
 
 def _findings(v: Verdict) -> Iterator[str]:
-    """Yield further reasons for the status of a verdict, and the limits that are met."""
+    """Yield further reasons why a gain does not meet the requirements, and the limits that it meets."""
     yield from v.reasons[1:]
     for c in v.limits:
         if c.is_met and not any(c.statement in reason for reason in v.reasons):
@@ -154,7 +154,7 @@ def _next_step(v: Verdict) -> str:
 
 
 def _next_change(v: Verdict) -> str:
-    """Return more runs if too few are the only reason, else the change that helps most; empty if there is none."""
+    """Return a recommendation: more runs if only their number is too small, otherwise the most helpful change."""
     runs = runs_advised(v)
     if runs is not None:
         return f"simulate {runs} runs"
@@ -165,7 +165,7 @@ def _next_change(v: Verdict) -> str:
 
 
 def _next_step_without_gain(v: Verdict) -> str:
-    """Return what makes a gain feasible."""
+    """Return a recommendation that may make a gain feasible."""
     if v.needed_rate is None:
         return "relax a limit, widen the bounds of the gain, or detect the object earlier"
     if math.isinf(v.needed_rate):
@@ -254,7 +254,7 @@ def _between(spread: RunSpread, unit: str) -> str:
 
 
 def _reached(v: Verdict) -> str:
-    """Return a sentence on how many runs end in contact."""
+    """Return a sentence on how many simulated runs end in contact."""
     if v.reached is None:
         return ""
     text = (

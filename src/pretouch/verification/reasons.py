@@ -1,4 +1,4 @@
-"""Decide whether a gain passes verification on a loop, and list the reasons."""
+"""Decide whether a gain passes the verification, and list the reasons."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ROUNDING: Final = 1e-9  # relative rounding error of a speed
 
 
 def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
-    """Return the status of a verdict and the reasons why it is not `holds`, most serious first."""
+    """Return the status of a verified gain, and the reasons why it is not `holds`, most serious first."""
     missed, narrow = list(_failures(v)), list(_narrow_reasons(v))
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
@@ -29,7 +29,7 @@ def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
 
 
 def no_gain_with_margin(design: GainDesign, rate: float) -> str:
-    """Return that only the required gain margin leaves no gain, and the sensor rate at which the optimum has it."""
+    """Return a message that no gain has the required gain margin, with the sensor rate that would be needed."""
     task, free = design.problem.task, design.without_margin
     optimum = design.number.equals(0.0 if free is None else free.gain)
     if math.isinf(rate):
@@ -44,7 +44,7 @@ def no_gain_with_margin(design: GainDesign, rate: float) -> str:
 
 
 def _failures(v: Verdict) -> Iterator[str]:
-    """Yield the reasons why a gain does not hold on the loop, most serious first."""
+    """Yield the reasons why a gain does not meet the requirements on the sampled loop, most serious first."""
     stability, reached, calibration = v.stability, v.reached, v.calibration_check
     yield from chase_in_words(v.law.number, v.gain)
     if stability is not None and stability.margin < 1:
@@ -66,7 +66,7 @@ def _failures(v: Verdict) -> Iterator[str]:
 
 
 def _harm_reasons(v: Verdict) -> Iterator[str]:
-    """Yield reasons for a verdict if the gain does not make contact softer."""
+    """Yield the reasons against a gain that does not make contact softer."""
     effect, quiet = v.effect, v.noiseless_effect
     if effect is not None and effect.is_harder:
         yield f"contact is harder than without mitigation{_harder(effect)}"
@@ -92,7 +92,7 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _harder(effect: Effect) -> str:
-    """Return in words by how much contact is harder with the gain on average, or in how many runs."""
+    """Return text that says by how much, or in how many runs, the gain makes contact harder."""
     if effect.difference <= 0:
         return f" in {effect.harder_count} of {effect.runs} runs"
     speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
@@ -101,7 +101,7 @@ def _harder(effect: Effect) -> str:
 
 
 def _limit_missed(check: LimitCheck, runs: int) -> str:
-    """Return in words which limit is exceeded, and in which share of the runs."""
+    """Return text that names the exceeded limit and the share of the runs that exceed this limit."""
     # The allowed share follows.
     limit = format_quantity(check.limit, check.unit)
     absent = "" if check.value is not None else " or no contact"
@@ -111,7 +111,7 @@ def _limit_missed(check: LimitCheck, runs: int) -> str:
 
 
 def _narrow_reasons(v: Verdict) -> Iterator[str]:
-    """Yield the reasons why a gain holds only narrowly, such as a small gain margin."""
+    """Yield the reasons why a gain meets the requirements only narrowly, such as a small gain margin."""
     stability, reached = v.stability, v.reached
     yield from _harder_than_promised(v)
     if stability is None:
@@ -144,7 +144,7 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
 
 
 def _is_unshown(check: LimitCheck) -> bool:
-    """Return whether a limit is met as often as required, but in too few runs to show it."""
+    """Return True if a limit is met as often as required, but in too few runs to demonstrate this."""
     # No bound can reach 1; a requirement of 1 applies only to the simulated runs.
     return check.is_met and check.low < check.required.probability < 1
 
@@ -154,7 +154,7 @@ def _runs_to_show(check: LimitCheck, confidence: float) -> int | None:
 
 
 def runs_advised(v: Verdict) -> int | None:
-    """Return how many runs would show every limit, if too few runs are the only reason; None if no number would."""
+    """Return how many runs would demonstrate every limit; None if more runs alone do not help."""
     needed = [_runs_to_show(check, v.confidence) for check in v.limits if _is_unshown(check)]
     if not needed or len(needed) != len(v.reasons) or None in needed:
         return None
@@ -162,7 +162,7 @@ def runs_advised(v: Verdict) -> int | None:
 
 
 def _harder_than_promised(v: Verdict) -> Iterator[str]:
-    """Yield reasons for a verdict if contact is harder than predicted, or not clearly softer."""
+    """Yield the reasons against a gain whose contact is harder than predicted, or not clearly softer."""
     # Contact may also be harder than with a faster sensor.
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:

@@ -1,4 +1,4 @@
-"""Define the result of `verify_gain`: the status, comparisons, limits and scatter over the runs."""
+"""Define the result of `verify_gain`: the verdict, and the distributions over all simulated runs."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class RunSpread(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison(Value):
-    """One quantity of contact, predicted and simulated, with the gain and without mitigation.
+    """Predicted and simulated values of one contact quantity, with the gain and without mitigation.
 
     Values are magnitudes in SI units.
 
@@ -74,7 +74,7 @@ class Comparison(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitCheck(Value):
-    """How often one limit is met on the sampled loop, compared with the required probability.
+    """How often one limit is met in simulated runs of the sampled loop, compared with the required probability.
 
     Args:
         required: the constraint and the probability with which it must be met; 1 for every run.
@@ -113,12 +113,12 @@ class LimitCheck(Value):
 
     @property
     def is_met(self) -> bool:
-        """Whether enough runs meet the limit."""
+        """True if enough runs meet the limit."""
         return self.held >= self.required.probability - 1e-12
 
     @property
     def label(self) -> str:
-        """The limited quantity in words."""
+        """Plain-language name of the limited quantity."""
         return self.limited.words
 
     @property
@@ -135,7 +135,7 @@ class LimitCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reached(Value):
-    """How many runs end in contact, compared with the prediction.
+    """How many simulated runs end in contact, compared with the prediction.
 
     Args:
         predicted: share of the drawn encounters with a contact in continuous time with a perfect sensor.
@@ -159,7 +159,7 @@ _HOLDS: Final = {
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Verdict(Described, Value):
-    """Result of `verify_gain`: whether a gain holds on the sampled loop, and which changes would help.
+    """Result of `verify_gain`: whether a gain meets the requirements on the sampled loop, and which changes would help.
 
     Args:
         status: holds, holds-narrowly, does-not-hold or no-gain.
@@ -238,7 +238,7 @@ class Verdict(Described, Value):
 
     @property
     def law(self) -> ContinuousLaw:
-        """The law in continuous time that the controller samples."""
+        """The continuous-time control law that the controller approximates."""
         return self.design.problem.task.law
 
     @property
@@ -248,7 +248,7 @@ class Verdict(Described, Value):
 
     @property
     def headline(self) -> str:
-        """The verdict in one sentence."""
+        """A sentence that says whether the gain meets the requirements, and why."""
         if self.gain is None:
             headline = self.design.headline
             return f"There is no gain to verify: {headline[:1].lower()}{headline[1:]}"
@@ -261,11 +261,11 @@ class Verdict(Described, Value):
         return f"{status}: {_speed(self.comparison('relative_velocity'))}{limits}."
 
     def comparison(self, name: str) -> Comparison | None:
-        """Return the comparison of simulated and predicted values of one quantity; None if there is none."""
+        """Return the comparison of simulated and predicted values of one quantity; None if it does not exist."""
         return next((c for c in self.comparisons if c.name == name), None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the verdict as one JSON object with numbers in SI units and None for missing numbers."""
+        """Return the verification result as one JSON object with numbers in SI units and None for missing numbers."""
         names = (
             *("status", "headline", "gain", "reasons", "runs", "compared_runs", "needed_rate", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
@@ -291,7 +291,7 @@ class Verdict(Described, Value):
 
 
 def _speed(compared: Comparison | None) -> str:
-    """Return the mean contact speed in words, with the gain and without mitigation."""
+    """Return text on the mean contact speed with the gain and without mitigation."""
     if compared is None or compared.simulated is None:
         return "no run ends in contact"
     speed, free = format_quantity(compared.simulated.mean, "m/s", 3), compared.unmitigated

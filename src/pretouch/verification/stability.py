@@ -1,4 +1,4 @@
-"""Check the stability of a loop, find the sensor rate that a gain needs, and propose changes of the loop."""
+"""Check the stability of a sampled loop, and find the sensor rate that a gain needs."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ NOISES: Final = ("noise", "relative_noise", "distance_noise")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StabilityCheck(Value):
-    """Stability of a gain on the sampled loop, linearized at each distance of the encounter.
+    """Stability of the sampled loop with a given gain, linearized at each distance of the encounter.
 
     Args:
         limit: the strongest stable gain at each distance.
@@ -65,12 +65,12 @@ class StabilityCheck(Value):
 
     @property
     def strongest(self) -> float:
-        """The strongest gain that is stable at every distance, such as D_p [N s]."""
+        """The strongest gain, such as D_p [N s], with which the loop is stable at every distance."""
         return self.limit.strongest
 
     @property
     def critical_distance(self) -> float:
-        """The distance [m] at which the strongest stable gain is smallest in magnitude."""
+        """The distance [m] at which the magnitude of the strongest stable gain is smallest."""
         return self.limit.critical_distance
 
     @property
@@ -80,7 +80,7 @@ class StabilityCheck(Value):
 
     @property
     def text(self) -> str:
-        """Sentences on whether the loop is stable, and which sensor rate the gain needs."""
+        """Sentences on whether the loop is stable, and on the sensor rate that the gain needs."""
         if math.isinf(self.margin) and math.isfinite(self.strongest):
             n = self.limit.law.number
             strongest = n.text(self.strongest)
@@ -116,7 +116,7 @@ class StabilityCheck(Value):
         return text + f", with a gain margin of 2 from {self.lowest_rate_for_margin_2:.3g} Hz"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the stability check as one JSON object, in SI units."""
+        """Return the results of the stability check as one JSON object, in SI units."""
         own = (
             "margin",
             "strongest",
@@ -134,7 +134,7 @@ Passed: TypeAlias = tuple[FloatArray, FloatArray | None]
 
 
 def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit | None:
-    """Return the strongest stable gain at each distance of an encounter; None if no limit can be computed."""
+    """Return the strongest stable gain at each distance of an encounter; None if this gain cannot be computed."""
     law, own = loop.law, loop.continuous
     if not isinstance(law, Controller) or own is None or np.isnan(own.damping(1.0, -1.0, -1.0)):
         return None
@@ -143,7 +143,7 @@ def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit
 
 
 def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
-    """Return the gain margin of a gain; None if the margin is not known."""
+    """Return the factor by which a gain may grow before the loop is unstable; None if the factor is unknown."""
     if limit is None or limit.law.number.sign * gain < 0:  # a gain of the wrong sign does not mitigate
         return None
     return math.inf if gain == 0 or math.isinf(limit.strongest) else abs(limit.strongest / gain)
@@ -152,7 +152,7 @@ def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
 def check_stability(
     loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, limit: GainLimit | None
 ) -> StabilityCheck | None:
-    """Check the stability of a gain at all distances of an encounter; None if stability is not known."""
+    """Check at all distances of an encounter whether the loop is stable with a gain; None if this is unknown."""
     law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
@@ -169,7 +169,7 @@ def check_stability(
 
 
 def rate_for_margin(loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, margin: float) -> float:
-    """Return the sensor rate above which a gain has a gain margin [Hz]; infinite if none is high enough."""
+    """Return the sensor rate [Hz] above which a gain has a required gain margin; infinite if no rate is high enough."""
     law: Any = loop.law
     if not gain:
         return 0.0
@@ -184,7 +184,7 @@ def rate_for_margin(loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain:
 
 
 def rounded_up(rate: float) -> float:
-    """Return a rate rounded up to two digits, so that it is never below the rate that is needed [Hz]."""
+    """Return a rate [Hz] rounded up to two digits, so that the result is never below the required rate."""
     step = 10.0 ** (math.floor(math.log10(rate)) - 1)
     return float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
 
@@ -195,19 +195,19 @@ def _virtual_admittance(law: Controller) -> Admittance:
 
 
 def chain_at(chain: SensorChain, rate: float) -> SensorChain:
-    """Return the sensor chain at another rate [Hz]; exposure and jitter shrink to fit the new period."""
+    """Return the sensor chain at another rate [Hz]; exposure and jitter are reduced to fit the new period."""
     period = 1 / rate
     return replace(chain, rate=rate, exposure=min(chain.exposure, period), jitter=min(chain.jitter, period / 4))
 
 
 def told_period(controller: Controller) -> float:
-    """Return the sensor period [s] that is set in the controller."""
+    """Return the sensor period [s] that is set as a parameter of the controller."""
     told = controller.conditioning.sensor_period
     return controller.period if told is None else told
 
 
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:
-    """Return the controller with another sensor period [s] and, optionally, another controller period [s]."""
+    """Return the controller with another sensor period [s] and, if requested, another controller period [s]."""
     # The sensor period in its settings is at least the controller period.
     new_period = controller.period if period is None else period
     configured, c = max(sensor_period, new_period), controller.conditioning
@@ -221,7 +221,7 @@ def controller_at(controller: Controller, sensor_period: float, period: float | 
 
 
 def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
-    """Return the loop at another sensor rate [Hz]; the controller never runs slower than the sensor."""
+    """Return the loop at another sensor rate [Hz], with a controller that is at least as fast as the sensor."""
     chain, law = chain_at(loop.chain, rate), loop.law
     if isinstance(law, Controller):
         sensor_period = told_period(law) * loop.chain.rate / rate
@@ -230,7 +230,7 @@ def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
 
 
 class Candidate(NamedTuple):
-    """A loop in which one thing was changed, with a sentence that recommends the change."""
+    """A sampled loop in which one property was changed, with a sentence that recommends this change."""
 
     name: str  # short name of the change
     sentence: str  # what to do, with numbers
@@ -241,7 +241,7 @@ _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
 def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[Candidate]:
-    """Return loops with one change each, such as a faster sensor or less noise."""
+    """Return several loops, each with one change, such as a faster sensor or less noise."""
     # |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that of ln xi.
     # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
     candidates: list[Candidate] = []
@@ -257,7 +257,7 @@ def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float
 
 
 def _with(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
-    """Return the loop with other values for sensor chain, robot or signal conditioning."""
+    """Return a copy of the loop in which sensor chain, robot or filter settings have new values."""
     parts: dict[str, Any] = {"chain": loop.chain, "plant": loop.plant}
     parts_changed = {name: replace(part, **changes[name]) for name, part in parts.items() if name in changes}
     if "conditioning" in changes:

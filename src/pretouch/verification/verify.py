@@ -1,4 +1,4 @@
-"""Verify a gain on the sampled loop over many runs, or simulate one encounter."""
+"""Verify a gain in many simulated runs of the sampled loop, or simulate one encounter."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _NO_LOOP: Final = (
 @check_arguments
 @with_file_location
 def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
-    """Verify whether a gain that was designed in continuous time, by L(1) and L(2), holds on the sampled loop.
+    """Verify whether a gain designed in continuous time, by L(1) and L(2), meets its limits on the sampled loop.
 
     Changes of the loop or the gain are tried to find out what would help.
 
@@ -99,7 +99,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
 
 
 def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
-    """Return all fields of a verdict except its status and the reasons for it."""
+    """Return all fields of the verification result except the status of the gain and the reasons for this status."""
     loop, sensor = task.loop, task.sensor
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
@@ -145,7 +145,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
 
 
 def _rate_needed(design: GainDesign) -> float | None:
-    """Return the sensor rate at which the optimum has the required gain margin, if that margin leaves no gain [Hz]."""
+    """Return the sensor rate [Hz] with which the optimal gain has the required margin, if no gain has it now."""
     task, free = design.problem.task, design.without_margin
     if free is None or task.stability_margin is None:
         return None
@@ -175,7 +175,7 @@ def _check_task(task: Task) -> Task:
 
 
 def _loop_of(task: Task) -> ClosedLoop:
-    """Return the sampled loop of a task; raise an error if the task has none."""
+    """Return the sampled loop of a task; raise an error if the task has no such loop."""
     if task.loop is None:
         raise InvalidInputError(_NO_LOOP)
     if not isinstance(task.loop, ClosedLoop):
@@ -190,7 +190,7 @@ def _loop_of(task: Task) -> ClosedLoop:
 
 
 def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
-    """Raise an error if simulated runs would end before the predicted contact."""
+    """Raise an error if the simulated runs would end before the predicted contact."""
     if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
         raise InvalidInputError(
             f"loop horizon: found {loop.horizon:g} s, but contact is predicted only after "
@@ -199,7 +199,7 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
 
 
 def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
-    """Return a sentence on why the stability of a gain is not assessed."""
+    """Return a sentence on why the stability of a gain cannot be assessed."""
     if known:
         return (
             f"The stability of the loop is not assessed, because {task.law.number.equals(gain)} does not mitigate "
@@ -211,7 +211,7 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
 @check_arguments
 @with_file_location
 def simulate_encounter(task: Task) -> SimulatedEncounter:
-    """Simulate one encounter on the sampled loop, and compare it with the continuous solution of L(1), L(2).
+    """Simulate one encounter on the sampled loop, and compare it with the continuous solution of L(1) and L(2).
 
     The loop is run twice with the same noise: with the gain and with gain 0. Both encounters are also predicted.
 
@@ -264,7 +264,7 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
 
 
 def _gain_of(task: Task) -> float:
-    """Return the gain of the task, or the designed gain if the task has none."""
+    """Return the gain that the task prescribes; if the task prescribes none, return the optimal gain."""
     if task.gain is not None:
         return task.gain
     designed = designed_number(task) if task.drag_effect or not task.scenario.obstacle.course else None

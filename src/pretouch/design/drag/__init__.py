@@ -1,4 +1,4 @@
-"""Design the virtual drag: predict its effects, and choose its coefficient phi."""
+"""Design the virtual drag: predict its effect on an approach, and choose its coefficient phi."""
 
 from .design import design_drag, drag_by, drag_trade_off
 from .limits import DragEffect

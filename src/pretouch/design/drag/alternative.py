@@ -1,4 +1,4 @@
-"""Compare an optimal gain with the virtual drag that needs the same excursion."""
+"""Compare an optimal virtual damper with the virtual drag that needs the same excursion of the robot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BETTER: Final = 0.99  # largest ratio of contact speeds at which the drag is re
 
 
 def drag_alternative(design: GainDesign) -> PageSection | None:
-    """Return the report section that compares an optimal gain with the virtual drag of equal excursion.
+    """Return a report section that compares the optimal gain with a virtual drag that needs the same excursion.
 
     Args:
         design: the gain design of one encounter.
@@ -62,7 +62,7 @@ def drag_alternative(design: GainDesign) -> PageSection | None:
 
 
 def _comparison(design: GainDesign, run: ContactResult, drag: float, with_drag: ContactResult) -> PageTable:
-    """Return a table that compares the optimal gain with drags of equal excursion and of equal contact speed."""
+    """Return a table that compares the optimal gain with virtual drags of equal excursion and equal contact speed."""
     scenario, sensor = design.scenario, design.sensor
     columns = {"the optimal gain": run, f"same excursion, {DRAG.number.equals(drag)}": with_drag}
     if not push_of(scenario):

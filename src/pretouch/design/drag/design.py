@@ -1,4 +1,4 @@
-"""Choose the virtual drag phi from a required ratio of contact speed to approach speed, or from a limit.
+"""Choose the virtual drag phi so that it meets a limit or a required ratio of contact to approach speed.
 
 No optimization is needed: ratio and excursion trade off along one curve, and each limit selects one point of it.
 """
@@ -25,7 +25,7 @@ from .result import DragDesign, predict_drag
 def drag_by(
     sensor: SensorModel, distance: float, mass: float, *, impact: ImpactModel | None = None, **effect: Any
 ) -> DragDesign:
-    """Choose the virtual drag by exactly one required effect, such as the largest excursion.
+    """Find the coefficient phi of the virtual drag that has exactly one required effect, such as a largest excursion.
 
     Args:
         sensor: the sensor curve, which must be valid down to contact.
@@ -51,7 +51,7 @@ def drag_by(
 
 
 def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: FloatArray | None = None) -> DragDesign:
-    """Return the trade-off between contact speed and excursion over a range of virtual drags.
+    """Return contact speed and excursion for a range of virtual drag coefficients phi.
 
     The result is one design whose fields are arrays.
 
@@ -74,7 +74,7 @@ def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: Fl
 
 
 def why_no_drag(scenario: Scenario) -> str:
-    """Return why the predictions of the drag do not apply to an encounter; an empty text if they apply."""
+    """Return why the formulas of the virtual drag are not valid for an encounter; an empty text if they are valid."""
     plant, reference = scenario.plant, scenario.reference
     if scenario.shape:
         return "found an array of encounters, expected one"
@@ -88,7 +88,7 @@ def why_no_drag(scenario: Scenario) -> str:
 
 
 def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
-    """Return the drag [N s^2] for a required effect, and the largest approach speed [m/s] with this effect."""
+    """Return the drag [N s^2] with a required effect, and the largest approach speed [m/s] with this effect."""
     speed = effect.largest_speed or -float(task.scenario.relative_velocity)
     mass, distance = float(task.scenario.admittance.mass), float(task.scenario.distance)
     drag, kept = replace(effect, largest_speed=speed).drag(task.sensor, distance, mass, task.impact)
@@ -98,7 +98,7 @@ def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
 @check_arguments
 @with_file_location
 def design_drag(task: Task) -> DragDesign:
-    """Choose the virtual drag that has the effect required by a task.
+    """Design the virtual drag that has the effect which the task requires, such as a largest excursion.
 
     Args:
         task: the encounter, which starts at the detection distance, the sensor, and `drag_effect`. The default of the

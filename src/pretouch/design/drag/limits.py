@@ -1,4 +1,4 @@
-"""Find the virtual drag that exactly meets a limit, for example on the excursion of the robot."""
+"""Find the virtual drag that exactly meets a limit, such as the largest excursion of the robot."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _UNITS: Final = {"ratio": "", "excursion": "m", "acceleration": "m/s^2", "contac
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragEffect(Value):
-    """The required effect by which a drag is chosen, such as a largest excursion or contact speed.
+    """The effect that a virtual drag must have, such as a largest excursion or contact speed.
 
     Exactly one effect is given. It refers to an object in uniform motion.
 
@@ -80,7 +80,7 @@ class DragEffect(Value):
     def drag(
         self, sensor: SensorModel, distance: float, mass: float, impact: ImpactModel | None = None
     ) -> tuple[Any, float]:
-        """Find the drag that has the required effect on an approaching object.
+        """Find the virtual drag that has the required effect on an approaching object.
 
         Args:
             sensor: the sensor curve, which must be valid down to contact.
@@ -115,7 +115,7 @@ class DragEffect(Value):
 def encounter(  # noqa: PLR0917
     sensor: SensorModel, mass: Any, distance: Any, drag: Any, speed: Any, push: Any
 ) -> ContactResult:
-    """Solve approaches toward a plant at rest, on which only the virtual drag acts.
+    """Compute approaches toward a robot at rest on which only the virtual drag acts.
 
     Args:
         sensor: the sensor curve.
@@ -136,7 +136,7 @@ def encounter(  # noqa: PLR0917
 def allowed_speed(
     contact_speed: float | None, impact_force: float | None, impact: ImpactModel | None, speed: float
 ) -> float:
-    """Return the largest allowed contact speed, from a limit of the contact speed or of the impact force.
+    """Return the largest allowed contact speed [m/s], computed from a limit of the contact speed or the impact force.
 
     Args:
         contact_speed: the limit of the contact speed [m/s]; or None.
@@ -161,7 +161,7 @@ def allowed_speed(
 
 
 def _last(keeps: Callable[[FloatArray], Any], high: float) -> float:
-    """Return the largest number up to `high` that still meets a limit, by repeated refinement of a grid."""
+    """Return the largest number up to `high` for which a condition is true, by repeated refinement of a grid."""
     low = 0.0
     if bool(keeps(np.array([high]))[0]):
         return high
@@ -178,7 +178,7 @@ def _last(keeps: Callable[[FloatArray], Any], high: float) -> float:
 def strongest_by_excursion(  # noqa: PLR0917
     sensor: SensorModel, distance: float, mass: float, limit: float, speed: float = 1.0, push: float = 0.0
 ) -> float:
-    """Find the strongest drag whose excursion E meets a limit, by a bracketing secant method (Illinois).
+    """Find the strongest virtual drag whose excursion E stays within a limit, by a bracketing secant method.
 
     E is convex and increasing in phi, and ln(1 + E/l_d) is nearly linear. By convexity, reducing phi by a share reduces
     E by at least the same share.
@@ -232,7 +232,7 @@ def strongest_by_excursion(  # noqa: PLR0917
 
 
 def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: float) -> float:
-    """Find the strongest drag whose largest acceleration, divided by the squared speed, meets a limit.
+    """Find the strongest virtual drag whose peak acceleration over squared approach speed stays within a limit.
 
     This peak is not monotone in phi.
 

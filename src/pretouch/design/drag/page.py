@@ -1,4 +1,4 @@
-"""Build the report of a design of the virtual drag."""
+"""Build the report on a virtual drag design."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _DETECTED: Final = (
 
 
 def drag_page(design: DragDesign) -> Page:
-    """Return the report page of a drag that was designed for a task."""
+    """Return the report page of a virtual drag that was designed for a task."""
     task, run = design.designed_task, design.result
     acceleration = push_of(design.scenario)
     warnings = []
@@ -94,7 +94,7 @@ def drag_page(design: DragDesign) -> Page:
 
 
 def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
-    """Yield a sentence about each limit of the task, with its value."""
+    """Yield one sentence for each limit of the task, with the value of the limited quantity."""
     for c in design.designed_task.limits:
         value = abs(float(c.magnitude(run.end, design.designed_task.impact)))
         entry = design.law.number.entry(c.quantity)
@@ -102,7 +102,7 @@ def _findings(design: DragDesign, run: ContactResult) -> Iterator[str]:
 
 
 def letters_optimum(design: DragDesign) -> GainDesign | None:
-    """Design the letter's optimal gain for the encounter of a drag design.
+    """Design the optimal gain of the virtual damper for the encounter of a drag design.
 
     Args:
         design: the drag of a task.
@@ -135,7 +135,7 @@ def letters_optimum(design: DragDesign) -> GainDesign | None:
 
 
 def speeds_of(design: DragDesign) -> tuple[float, float, float]:
-    """Return the range of approach speeds that a page shows, and the approach speed of the task [m/s]."""
+    """Return the approach speeds [m/s] that the report shows, and the approach speed of the task."""
     speed = -float(design.scenario.relative_velocity)
     top = design.largest_speed if math.isfinite(design.largest_speed) else _SPEEDS[-1]
     return min(_SPEEDS[0], speed), max(top, speed), speed
@@ -148,7 +148,7 @@ def at_speeds(scenario: Scenario, speed: FloatArray) -> Scenario:
 
 
 def push_of(scenario: Scenario) -> float:
-    """Return the acceleration of the object toward the plant, relative to the reference [m/s^2]."""
+    """Return the acceleration [m/s^2] with which the object approaches the robot, relative to the reference motion."""
     return float(scenario.reference.acceleration - scenario.obstacle.acceleration)
 
 
@@ -199,7 +199,7 @@ def _quantities(impact: ImpactModel | None, *runs: ContactResult) -> Iterator[tu
 
 
 def _excursion_over_bound(scenario: Scenario, run: ContactResult) -> float:
-    """Return the excursion divided by the smallest excursion that is physically possible; NaN if unknown."""
+    """Return the excursion divided by the smallest physically possible excursion; NaN if the latter is unknown."""
     limit = float(run.end.largest_acceleration)
     if not run.reached or not limit > 0 or not float(run.end.displacement) < 0:
         return math.nan
@@ -243,7 +243,7 @@ def _speeds(design: DragDesign) -> PageSection:
 def _add_letter_columns(
     design: DragDesign, letter: GainDesign, head: list[str], columns: list[tuple[Any, str]], starts: Scenario
 ) -> tuple[list[str], list[tuple[Any, str]]]:
-    """Add table columns with contact speed, excursion and acceleration for the letter's optimal gain."""
+    """Add contact speed, excursion and acceleration for the optimal gain of the virtual damper to a table."""
     end = DAMPER.contact(starts, design.sensor, letter.gain).end
     names = ("relative_velocity", "displacement", "largest_acceleration")
     more = [(np.abs(getattr(end, name)), unit_of(name)) for name in names]

@@ -1,4 +1,4 @@
-"""Define the result of a drag design, with the predicted effects at every approach speed."""
+"""Define the result of a virtual drag design, with the predicted effect at every approach speed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PREMISES: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DragDesign(Described, Value):
-    """A virtual drag with its predicted effects at every approach speed.
+    """A designed virtual drag with its predicted effects at every approach speed.
 
     Only a design of a task has an encounter and a report page.
 
@@ -80,12 +80,12 @@ class DragDesign(Described, Value):
 
     @property
     def gain(self) -> Any:
-        """The drag phi [N s^2]; every kind of design calls its designed parameter `gain`."""
+        """The drag coefficient phi [N s^2], called `gain` as in all other design results."""
         return self.drag
 
     @property
     def designed_task(self) -> Task:
-        """The task of the design; reading it raises an error if the design has none.
+        """The task for which the drag was designed; an error is raised if there is no task.
 
         Raises:
             ResultUnavailableError: the design has no task.
@@ -98,28 +98,28 @@ class DragDesign(Described, Value):
 
     @property
     def scenario(self) -> Scenario:
-        """The encounter of the task."""
+        """The encounter that the task describes."""
         return self.designed_task.scenario
 
     @property
     def result(self) -> ContactResult:
-        """The encounter of the task, solved with the designed drag."""
+        """The predicted motion of the task's encounter with the designed drag."""
         return DRAG.contact(self.scenario, self.sensor, self.drag, horizon=self.designed_task.horizon)
 
     @property
     def holds(self) -> bool:
-        """Whether the task's encounter ends in contact and meets every limit, except limits of the gain D_p."""
+        """True if the encounter of the task ends in contact and meets every limit, except limits of the gain D_p."""
         return bool(self.result.reached) and all(map(self.keeps, self.designed_task.limits))
 
     def keeps(self, limit: Constraint) -> bool:
-        """Return whether the task's encounter meets a limit, up to rounding."""
+        """Return True if the encounter of the task meets a limit, apart from rounding errors."""
         if limit.quantity == "gain":
             return True
         return bool(limit.magnitude(self.result.end, self.designed_task.impact) <= limit.limit * (1 + ROUNDING))
 
     @property
     def headline(self) -> str:
-        """The result of the design in one or two sentences; for arrays, the number of drags."""
+        """A summary of the design in one or two sentences; for arrays, only the number of designed drags."""
         if np.shape(self.drag):
             return f"{np.size(self.drag)} drags"
         text = (
@@ -148,19 +148,19 @@ class DragDesign(Described, Value):
         return PREMISES
 
     def contact_speed(self, speed: ArrayLike) -> Any:
-        """Return the contact speed [m/s] of an object with a constant approach speed [m/s]."""
+        """Return the contact speed [m/s] of an object that approaches with a constant speed [m/s]."""
         return self.ratio * nonnegative(speed, "speed", "m/s")
 
     def acceleration(self, speed: ArrayLike) -> Any:
-        """Return the largest acceleration [m/s^2] of the plant for a constant approach speed [m/s]."""
+        """Return the largest acceleration [m/s^2] of the robot if an object approaches with a constant speed [m/s]."""
         return self.peak * np.square(nonnegative(speed, "speed", "m/s"))
 
     def time(self, speed: ArrayLike) -> Any:
-        """Return the time from detection to contact [s] for a constant approach speed [m/s]."""
+        """Return the time [s] from detection to contact for an object that approaches with a constant speed [m/s]."""
         return (self.detection_distance + self.excursion) / positive(speed, "speed", "m/s")
 
     def contact_speed_bound(self, speed: ArrayLike, acceleration: ArrayLike) -> Any:
-        """Return an upper bound of the contact speed for objects of limited acceleration toward the plant.
+        """Return an upper bound of the contact speed for objects whose acceleration toward the robot is limited.
 
         It is the contact speed of an object that always has the largest acceleration. The bound also holds for an
         object that turns around within the detection distance and returns.
@@ -186,7 +186,7 @@ class DragDesign(Described, Value):
         return -result.contact.relative_velocity
 
     def seen_from(self, distance: ArrayLike) -> DragDesign:
-        """Return the effects of the same drag if the object is detected at other distances [m].
+        """Return the effects of the same drag if the sensor detects the object at other distances [m].
 
         The smallest distance has the fastest contact, and the largest distance has the largest excursion. So the two
         ends of an uncertain detection distance bound the effects. An object that stops and starts again counts as
@@ -195,7 +195,7 @@ class DragDesign(Described, Value):
         return predict_drag(self.sensor, distance, self.mass, self.drag, largest_speed=self.largest_speed)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the design as one JSON object, in SI units."""
+        """Return the results of the design as one JSON object, in SI units."""
         numbers = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in {"sensor", "task"}}
         contact = {} if self.task is None else {"contact": self.result, "holds": self.holds}
         document: dict[str, Any] = plain(
@@ -206,7 +206,7 @@ class DragDesign(Described, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragLimits(Value):
-    """Guarantees for every drag schedule that stays between two constant drags.
+    """Bounds on speed and motion for every virtual drag that varies between two constant drag coefficients.
 
     Args:
         weak: the weaker drag.
@@ -231,17 +231,17 @@ class DragLimits(Value):
 
     @property
     def ratio(self) -> tuple[float, float]:
-        """Smallest and largest ratio of contact speed to approach speed, for an object at constant speed."""
+        """Smallest and largest ratio of contact speed to approach speed for an object at constant speed."""
         return self.strong.ratio, self.weak.ratio
 
     @property
     def excursion(self) -> tuple[float, float]:
-        """Smallest and largest excursion [m] at contact with an object at constant speed."""
+        """Smallest and largest excursion [m] of the robot until contact with an object at constant speed."""
         return self.weak.excursion, self.strong.excursion
 
     @property
     def peak(self) -> float:
-        """Upper bound of the plant's acceleration, divided by the squared approach speed [1/m].
+        """Upper bound of the robot's acceleration, divided by the squared approach speed [1/m].
 
         It exceeds the peaks of both constant drags: the schedule may switch to the strong drag after the weak one has
         hardly reduced the speed.
@@ -249,7 +249,7 @@ class DragLimits(Value):
         return float(self.strong.drag / self.weak.drag * self.weak.peak)
 
     def contact_speed_bound(self, speed: ArrayLike, acceleration: ArrayLike) -> Any:
-        """Return an upper bound of the contact speed [m/s], which holds for every schedule of the drag."""
+        """Return an upper bound of the contact speed [m/s] for every drag that varies between the two limits."""
         return self.weak.contact_speed_bound(speed, acceleration)
 
 

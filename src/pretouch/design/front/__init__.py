@@ -1,1 +1,1 @@
-"""Compute Pareto fronts of contact quantities, and the physical limit that no controller can exceed."""
+"""Compute Pareto fronts, for example of excursion and contact speed, and the physical limit of any controller."""

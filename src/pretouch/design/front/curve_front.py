@@ -1,4 +1,4 @@
-"""Find the Pareto front if the gain is the only free parameter."""
+"""Compute the Pareto front of a design whose only free parameter is the gain."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CURVE_SPACING: Final = 0.01  # distance between neighbors on the front, as a sh
 # The curve is scanned until it is well interpolated. The ends of the front's pieces are then found to rounding: the
 # minima of the quantities, the edges of feasibility, and the points where another part of the curve becomes better.
 def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
-    """Find the Pareto front of quantities that all depend on one coordinate, such as the gain."""
+    """Find the Pareto front of quantities that all depend on one parameter, such as the gain."""
     # `evaluate` returns quantities, shape (n, k), at coordinates, shape (n,).
     # Quantities are infinite if not feasible. The points are sorted by the first quantity, or for three quantities by
     # the coordinate. Dominated coordinates separate the pieces. The front is empty if nothing is feasible.
@@ -66,7 +66,7 @@ def _between(
 
 
 class _Samples:
-    """All points that a search for a Pareto front has evaluated, in the order of their coordinate."""
+    """All points that the search for a Pareto front has evaluated, sorted by the free parameter."""
 
     def __init__(self, evaluate: Callable[[FloatArray], FloatArray]) -> None:
         def landscape(at: FloatArray) -> Landscape:
@@ -77,7 +77,7 @@ class _Samples:
         self.at, self.values = scanned.coordinate, scanned.landscape.objective.T
 
     def add(self, at: FloatArray) -> None:
-        """Evaluate the quantities at more points and insert the points in order."""
+        """Evaluate the compared quantities at more points, and insert the points in sorted order."""
         at = np.setdiff1d(at, self.at)
         if not len(at):
             return
@@ -87,20 +87,20 @@ class _Samples:
         self.at = every[order]
 
     def halve(self, which: BoolArray) -> bool:
-        """Halve the selected intervals; return whether any were selected."""
+        """Halve the selected intervals; return False if no interval was selected."""
         where = np.flatnonzero(which)
         self.add(0.5 * (self.at[where] + self.at[where + 1]))
         return len(where) > 0
 
     def find_ends(self) -> None:
-        """Locate the ends of the Pareto front by halving each interval that has exactly one end on the front."""
+        """Locate the ends of the Pareto front by halving each interval of which only one end is on the front."""
         for _ in range(_HALVINGS):
             best = non_dominated(self.values)
             if not self.halve((best[1:] != best[:-1]) & (np.diff(self.at) > 1e-13)):
                 return
 
     def fill(self) -> None:
-        """Halve the intervals of the Pareto front whose ends differ much in their quantities."""
+        """Halve the intervals of the Pareto front between whose ends the compared quantities differ much."""
         for _ in range(_FINEST):
             best = non_dominated(self.values)
             with np.errstate(invalid="ignore"):
@@ -110,7 +110,7 @@ class _Samples:
 
 
 def _thin_out(values: FloatArray, best: BoolArray) -> BoolArray:
-    """Remove points of the Pareto front that have close neighbors, but keep ends and minima."""
+    """Remove points of the Pareto front that lie close to other points, but keep its ends and minima."""
     kept, front = best.copy(), np.flatnonzero(best)
     if not len(front):
         return kept

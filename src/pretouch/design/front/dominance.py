@@ -15,7 +15,7 @@ _FLAT: Final = 1e-12  # a quantity that varies less than this along the front, r
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFront:
-    """A Pareto front with the search coordinates of its points and of all scanned encounters."""
+    """A Pareto front with the parameters of its points and of all evaluated encounters."""
 
     at: FloatArray  # coordinates of the points, shape (n, size)
     values: FloatArray  # quantities of the points, shape (n, k)
@@ -35,7 +35,7 @@ class FoundFront:
         scanned: tuple[FloatArray, FloatArray],
         between: FloatArray,
     ) -> FoundFront:
-        """Make a Pareto front and determine its error, from scanned encounters and quantities between its points."""
+        """Make a Pareto front from evaluated encounters, and estimate its error at points between its points."""
         approximation_error = np.inf
         if len(at):
             extent, others = extent_of(values), np.concatenate([scanned[1], between])
@@ -52,7 +52,7 @@ class FoundFront:
 
 
 def extent_of(values: FloatArray) -> FloatArray:
-    """Return the range of each quantity on a Pareto front, or the magnitude of a quantity that is constant."""
+    """Return the range of each quantity along a Pareto front; for a constant quantity, return its magnitude."""
     if not len(values):
         return np.ones(values.shape[1])
     extent, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
@@ -60,7 +60,7 @@ def extent_of(values: FloatArray) -> FloatArray:
 
 
 def non_dominated(values: FloatArray) -> BoolArray:
-    """Return which points are not dominated; equal points count only once."""
+    """Return which points are Pareto-optimal; of several equal points only the first counts."""
     # Points have the shape (n, 2) or (n, 3). Infinite points do not count. Of equal points, the first one is returned.
     n, k = values.shape
     best = np.zeros(n, dtype=bool)
@@ -88,7 +88,7 @@ def non_dominated(values: FloatArray) -> BoolArray:
 
 
 def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
-    """Return by how much a Pareto front must shift to dominate each point (the additive epsilon indicator)."""
+    """Return how far a Pareto front must shift to dominate each given point (the additive epsilon indicator)."""
     # It is not positive if the front dominates the point (Zitzler et al. 2003), and -inf for points that are infinite.
     epsilon = np.full(len(points), -np.inf)
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))

@@ -1,4 +1,4 @@
-"""Build the report of a Pareto front: knee, ends, the user's choice, and the physical limit of any robot."""
+"""Build the report of a Pareto front, with its knee, its end points and the physical limit."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _BOUND: Final = (
 
 
 def front_page(front: ParetoFront) -> Page:
-    """Return the report page of a Pareto front."""
+    """Return the report page that shows a Pareto front."""
     method = "No point is feasible." if front.result is None else front.result.method
     return Page(
         kind="Pareto front of preemptive impact mitigation",
@@ -111,7 +111,7 @@ def _title(front: ParetoFront, point: FrontPoint) -> str:
 
 
 def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measured]]:
-    """Yield labels and values of the parameters and quantities at a point of the Pareto front."""
+    """Yield labels and values of the parameters and quantities at one point of the Pareto front."""
     n = front.number
     yield Named(n.name, n.symbol), Measured(point.gain, n.unit)
     for name in front.free[1:]:
@@ -131,7 +131,7 @@ def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measu
 
 
 def _sentences(front: ParetoFront) -> Iterator[str]:
-    """Yield sentences that compare the Pareto front with the user's choice and any controller's physical bound."""
+    """Yield sentences that compare the Pareto front with the user's choice and with the physical bound."""
     if front.choice is not None and front.knee is not None:
         yield _about_choice(front, front.choice)
     if front.no_bound:

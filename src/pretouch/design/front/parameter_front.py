@@ -1,4 +1,4 @@
-"""Find the Pareto front over several free parameters by local searches that start on a grid."""
+"""Compute the Pareto front of a design with several free parameters, by local searches from a grid."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PULL: Final = 1e-3  # weight of the other quantities while one is minimized: it
 # quantities together. Searches that start between neighbors fill the gaps. Finally the front is tested on independent
 # encounters; those that are better than the front become further starting points.
 def find_front(trials: Trials) -> FoundFront:
-    """Find the Pareto front over all free parameters; the front is empty if no point is feasible."""
+    """Find the Pareto front over all free parameters; the front is empty if no search point is feasible."""
     grid = trials.freedom.lattice(_GAINS)
     grid_values = trials.values(grid)
     best = np.flatnonzero(non_dominated(grid_values))
@@ -60,7 +60,7 @@ def find_front(trials: Trials) -> FoundFront:
 
 
 class _FrontPoints:
-    """The current points of a Pareto front during its search, none of which dominates another."""
+    """The current points of a Pareto front during its search; no point dominates another point."""
 
     def __init__(self, trials: Trials, extent: FloatArray) -> None:
         self.trials = trials
@@ -81,7 +81,7 @@ class _FrontPoints:
         self.at, self.values = at_all[best], values_all[best]
 
     def search(self, start: FloatArray, origin: FloatArray) -> None:
-        """Search for a point of the Pareto front from a starting point; if the search fails, add the start itself."""
+        """Move a starting point to the Pareto front by a local search; if the search fails, add the starting point."""
         point = advance(self.trials, start, origin, self.extent)
         self.add(start if point is None else point[0])
 
@@ -99,7 +99,7 @@ class _FrontPoints:
                 return
 
     def between(self) -> FloatArray:
-        """Return the quantities of further points that a search finds between the points of the Pareto front."""
+        """Search for further points between the points of the Pareto front, and return the quantities there."""
         return self._between_two() if self.values.shape[1] == 2 else self._between_many()
 
     def _between_two(self) -> FloatArray:
@@ -134,7 +134,7 @@ class _FrontPoints:
         return shortfall(values / self.extent, self.values / self.extent)
 
     def pieces(self) -> IntArray:
-        """Return for each point the number of its connected piece of the Pareto front; wide gaps separate pieces."""
+        """Return for each point of the Pareto front the number of its connected piece; wide gaps separate pieces."""
         if self.values.shape[1] != 2:
             return np.zeros(len(self.values), dtype=np.int64)
         gap = (np.abs(np.diff(self.values, axis=0)) / self.extent).max(axis=1)
@@ -142,7 +142,7 @@ class _FrontPoints:
 
 
 def _spread(points: FloatArray, count: int) -> list[int]:
-    """Choose a few points that lie far apart from each other."""
+    """Choose a few points that lie far apart, and return the indices of these points."""
     chosen = [int(points.sum(axis=1).argmin())]
     apart = np.abs(points - points[chosen[0]]).max(axis=1)
     while len(chosen) < min(count, len(points)):

@@ -1,4 +1,4 @@
-"""Compute the smallest excursion and contact speed that any controller can reach with limited acceleration."""
+"""Compute the smallest excursion and contact speed that a robot with limited acceleration can reach."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class PhysicalBound(Value):
 
     @property
     def least_contact_speed(self) -> Any:
-        """The smallest possible contact speed [m/s], for each limit of the acceleration."""
+        """The smallest possible contact speed [m/s] for each limit of the robot's acceleration."""
         a, limit, v, room = self.acceleration, np.asarray(self.acceleration_limit), self.velocity, self.distance
         free = np.sqrt(np.maximum(v**2 - 2 * (limit + a) * room, 0.0))
         if math.isinf(self.speed_limit):
@@ -116,7 +116,7 @@ class PhysicalBound(Value):
         return float_or_array(np.where(in_time, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
-        """Return the time of contact [s] at the smallest excursion for a contact speed [m/s]; NaN if impossible."""
+        """Return the time [s] until contact if the robot retreats by the smallest excursion; NaN if impossible."""
         return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
@@ -126,17 +126,17 @@ class PhysicalBound(Value):
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
-        """Return the excursion at which a braking obstacle exceeds the robot's speed limit by the contact speed."""
+        """Return the excursion at which a braking obstacle's speed is the robot's speed limit plus a contact speed."""
         if self.acceleration <= 0:
             return np.full(np.shape(w), np.nan)
         return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)
 
     def _time(self, excursion: FloatArray) -> FloatArray:
-        """Return the time at which the obstacle reaches a robot that has retreated by the excursion."""
+        """Return the time at which the obstacle reaches a robot that has retreated by a given excursion."""
         return _arrival(self.distance + excursion, self.velocity, self.acceleration)
 
     def _duration(self, excursion: FloatArray) -> FloatArray:
-        """Return the shortest time in which the robot can retreat by the excursion."""
+        """Return the shortest time in which the robot can retreat by a given excursion."""
         limit, top = np.asarray(self.acceleration_limit), self.speed_limit
         short = np.sqrt(2 * excursion / limit)
         if math.isinf(top):
@@ -183,7 +183,7 @@ def find_physical_bound(
 
 
 def why_no_bound(scenario: Scenario) -> str:
-    """Return why the physical bound does not apply to an encounter; an empty text if it applies."""
+    """Return why the physical bound is not valid for an encounter; an empty text if it is valid."""
     moving = (scenario.plant.velocity, scenario.reference.velocity, scenario.reference.acceleration)
     if any(np.ndim(v) for v in (scenario.distance, scenario.relative_velocity, scenario.obstacle.acceleration)):
         return "found an array of encounters, expected one"
@@ -197,7 +197,7 @@ def why_no_bound(scenario: Scenario) -> str:
 
 
 def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
-    """Return the time that a uniformly accelerated object needs for a distance; infinite if never reached."""
+    """Return the time in which a uniformly accelerated object covers a distance; infinite if it never does."""
     # It solves distance + velocity t + acceleration t^2 / 2 = 0 for a velocity below 0.
     square = np.asarray(velocity**2 - 2 * acceleration * distance)
     with np.errstate(invalid="ignore"):

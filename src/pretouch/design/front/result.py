@@ -1,4 +1,4 @@
-"""Define the result of a Pareto front: points, knee, ends, the user's choice, and the limit of any robot."""
+"""Define the result of a Pareto front computation: its points, its knee and its end points."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class FrontPoint(Value):
     result: ContactResult
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the point as one JSON object, in SI units."""
+        """Return parameters and quantities of the point as one JSON object, in SI units."""
         names = ("name", "gain", "natural_frequency", "damping_ratio", "distance_to_front", "feasible", "depth")
         document = {name: getattr(self, name) for name in names}
         return {**document, **self.values, **({} if self.bound is None else self.bound.to_dict())}
@@ -71,7 +71,7 @@ class FrontPoint(Value):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ParetoFront(Answer):
-    """Result of `pareto_front`: points of which none is better than another in every quantity.
+    """Result of `pareto_front`: points that cannot improve in one quantity without becoming worse in another.
 
     Args:
         problem: the task and the bounds of the gain.
@@ -131,7 +131,7 @@ class ParetoFront(Answer):
 
     @property
     def marked(self) -> tuple[FrontPoint, ...]:
-        """The points that a plot marks: the knee and the user's choice, if they exist."""
+        """The points that a plot of the Pareto front marks: the knee and the user's choice, if they exist."""
         return tuple(point for point in (self.knee, self.choice) if point is not None)
 
     @property
@@ -140,13 +140,13 @@ class ParetoFront(Answer):
         return tuple(self.number.entry(name).unit for name in self.quantities)
 
     def of(self, quantity: str) -> FloatArray:
-        """Return the magnitudes of one quantity along the Pareto front, in SI units."""
+        """Return the magnitude of one quantity at every point of the Pareto front, in SI units."""
         if quantity not in self.quantities:
             raise InvalidInputError(f"quantity: found {quantity!r}, expected one of {', '.join(self.quantities)}")
         return np.asarray(self.values[:, self.quantities.index(quantity)])
 
     def meets(self, **limits: float) -> BoolArray:
-        """Return which points of the Pareto front meet further limits in SI units, such as `displacement=0.05`."""
+        """Return which points of the Pareto front meet additional limits, such as `displacement=0.05` in SI units."""
         meets = np.ones(len(self.gain), dtype=bool)
         for name, limit in limits.items():
             meets &= self.of(name) <= limit
@@ -154,7 +154,7 @@ class ParetoFront(Answer):
 
     @property
     def headline(self) -> str:
-        """The result of the search in one sentence."""
+        """A summary of the search for the Pareto front in one sentence."""
         names = [self.number.entry(name).short for name in self.quantities]
         traded = f"{', '.join(names[:-1])} and {names[-1]}"
         if self.status is FrontStatus.INFEASIBLE:
@@ -175,7 +175,7 @@ class ParetoFront(Answer):
 
     @property
     def free_units(self) -> dict[str, str]:
-        """The parameters that may be free, with their SI units."""
+        """The parameters that a search for a Pareto front may vary, with their SI units."""
         return {"gain": self.number.unit, "natural_frequency": "rad/s", "damping_ratio": ""}
 
     def _chosen(self, point: FrontPoint) -> str:

@@ -1,4 +1,4 @@
-"""Design one gain for uncertain inputs, from their probability distributions or intervals."""
+"""Design one gain for uncertain inputs, which are given as probability distributions or intervals."""
 
 from pretouch.uncertainty import (
     CorrelatedNormal,

@@ -1,4 +1,4 @@
-"""Find the gain that minimizes, for example, the mean or a quantile of the objective over uncertain encounters."""
+"""Find the gain that minimizes the mean, a quantile or the worst case of the objective for uncertain inputs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SAMPLES_OF_EVALUATOR: Final = 256  # with `evaluate`: a loop takes a hundred ti
 @check_arguments
 @with_file_location
 def design_robust_gain(task: Task) -> RobustDesign:
-    """Find the gain D_p that minimizes a risk measure of an objective over uncertain encounters.
+    """Find the gain D_p that minimizes a risk measure of an objective, such as its mean, over uncertain encounters.
 
     A risk measure is the mean, a quantile, the tail mean or the worst case.
 
@@ -104,7 +104,7 @@ def design_robust_gain(task: Task) -> RobustDesign:
 
 
 def _with_defaults(task: Task) -> Task:
-    """Check a robust design task and fill in the default values of its options."""
+    """Check the task of a robust design, and return the task with default values for missing options."""
     options = task.robust
     measure = checked_measure(Expected() if options.measure is None else options.measure)
     limits = limits_of(task.constraints)
@@ -118,7 +118,7 @@ def _with_defaults(task: Task) -> Task:
 
 
 def _draw(task: Task, count: int, seed: int, sampling: str) -> dict[str, FloatArray]:
-    """Draw samples of the uncertain inputs; the result is empty if only the sensor noise varies."""
+    """Draw random samples of the uncertain inputs; the result is empty if only the sensor noise is random."""
     if task.uncertainty:
         return sample_inputs(task.uncertainty, count, seed=seed, sampling=sampling)
     check_draw(count, seed=seed, sampling=sampling)

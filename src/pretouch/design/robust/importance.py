@@ -1,4 +1,4 @@
-"""Compute how much each uncertain input contributes to the variance of the objective (Sobol indices)."""
+"""Compute which share of the objective's variance each uncertain input causes (Sobol indices)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _FEWEST: Final = 4 * _PARTS
 # inputs. If encounters have noise, the noise is one more input: B has other noise than A.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputImportance(Value):
-    """Share of one uncertain input in the variance of the objective (Sobol indices).
+    """Share of one uncertain input in the variance of the objective, as Sobol indices.
 
     Args:
         name: the input, the name of several inputs that were estimated together, or "noise".
@@ -53,7 +53,7 @@ class InputImportance(Value):
 
 
 def rank_uncertain_inputs(problem: RobustProblem, gain: float) -> tuple[InputImportance, ...]:
-    """Rank uncertain inputs by their share in the variance of the objective, the largest share first."""
+    """Rank uncertain inputs by their share in the variance of the objective, largest share first."""
     # Each of the two sets has the number of samples of the task, but at least _FEWEST. Shares are NaN if an encounter
     # ends without contact.
     task, uncertainty = problem.task, problem.task.uncertainty
@@ -104,7 +104,7 @@ def _two_sets(uncertainty: Uncertainty, samples: int, seed: int) -> dict[str, Fl
 
 
 def _shares(f_a: FloatArray, f_b: FloatArray, f_c: FloatArray) -> tuple[float, float]:
-    """Return the first-order and the total Sobol index of one input."""
+    """Return the first-order and the total Sobol index of one uncertain input."""
     # Subtracting the mean changes neither index and reduces the error of the first one.
     every = np.concatenate([f_a, f_b])
     middle, variance = every.mean(), every.var()

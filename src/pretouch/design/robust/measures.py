@@ -1,4 +1,4 @@
-"""Reduce the objectives of many encounters to one number: mean, quantile, tail mean or worst case."""
+"""Combine the objective values of many encounters into one number, such as their mean or a quantile."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pretouch._core.numbers import FloatArray, checked_probability, float_or_arr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure(ABC):
-    """Base class of risk measures, which reduce the objectives of many encounters to one number.
+    """Base class of risk measures, such as the mean, which reduce the objectives of many encounters to one number.
 
     A risk measure must not fall unless some objective falls.
     """
@@ -28,19 +28,19 @@ class Measure(ABC):
         """The name of the risk measure in reports."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return kind, label and parameters of the risk measure as one JSON object."""
+        """Return name, label and parameters of the risk measure as one JSON object."""
         return {**with_kind(self), "label": self.label}
 
     @abstractmethod
     def of(self, values: Any) -> Any:
-        """Return the risk measure of values along the last axis; infinite if relevant values are infinite."""
+        """Return the risk measure of values along the last axis; infinite if values that affect it are infinite."""
 
     @abstractmethod
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Estimate the risk measure from independent samples; return it with its confidence interval."""
+        """Estimate the risk measure from independent samples; return the estimate and its confidence interval."""
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return how the risk measure differs between two gains in the same encounters, with standard error.
+        """Return the difference of the risk measure between two gains in the same encounters, and its standard error.
 
         A bootstrap over the pairs gives the standard error; NaN if the difference is not finite.
         """
@@ -52,7 +52,7 @@ class Measure(ABC):
 
 
 def checked_measure(measure: Any) -> Measure:
-    """Return a risk measure after checking that its class defines value, label and estimate together."""
+    """Return a risk measure after checking that its class defines the attributes value, label and estimate together."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
             f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a "
@@ -103,7 +103,7 @@ class Expected(Measure):
         return middle, middle - half, middle + half
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the mean of paired differences and its standard error."""
+        """Return the mean of paired differences, and the standard error of this mean."""
         differences = others - values
         if not np.isfinite(differences).all() or len(differences) < 2:
             return float(np.mean(others) - np.mean(values)), math.nan
@@ -121,7 +121,7 @@ class _AtProbability(Measure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantile(_AtProbability):
-    """The quantile of the objective: the value that is not exceeded with a given probability.
+    """The quantile of the objective: a given share of the encounters has no larger objective.
 
     Args:
         probability: in (0, 1).
@@ -141,7 +141,7 @@ class Quantile(_AtProbability):
         return sample_quantile(values, self.probability)
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the quantile and a confidence interval that holds for every distribution."""
+        """Return the quantile, and a confidence interval that is valid for every distribution."""
         # The interval lies between order statistics.
         from scipy.stats import binom  # noqa: PLC0415 - SciPy is imported only for a validation
 
@@ -157,7 +157,7 @@ class Quantile(_AtProbability):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionalValueAtRisk(_AtProbability):
-    """The tail mean: the mean of the values beyond a quantile (Rockafellar and Uryasev, J. Risk 2 (2000) 21).
+    """The tail mean, that is, the mean of the values beyond a quantile (Rockafellar and Uryasev, J. Risk 2 (2000) 21).
 
     Args:
         probability: probability of the quantile, in (0, 1): 0.9 averages the worst 10 %.
@@ -173,7 +173,7 @@ class ConditionalValueAtRisk(_AtProbability):
         return f"mean of the worst {100 * (1 - self.probability):g} %"
 
     def of(self, values: Any) -> Any:
-        """Return the tail mean: the mean of the values beyond a quantile."""
+        """Return the tail mean, that is, the mean of the values beyond a quantile."""
         # With the quantile q of probability p, it is q + mean(max(f - q, 0)) / (1 - p).
         f = np.asarray(values, dtype=np.float64)
         q = np.asarray(sample_quantile(f, self.probability))[..., None]
@@ -182,7 +182,7 @@ class ConditionalValueAtRisk(_AtProbability):
         return float_or_array(q[..., 0] + beyond / (1 - self.probability))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the tail mean and its asymptotic confidence interval."""
+        """Return the tail mean, and its confidence interval for large numbers of samples."""
         # The interval is that of the mean of q + max(f - q, 0) / (1 - p).
         q = sample_quantile(values, self.probability)
         if not math.isfinite(q):
@@ -206,13 +206,13 @@ class WorstCase(Measure):
         return float_or_array(np.max(values, axis=-1))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the largest value; samples give no upper bound of a worst case."""
+        """Return the largest value without an upper bound, because samples cannot bound a worst case."""
         del confidence
         largest = float(np.max(values))
         return largest, largest, math.inf
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the difference of the largest values, and NaN because its standard error is unknown."""
+        """Return the difference of two largest values; its standard error is unknown and therefore NaN."""
         return float(np.max(others) - np.max(values)), math.nan
 
 

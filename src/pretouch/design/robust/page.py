@@ -1,4 +1,4 @@
-"""Build the report of a robust design: its gain, validation and the importance of the uncertain inputs."""
+"""Build the report of a robust design: the gain, its validation, and the most important inputs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from .validation import LimitOutcome, Validation
 
 
 def importance_section(importance: tuple[InputImportance, ...]) -> PageSection | None:
-    """Return the report section with the share of each uncertain input in the variance of the objective."""
+    """Return a report table with the share of each uncertain input in the variance of the objective."""
     ranked = [entry for entry in importance if math.isfinite(entry.total)]
     if len(ranked) < 2:
         return None
@@ -58,7 +58,7 @@ def importance_section(importance: tuple[InputImportance, ...]) -> PageSection |
 
 
 def price_section(design: RobustDesign) -> PageSection | None:
-    """Return the report section on the loss of the robust gain if one input were known exactly."""
+    """Return the report section on the improvement that is possible if one uncertain input were known exactly."""
     if not design.prices:
         return None
     caption = (
@@ -112,7 +112,7 @@ _NEXT: Final = {
 
 
 def _findings(v: Validation) -> Iterator[str]:
-    """Yield a sentence on how often each limit is met in fresh samples."""
+    """Yield one sentence for each limit on how often new random encounters meet the limit."""
     for outcome in v.limits:
         c, p = outcome.required.constraint, outcome.required.probability
         required = "always" if p == 1 else f"{100 * p:g} %"
@@ -123,7 +123,7 @@ def _findings(v: Validation) -> Iterator[str]:
 
 
 def robust_page(design: RobustDesign) -> Page:
-    """Return the report page of a robust design."""
+    """Return the report page of a design for uncertain encounters."""
     advice, v = _ADVICE.get(design.status), design.validation
     premise = Paragraph(
         text="The gain is optimal for a sample average with common samples. The distributions of the inputs are "
@@ -241,7 +241,7 @@ def _limit_row(outcome: LimitOutcome, v: Validation) -> Row:
 
 
 def _worst(design: RobustDesign) -> PageSection | None:
-    """Return the report section about the worst encounter; None unless the worst case was minimized."""
+    """Return the report section about the worst encounter; None unless the design minimized the worst case."""
     w, units = design.worst, input_units(design.sensor)
     if w is None:
         return None

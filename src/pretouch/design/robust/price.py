@@ -1,4 +1,4 @@
-"""Compute what a robust gain loses compared with the optimal gain for an exactly known input."""
+"""Compute how much a robust gain loses compared with the optimal gain for an exactly known input."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TAIL = 0.01  # probability of each tail that the range of an unbounded input ex
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Price(Value):
-    """Comparison of the robust gain with the optimal gain for each value of one exactly known input.
+    """Comparison of the robust gain with the gain that would be optimal if one uncertain input were known exactly.
 
     Args:
         name: the input.
@@ -46,7 +46,7 @@ class Price(Value):
 
     @property
     def loss(self) -> FloatArray:
-        """Relative loss of the robust gain compared with the optimal gain, for each value of the input."""
+        """Relative increase of the objective with the robust gain instead of the optimal gain, for each input value."""
         return self.robust / self.best - 1
 
     def __repr__(self) -> str:
@@ -55,7 +55,7 @@ class Price(Value):
 
 
 def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float | None) -> Price:
-    """Compare one gain with the optimal gain for each of many values of an input."""
+    """Compare one gain with the optimal gain for each of many values of an uncertain input."""
     # The other inputs keep their given values.
     # Inputs that were estimated together with this input take their likeliest values. The optimal gains ignore
     # constraints, so that the loss is never negative; constraints may cause part of the loss.
@@ -89,7 +89,7 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
 
 
 def _distribution_of(uncertainty: Uncertainty, name: str) -> tuple[JointDistribution, tuple[str, ...]]:
-    """Return the distribution that describes an input, and the names of all inputs in that distribution."""
+    """Return the distribution of an uncertain input, and the names of all inputs that share this distribution."""
     for key, joint in uncertainty.items():
         if name in joint.inputs(key):
             return joint, joint.inputs(key)

@@ -1,4 +1,4 @@
-"""Define the robust gain problem: a design task that is evaluated over many sampled encounters."""
+"""Define the search problem of a robust design, which evaluates a gain over many sampled encounters."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _STRIDE: Final = 0.5  # step in u between gains in the search for the end of the
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobustProblem(GainProblem):
-    """A search problem in which each gain is evaluated over many encounters.
+    """A search problem in which each gain is evaluated in many random encounters.
 
     Args:
         ensemble: the encounters.
@@ -38,7 +38,7 @@ class RobustProblem(GainProblem):
 
     @classmethod
     def over(cls, task: Task, axis: GainAxis, values: Mapping[str, Any], **options: Any) -> RobustProblem:
-        """Make the search problem of a task for many values of its uncertain inputs."""
+        """Make the search problem of a task for many sampled values of its uncertain inputs."""
         # The options are those of `make_ensemble`.
         names = ("method", "horizon", "law", "evaluate")
         settings = {**{name: getattr(task, name) for name in names}, **options}
@@ -46,7 +46,7 @@ class RobustProblem(GainProblem):
 
     @property
     def measure(self) -> Measure:
-        """The risk measure of the objective over all encounters."""
+        """The risk measure, such as the mean, that combines the objectives of all encounters."""
         return self.task.robust.measure or Expected()
 
     @property
@@ -55,7 +55,7 @@ class RobustProblem(GainProblem):
         return limits_of(self.task.constraints)
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Evaluate the risk measure and the constraints at gains that are given on the scaled axis of the search."""
+        """Compute the risk measure and the constraints at scaled gains of the search axis."""
         gains = self.axis.gain(coordinate)
         parts = list(self._parts(gains))
         return Landscape(
@@ -64,28 +64,28 @@ class RobustProblem(GainProblem):
         )
 
     def values(self, gain: float) -> tuple[FloatArray, FloatArray]:
-        """Return the objective and the ratios |quantity| / limit of every encounter at one gain."""
+        """Return for every encounter at one gain the objective and the ratios |quantity| / limit of the constraints."""
         # Objectives have the shape (n,) and ratios (k, n); both are infinite without contact.
         objective, ratios, _ = self._evaluate(np.array([gain]))
         return objective[0], ratios[:, 0]
 
     def criterion(self, which: int) -> Criterion:
-        """Return the objective (index -1) or the ratio |quantity| / limit of a constraint as a criterion."""
+        """Return the objective (index -1) or the ratio |quantity| / limit of one constraint as a criterion."""
         if which < 0:
             return merit(self.task.goal, self.ensemble.speed, self.task.impact)
         return ratio(self.limits[which].constraint, self.task.impact)
 
     def has_slopes(self, which: int = -1) -> bool:
-        """Return whether the objective (index -1) or a constraint has exact derivatives by every input."""
+        """Return True if the objective (index -1) or a constraint has exact derivatives with respect to every input."""
         return self.is_differentiable and self.criterion(which).has_gradients
 
     def slope(self, result: ContactResult, name: str, which: int = -1) -> FloatArray:
-        """Differentiate the objective (index -1) or the ratio |quantity| / limit of a constraint by an input."""
+        """Return the derivative of the objective (index -1) or of a constraint ratio with respect to one input."""
         of = along(partial(self.ensemble.slope, result), name, self.ensemble.scenario.obstacle.velocity)
         return self.criterion(which).slope(result.end, of)
 
     def lowest_needed(self) -> float:
-        """Return the scaled value of a gain beyond which no stronger gain can be optimal.
+        """Return a scaled gain on the search axis beyond which no stronger gain can be optimal.
 
         Gains are evaluated from the weakest to the strongest. Part of the measure can only grow with the gain; the
         search ends when this part exceeds the best measure so far.
@@ -107,7 +107,7 @@ class RobustProblem(GainProblem):
         return low
 
     def _touch_later(self) -> bool:
-        """Return whether a stronger mitigating gain provably makes contact later in every encounter."""
+        """Return True if a stronger mitigating gain provably makes contact later in every encounter."""
         ensemble = self.ensemble
         if ensemble.evaluator is not None or ensemble.law != DAMPER or ensemble.method == "uniform-motion":
             return False  # the proof holds only for L(1) with L(2) in continuous time, from the given state
@@ -118,7 +118,7 @@ class RobustProblem(GainProblem):
         return all(bool(touches_later(*ensemble.at(i)).all()) for i in range(len(ensemble)))
 
     def _parts(self, gains: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Yield risk measures and constraint ratios for blocks of gains, with a lower bound for stronger gains."""
+        """Yield risk measures and constraint ratios for blocks of gains, with a lower bound for all stronger gains."""
         block = _BLOCK if self.ensemble.evaluator is None else _BLOCK_OF_EVALUATOR
         step = max(1, block // len(self.ensemble))
         for start in range(0, len(gains), step):
@@ -131,7 +131,7 @@ class RobustProblem(GainProblem):
             )
 
     def _evaluate(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return objectives and constraint ratios for several gains, with a lower bound for stronger gains."""
+        """Return objectives and constraint ratios for several gains, with a lower bound for all stronger gains."""
         result = self.ensemble.contacts(gains[:, None])
         reached, state, speed = result.reached, result.end, self.ensemble.speed
         objective = appraise(self.task.goal, state, reached, speed, self.task.impact)

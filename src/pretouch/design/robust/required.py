@@ -1,4 +1,4 @@
-"""Define chance constraints, which must be met with a given probability."""
+"""Define chance constraints: limits that must be met with a required probability."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ROUNDING: Final = 1e-9  # a share times the number of runs may be just below a 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Required:
-    """A chance constraint: a constraint that must hold with a required probability.
+    """A chance constraint: a constraint that must be met with a required probability.
 
     Args:
         constraint: the constraint.
@@ -40,7 +40,7 @@ class Required:
             object.__setattr__(self, "probability", checked_probability(self.probability))
 
     def share(self, ratios: Any) -> Any:
-        """Return the quantile of |quantity| / limit at the required probability of the constraint."""
+        """Return the ratio |quantity| / limit that is not exceeded with the required probability of the constraint."""
         return (
             float_or_array(np.max(ratios, axis=-1))
             if self.probability == 1
@@ -49,7 +49,7 @@ class Required:
 
 
 def limits_of(constraints: Iterable[Constraint | Required]) -> tuple[Required, ...]:
-    """Return constraints as chance constraints; a plain `Constraint` must hold in every encounter."""
+    """Convert constraints to chance constraints; every encounter must meet a constraint without a probability."""
     return tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
 
 
@@ -57,7 +57,7 @@ _MOST_RUNS: Final = 1_000_000  # more runs are not advised
 
 
 def runs_to_show(share: float, probability: float, confidence: float) -> int | None:
-    """Return how many runs show a probability if a share of them meets the limit; None if no feasible number does.
+    """Return how many runs are needed to demonstrate a probability at a given success rate; None if over a million.
 
     Examples:
         >>> runs_to_show(1.0, 0.99, 0.95), runs_to_show(0.95, 0.95, 0.95)

@@ -1,4 +1,4 @@
-"""Define the result of a robust design: its gain, validation, worst encounter and important inputs."""
+"""Define the result of a robust design: the gain, its validation, and the most important inputs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _BEYOND: Final = 17  # gains between the end of the scan and the strongest shown
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RobustDesign(Answer):
-    """Result of `design_robust_gain`: the robust gain and its validation on fresh samples.
+    """Result of `design_robust_gain`: the robust gain and its validation on new random encounters.
 
     Args:
         status: optimal, infeasible (no gain meets all constraints) or no-contact.
@@ -66,7 +66,7 @@ class RobustDesign(Answer):
 
     @property
     def value(self) -> float | None:
-        """The minimized risk measure of the objective; None if there is no optimum."""
+        """The smallest risk measure of the objective that any feasible gain reaches; None if there is no optimum."""
         return self.local_minima[0][1] if self.local_minima else None
 
     @property
@@ -86,32 +86,32 @@ class RobustDesign(Answer):
 
     @property
     def samples(self) -> int:
-        """Number of sampled encounters over which the design is optimized."""
+        """Number of random encounters for which the gain was optimized."""
         return len(self.problem.ensemble)
 
     @property
     def seed(self) -> int:
-        """The seed of the random samples."""
+        """The seed of the random number generator."""
         return self.problem.task.robust.seed
 
     @property
     def scanned(self) -> int:
-        """Number of gains that the search scanned."""
+        """Number of gains that the search evaluated."""
         return len(self.scan.coordinate)
 
     @property
     def strongest(self) -> float:
-        """The strongest gain that was searched; stronger gains within the bounds cannot be optimal."""
+        """The strongest gain that the search evaluated; no stronger gain within the bounds can be optimal."""
         return float(self.problem.axis.gain(self.scan.coordinate[0 if self.number.sign < 0 else -1]))
 
     @property
     def loss_of_nominal(self) -> LossOfNominal | None:
-        """The loss of the nominal gain against the robust gain on fresh samples; None if not finite."""
+        """The loss of the nominal gain compared with the robust gain in new random encounters; None if not finite."""
         return None if self.validation is None else self.validation.loss
 
     @cached_property
     def method(self) -> str:
-        """Method that solved the encounters: `closed-form`, `integration`, `uniform-motion` or `loop`."""
+        """Name of the method that computed the motions: `closed-form`, `integration`, `uniform-motion` or `loop`."""
         ensemble = self.problem.ensemble
         if self.on_evaluator:
             return ensemble.contacts(0.0 if self.gain is None else self.gain).method
@@ -120,7 +120,7 @@ class RobustDesign(Answer):
 
     @cached_property
     def trade_off(self) -> RobustTradeOff:
-        """The risk measure as a function of the gain, including the robust and the nominal gain."""
+        """The risk measure of the objective for many gains, including the robust gain and the nominal gain."""
         axis, u, landscape = self.problem.axis, self.scan.coordinate, self.scan.landscape
         value, feasible = landscape.objective, landscape.feasible
         gains = [axis.gain(u[0]), *(g for g in (self.gain, self.nominal_gain) if g is not None)]
@@ -135,7 +135,7 @@ class RobustDesign(Answer):
 
     @property
     def nearest_gain(self) -> float | None:
-        """If a design is infeasible, the gain that exceeds the limits least; otherwise None."""
+        """The gain with the smallest violation of the limits if the design is infeasible; otherwise None."""
         worst = self.scan.landscape.worst_ratio
         best = int(np.argmin(worst))
         if self.status is not DesignStatus.INFEASIBLE or not np.isfinite(worst[best]):
@@ -144,7 +144,7 @@ class RobustDesign(Answer):
 
     @property
     def reachable(self) -> tuple[tuple[Required, float, float], ...]:
-        """The smallest limit of each constraint that some gain meets with the required probability."""
+        """For each constraint, the smallest limit that some gain meets with the required probability."""
         reachable = []
         for limit, ratios in zip(self.limits, self.scan.landscape.ratios, strict=True):
             best = int(np.argmin(ratios))
@@ -154,7 +154,7 @@ class RobustDesign(Answer):
         return tuple(reachable)
 
     def outcomes(self, gain: float | None = None) -> RobustOutcomes:
-        """Solve every fresh encounter, which the design did not use, with one gain.
+        """Compute the results of one gain in new random encounters, which the design did not use.
 
         Args:
             gain: the law's number, such as D_p [N s]; the robust gain by default.
@@ -179,7 +179,7 @@ class RobustDesign(Answer):
         )
 
     def price(self, name: str, *, count: int = 101, gain: float | None = None) -> Price:
-        """Compare a gain with the optimal gain for each value of one exactly known input.
+        """Compare a gain with the gain that would be optimal if one uncertain input were known exactly.
 
         Args:
             name: an uncertain input, such as `obstacle.velocity`.
@@ -202,7 +202,7 @@ class RobustDesign(Answer):
 
     @cached_property
     def importance(self) -> tuple[InputImportance, ...]:
-        """Share of each uncertain input in the variance of the objective at the robust gain, the largest first.
+        """Share of each uncertain input in the variance of the objective at the robust gain, largest share first.
 
         The shares are Sobol indices from as many samples as in the design, and first-order estimates from gradients.
         The first input is the one to measure better. Empty without a robust gain.
@@ -211,7 +211,7 @@ class RobustDesign(Answer):
 
     @cached_property
     def compared(self) -> dict[str, RobustOutcomes]:
-        """Results of the robust gain, the nominal gain and no mitigation in the same fresh encounters.
+        """Results of the robust gain, of the nominal gain and without mitigation in the same new random encounters.
 
         Without a robust gain, the gain that exceeds the limits least replaces it.
         """
@@ -221,12 +221,12 @@ class RobustDesign(Answer):
 
     @property
     def nominal_name(self) -> str:
-        """The name of the nominal gain in reports."""
+        """The name that reports use for the nominal gain."""
         return "gain of the ideal design" if self.on_evaluator else "nominal gain"
 
     @cached_property
     def prices(self) -> tuple[Price, ...]:
-        """Loss of the robust gain against the best gain for each known input, the largest loss first.
+        """For each uncertain input, the loss that exact knowledge of this input would avoid, largest loss first.
 
         Empty without a robust gain, and with `evaluate`.
         """
@@ -238,7 +238,7 @@ class RobustDesign(Answer):
 
     @property
     def headline(self) -> str:
-        """The result of the design in one or two sentences."""
+        """A summary of the design in one or two sentences."""
         v = self.validation
         if self.gain is None:
             no_contact = (
@@ -263,7 +263,7 @@ class RobustDesign(Answer):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings to read before relying on the gain, most important first."""
+        """Warnings about the robust gain, most important first."""
         return tuple(_warnings(self))
 
     def to_dict(self) -> dict[str, Any]:
@@ -285,7 +285,7 @@ class RobustDesign(Answer):
 
 
 def _conflict(design: RobustDesign) -> str:
-    """Describe which limits no gain meets with the required probability, or that the limits conflict."""
+    """Return a sentence on the limits that no gain meets with the required probability, or on conflicting limits."""
     reasons = []
     for required, magnitude, gain in design.reachable:
         c, p = required.constraint, required.probability
@@ -303,7 +303,7 @@ def _conflict(design: RobustDesign) -> str:
 
 
 def _warnings(design: RobustDesign) -> Iterator[str]:
-    """Yield warnings to read before relying on a gain, most important first."""
+    """Yield the warnings about a robust gain, most important first."""
     v = design.validation
     if v is None or design.gain is None:
         return

@@ -19,7 +19,7 @@ _ROUNDING: Final = 1e-12  # relative amount by which a value may exceed a limit,
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitOutcome(Value):
-    """How often one constraint holds at the chosen gain, in fresh samples.
+    """The share of new random encounters that meet one constraint at the designed gain.
 
     Args:
         required: the constraint and the probability with which it must hold.
@@ -36,7 +36,7 @@ class LimitOutcome(Value):
     magnitude: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the outcome of the constraint as one JSON object, in SI units."""
+        """Return the results of the test for one constraint as one JSON object, in SI units."""
         c, p = self.required.constraint, self.required.probability
         constraint = {"name": c.name, "limit": c.limit, "unit": self.limited.unit, "probability": p}
         return {**constraint, "held": self.held, "held_at_least": self.low, "magnitude": self.magnitude}
@@ -44,7 +44,7 @@ class LimitOutcome(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LossOfNominal(Value):
-    """Loss of the nominal gain compared with the robust gain, on the same fresh samples.
+    """Loss of the nominal gain compared with the robust gain in the same new random encounters.
 
     Args:
         relative: relative increase of the measure over that of the robust gain; negative if the nominal gain is better.
@@ -57,7 +57,7 @@ class LossOfNominal(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation(Value):
-    """Validation of a robust gain on fresh samples, which the design did not use.
+    """Test of a robust gain in new random encounters, which the design did not use.
 
     Args:
         samples: number of samples.
@@ -84,12 +84,12 @@ class Validation(Value):
     reached: float
 
     def may_hold(self, outcome: LimitOutcome) -> bool:
-        """Return whether the samples are compatible with the required probability of a constraint."""
+        """Return False if the sampled encounters contradict the required probability of a constraint."""
         missed = self.samples - round(outcome.held * self.samples)
         return 1 - least_probability(missed, self.samples, self.confidence) >= outcome.required.probability
 
     def state_of(self, outcome: LimitOutcome) -> str:
-        """Return in words whether the samples demonstrate the required probability of a constraint."""
+        """Return text that says whether the sampled encounters demonstrate the required probability of a constraint."""
         if outcome.held < outcome.required.probability:
             return "missed, within chance" if self.may_hold(outcome) else "missed"
         if outcome.low >= outcome.required.probability:
@@ -97,14 +97,14 @@ class Validation(Value):
         return "met in every sample" if outcome.held == 1 else "met, not demonstrated"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the validation as one JSON object, in SI units."""
+        """Return the results of the test as one JSON object, in SI units."""
         names = ("samples", "confidence", "value", "low", "high", "nominal", "nominal_breaks", "reached")
         document = {name: getattr(self, name) for name in names}
         return {**document, "loss_of_nominal": self.loss, "constraints": self.limits}
 
 
 def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Validation:
-    """Validate the robust gain and the nominal gain on encounters that the design did not use."""
+    """Test the robust gain and the nominal gain in new random encounters, which the design did not use."""
     confidence, number = problem.task.robust.confidence, problem.task.law.number
     objective, ratios = problem.values(gain)
     value, low, high = problem.measure.estimate(objective, confidence)

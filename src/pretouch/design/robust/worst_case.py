@@ -30,7 +30,7 @@ _STEP: Final = 1e-4  # step of differences that replace a gradient, as a share o
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstEncounter(Value):
-    """The worst possible encounter at a gain, with an upper bound of its objective.
+    """The worst possible encounter with one gain, with an upper bound of its objective.
 
     Args:
         inputs: the inputs of the encounter by name, in SI.
@@ -52,7 +52,7 @@ class WorstEncounter(Value):
 
 
 def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
-    """Return the range of each uncertain input; raise an error for unbounded or too many inputs."""
+    """Return the range of each uncertain input; raise an error for an unbounded input or for too many inputs."""
     if len(uncertainty) > _MOST_INPUTS:
         raise InvalidInputError(
             f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}, "
@@ -76,7 +76,7 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
 # worse than the set, it joins the set, and the gain is optimized again. So the last minimum is a lower bound for all
 # gains, and the certified maximum is an upper bound for the optimal gain. Their difference is the optimality gap.
 def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, list[Minimum], WorstEncounter | None]:
-    """Find the gain with the best worst case, and the worst encounter at this gain."""
+    """Find the gain with the smallest worst-case objective, and the encounter in which this worst case occurs."""
     # The last problem, its scan and its minima are returned as well.
     box = box_of(task.uncertainty)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
@@ -100,7 +100,7 @@ def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, 
 
 
 def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
-    """Return the encounters from which a worst-case search starts: corners, middle and inner points."""
+    """Return encounters from which the worst-case search starts: corners, middle and inner points of the ranges."""
     corners = np.array(list(product(*box.values())))
     middle = np.array([[0.5 * (low + high) for low, high in box.values()]])
     inside = sample_inputs({name: Interval(low=low, high=high) for name, (low, high) in box.items()}, _INSIDE)
@@ -108,7 +108,7 @@ def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
 
 
 def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
-    """Return the objective (index -1) or a constraint ratio as a function of the inputs, with its gradient."""
+    """Return the objective (index -1) or a constraint ratio, with gradient, as a function of the uncertain inputs."""
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
 
@@ -141,7 +141,7 @@ def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], ga
 def _worst(
     maximum: CertifiedMaximum, lower: float, names: tuple[str, ...], problem: RobustProblem, gain: float
 ) -> WorstEncounter:
-    """Return the worst encounter from a certified maximum and a lower bound for all gains."""
+    """Return the worst encounter at a gain, with a lower bound of the worst objective for all gains."""
     values = problem.values(gain)[0]
     points = np.stack([problem.ensemble.values[name] for name in names], axis=1)
     deciding = np.unique(points[values >= lower * (1 - _DECIDING)], axis=0)

@@ -1,4 +1,4 @@
-"""Find the maximum of a smooth function on a box, by branch and bound with gradients.
+"""Find the maximum of a smooth function on a box by branch and bound.
 
 Each box is evaluated at its middle and its corners. The only assumption: in a box, the gradient changes at most by its
 change between these points, increased by half. The smaller the box, the better this assumption holds. Then
@@ -32,7 +32,7 @@ Function: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CertifiedMaximum:
-    """The largest value of a function over a box of inputs, with an upper bound.
+    """The largest value of a function within ranges of its inputs, with a proven upper bound.
 
     Value and bound are infinite if the function is infinite somewhere.
     """
@@ -45,7 +45,7 @@ class CertifiedMaximum:
 
 
 def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, tolerance: float) -> CertifiedMaximum:
-    """Find the largest value of a function over a box of inputs, with an upper bound."""
+    """Find the largest value of a function within ranges of its inputs, and prove an upper bound."""
     d = len(low)
     upper = np.array(list(product((False, True), repeat=d))).reshape(-1, d)
     waiting = [(low[None].astype(np.float64), high[None].astype(np.float64))]
@@ -95,7 +95,7 @@ def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _halve(
     lows: FloatArray, highs: FloatArray, change: FloatArray, collapsed: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Halve each box of inputs along the coordinate in which the function changes most."""
+    """Halve each box of inputs along the input that changes the function most."""
     # Boxes that have just lost a dimension stay whole.
     width = highs - lows
     axis = np.argmax(change * width, axis=1)

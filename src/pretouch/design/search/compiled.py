@@ -1,4 +1,4 @@
-"""Search for the optimal gains of encounters in compiled code."""
+"""Call compiled code that finds the optimal gain of each encounter."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ find_gains: Final = kernel(
 
 
 def search_compiled(problem: GainProblem) -> FloatArray | None:
-    """Find the optimal gain of each encounter in compiled code.
+    """Find the optimal gain of each encounter by a search in compiled code.
 
     Args:
         problem: the problem, with one encounter or an array of encounters.
@@ -77,7 +77,7 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
 
 
 def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, float]] | None:
-    """Return the terms of the objective for the compiled search; None if the problem is not supported."""
+    """Return the terms of the objective for the compiled search; None if that search cannot solve the problem."""
     if problem.task.evaluate is not None or problem.task.constraints or problem.task.sensor.valid_range[0] > 0:
         return None
     other_motion = problem.task.law != DAMPER or problem.task.method == "uniform-motion"
@@ -98,7 +98,7 @@ def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, flo
 
 
 def _inputs(scenario: Scenario, size: int) -> FloatArray:
-    """Return the ten input quantities of every encounter, relative to the reference."""
+    """Return the ten numbers that describe each encounter for the compiled search, relative to the reference motion."""
     columns = scenario.relative_columns()
     if scenario.shape == ():
         return np.array(columns).reshape(10, 1)
@@ -110,7 +110,7 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 
 @cache_by_curve(256)
 def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, bool, Curves | None]:
-    """Return the sensor curve for the compiled search, and its slope g at contact [1/m]."""
+    """Return the sensor curve for the compiled search, and the slope g of this curve at contact [1/m]."""
     # The other results are a pointer to the curve and whether g < 0 up to `reach` [m].
     curve = None if linear else shared_curve(curve_windows(sensor, 0.0, reach))
     read = None if curve is None else byref(of_core(curve, 1))

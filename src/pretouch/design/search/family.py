@@ -1,4 +1,4 @@
-"""Interpolate the optimal gains of many encounters that differ in one input from a few designs.
+"""Interpolate optimal gains over one input that varies between encounters.
 
 The optimum depends smoothly on the input, unless another minimum becomes the lowest, a bound is reached, or contact is
 lost. So gain and objective are designed at Chebyshev nodes and interpolated. The interval of the input is halved until
@@ -36,7 +36,7 @@ _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, PO
 
 
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
-    """Find optimal gains [N s] of many encounters that differ in only one input, by interpolation."""
+    """Find the optimal gains [N s] of many encounters that differ in one input, by interpolation over this input."""
     # The result is None if they differ in more than one input, are few, or the compiled search does not support them.
     varied = list(_varied_inputs(problem.task.scenario))
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or supported_terms(problem) is None:
@@ -51,7 +51,7 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
 
 
 def _cover(family: _Family, low: float, high: float, which: Any, out: FloatArray) -> None:
-    """Interpolate optimal gains over an interval of one input, halving the interval if needed."""
+    """Interpolate optimal gains over an interval of one input, halving the interval if the error is too large."""
     place = family.place if which is None else family.place[which]
     if len(place) < _FEW or not low < high:
         return
@@ -75,7 +75,7 @@ def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArr
 
 
 def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
-    """Solve encounters with interpolated gains, and return which interpolated objectives are confirmed."""
+    """Compute encounters with interpolated gains, and return for which of them the interpolation is accurate."""
     result = problem.run(gain.reshape(problem.task.scenario.shape))
     solved = problem.task.goal.value(
         result.end, abs(problem.task.scenario.obstacle.velocity), problem.task.impact
@@ -95,12 +95,12 @@ class _Family:
     place: FloatArray  # coordinate of every encounter, shape (n,)
 
     def at(self, place: FloatArray) -> GainProblem:
-        """Return the search problem for other values of the varied input."""
+        """Return the search problem for other values of the input in which the encounters differ."""
         value = self.sign * np.exp(place) if self.sign else place
         return self.problem.changed(scenario=scenario_with(self.problem.task.scenario, {self.name: value}))
 
     def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
-        """Return polynomials of gain and objective over an interval of one input; None if they are inaccurate."""
+        """Fit polynomials to gain and objective over an interval of one input; None if the fit is inaccurate."""
         # They are Chebyshev coefficients, shape (2, nodes).
         probes = members[np.linspace(0, len(members) - 1, _PROBES).astype(np.int64)]
         nodes = 0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes
@@ -127,7 +127,7 @@ def _family(problem: GainProblem, name: str, value: Any) -> _Family:
 
 
 def _varied_inputs(scenario: Scenario) -> Iterator[tuple[str, Any]]:
-    """Yield name and value of each scenario input that is an array of several numbers."""
+    """Yield name and value of each encounter input that is an array of several numbers."""
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)
         for f in declared(body.__class__):

@@ -1,4 +1,4 @@
-"""Define the free parameters of a search: gain, natural frequency and damping ratio."""
+"""Define the free parameters of a design: gain, natural frequency and damping ratio."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Freedom:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the free parameters, in the order of their coordinates."""
+        """The names of the free parameters, in the order of the search coordinates."""
         free = (("natural_frequency", self.natural_frequency), ("damping_ratio", self.damping_ratio))
         return ("gain", *(name for name, bounds in free if bounds is not None))
 
@@ -67,7 +67,7 @@ class Freedom:
         return frequency, np.full(len(at), ratio)
 
     def scenarios(self, at: FloatArray) -> Scenario:
-        """Return the encounters for search points, each with its own admittance."""
+        """Return the encounters for several search points, each with the admittance of its search point."""
         if self.size == 1:
             return self.scenario
         frequency, ratio = self.admittance(at)
@@ -76,12 +76,12 @@ class Freedom:
         return replace(self.scenario, admittance=admittance)
 
     def choice(self, at: FloatArray) -> tuple[Scenario, float]:
-        """Return the encounter and the gain for one search point."""
+        """Return the encounter and the gain that one search point represents."""
         scenario = map_fields(self.scenarios(at[None]), lambda v: v.item() if np.ndim(v) else v)
         return scenario, float(self.gain(at[None])[0])
 
     def chain(self, at: FloatArray) -> tuple[tuple[tuple[str, float], ...], ...]:
-        """Return the physical inputs that depend on each search coordinate, with their derivatives."""
+        """Return which physical inputs each search coordinate changes, with the derivatives of these inputs."""
         point = at[None]
         low, high = self.axis.span
         gain = float(self.gain(point)[0])
@@ -97,13 +97,13 @@ class Freedom:
         return tuple(inputs)
 
     def lattice(self, gains: int) -> FloatArray:
-        """Return a regular grid over all search coordinates, including both ends."""
+        """Return a regular grid of search points that includes the bounds of all free parameters."""
         counts = {1: (), 2: (17,), 3: (13, 9)}[self.size]
         columns = [np.linspace(0.0, 1.0, count) for count in (gains, *counts)]
         return np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, self.size)
 
     def spread(self, count: int) -> FloatArray:
-        """Return points that are spread evenly over all search coordinates (a low-discrepancy sequence)."""
+        """Return search points that are spread evenly over all free parameters (a low-discrepancy sequence)."""
         # The points are multiples of the inverse powers of x, modulo 1, where x^(size + 1) = x + 1 generalizes the
         # golden section (H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992).
         x = float(np.roots([1.0, *([0.0] * (self.size - 1)), -1.0, -1.0]).real.max())
@@ -118,7 +118,7 @@ def make_freedom(
     damping_ratio: Sequence[float] | None,
     law: ContinuousLaw = DAMPER,
 ) -> Freedom:
-    """Check the bounds of gain, natural frequency and damping ratio, and return the free parameters."""
+    """Check the bounds of gain, natural frequency and damping ratio, and return the free parameters of the search."""
     axis = GainAxis.between(bounds, law.number)
     if law == DRAG and not (natural_frequency is None and damping_ratio is None):
         raise InvalidInputError(
@@ -166,7 +166,7 @@ def _is_log(bounds: Range) -> bool:
 
 
 def _between(bounds: Range, at: FloatArray) -> FloatArray:
-    """Convert coordinates from 0 to 1 to values of a parameter between its bounds."""
+    """Convert scaled values between 0 and 1 to values of a parameter between its bounds."""
     low, high = bounds
     value = low * np.exp(np.log(high / low) * at) if _is_log(bounds) else low + (high - low) * at
     return np.asarray(np.where(at == 1, high, np.clip(value, low, high)))

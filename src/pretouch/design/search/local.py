@@ -1,4 +1,4 @@
-"""Improve a design locally by sequential quadratic programming (SLSQP of SciPy), and test its optimality."""
+"""Improve a design by a local search (SLSQP of SciPy), and test its optimality."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Evaluation: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def _cached_rows(trials: Trials, scale: FloatArray) -> Evaluation:
-    """Return a function that evaluates objectives, constraints and derivatives, and caches the last point."""
+    """Return a function that computes objectives, constraints and derivatives, and caches its last result."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
     def evaluate(at: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -40,7 +40,7 @@ def _cached_rows(trials: Trials, scale: FloatArray) -> Evaluation:
 
 
 def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArray | None:
-    """Minimize a weighted sum of objectives within limits and bounds; None if the result is not feasible."""
+    """Minimize a weighted sum of objectives within limits and bounds; return None if the result is not feasible."""
     count, ratios = len(trials.measures), len(trials.constraints)
     rows = _cached_rows(trials, np.ones(count + ratios))
     first = float(weights @ rows(start)[0][:count]) or 1.0
@@ -57,7 +57,7 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArra
 def advance(
     trials: Trials, start: FloatArray, origin: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Return the point of a Pareto front in a given direction from an origin; None if none is found."""
+    """Search along a given direction for a point of the Pareto front; return None if the search fails."""
     # The search minimizes t subject to quantities <= origin + t scale (Pascoletti and Serafini 1984).
     count = len(trials.measures)
     rows = _cached_rows(trials, np.concatenate([scale, np.ones(len(trials.constraints))]))
@@ -99,7 +99,7 @@ def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any
 
 
 def _to_feasible(trials: Trials, at: FloatArray, value: Callable[[FloatArray], float]) -> FloatArray | None:
-    """Return a feasible point, moved onto nearby bounds if they are as good; None if it is not feasible."""
+    """Return a point, moved to nearby bounds if the moved point is as good; None if neither point is feasible."""
     moved = np.where(at <= _NEAR, 0.0, np.where(at >= 1 - _NEAR, 1.0, at))
     inner, bound = _if_feasible(trials, at), _if_feasible(trials, moved)
     if inner is None or bound is None or np.array_equal(at, moved):
@@ -109,12 +109,11 @@ def _to_feasible(trials: Trials, at: FloatArray, value: Callable[[FloatArray], f
 
 
 def _if_feasible(trials: Trials, at: FloatArray) -> FloatArray | None:
-    """Return a point if it is feasible, else None."""
     return at if np.isfinite(at).all() and np.isfinite(trials.values(at[None])).all() else None
 
 
 def kkt_residual(trials: Trials, at: FloatArray, weights: FloatArray) -> tuple[float, tuple[str, ...], FloatArray]:
-    """Return the residual of the first-order optimality conditions (Karush, Kuhn and Tucker) at a point.
+    """Return by how much a point violates the first-order optimality conditions (Karush, Kuhn and Tucker).
 
     The multipliers are the nonnegative least-squares solution, independent of the search.
 

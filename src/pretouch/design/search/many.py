@@ -1,4 +1,4 @@
-"""Find the optimal gain of every encounter of an array by one common scan.
+"""Find the optimal gains of many encounters by one common scan over the gain.
 
 Every encounter is scanned at the same gains. A minimum inside the bounds is refined by a polynomial through the nodes
 of its bracket. An encounter without a certain result, by the criteria of the single design, is designed individually.
@@ -28,7 +28,7 @@ Found: TypeAlias = tuple[DesignStatus, float | None, float | None]
 
 
 def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]) -> tuple[Any, Any, Any]:
-    """Return status, optimal gain and objective of every encounter of an array."""
+    """Return status, optimal gain and objective for every encounter of an array."""
     # Gains and objectives are NaN unless optimal; `search_one` solves difficult encounters.
     shape = problem.task.scenario.shape
     free = problem.within_gain_limit()
@@ -64,13 +64,13 @@ def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]
 
 
 def settle_one(problem: GainProblem) -> tuple[float, float] | None:
-    """Return optimal gain and objective of one encounter from a fixed grid of gains; None if uncertain."""
+    """Find the optimal gain of one encounter on a fixed grid of gains; return None if the result is uncertain."""
     gain, objective, settled = _design_block(problem, EXACT.first)
     return (float(gain[0]), float(objective[0])) if settled[0] else None
 
 
 def _design_block(problem: GainProblem, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Find the optimal gains of many encounters on a fixed grid of gains, and which results are certain."""
+    """Find the optimal gains of many encounters on a fixed grid of gains, and return which of them are certain."""
     u = np.linspace(*problem.axis.span, count)
     scanned = problem.landscape(u[None])
     every, merit = scanned.objective, scanned.merit

@@ -1,4 +1,4 @@
-"""Refine the local minima of a function that was scanned on a grid."""
+"""Refine the local minima of a function that was evaluated on a grid."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OnAxis: TypeAlias = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Minimum(Value):
-    """A local minimum of a function along an axis, after refinement.
+    """A refined local minimum of a function of one variable.
 
     Args:
         coordinate: the coordinate u of the minimum.
@@ -43,7 +43,7 @@ class Minimum(Value):
 
 
 def search_axis(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) -> tuple[Scan, list[Minimum]]:
-    """Scan objective and constraints along an axis and refine the local minima.
+    """Evaluate objective and constraints at many values of one variable, and refine the local minima.
 
     The search is global if the scan resolves the function.
 
@@ -61,7 +61,7 @@ def search_axis(evaluate: Evaluate, low: float, high: float, effort: Effort = EX
 
 
 def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort = EXACT) -> list[Minimum]:
-    """Refine the local minima of a scanned function.
+    """Refine the local minima of a function of one variable that is known at many points.
 
     Args:
         function: a function that maps coordinates to values; infinite where it is undefined.
@@ -88,7 +88,7 @@ def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort =
 
 
 def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[float, float, bool]:
-    """Narrow the bracket of a minimum, and finish with a polynomial if the function is smooth."""
+    """Narrow the bracket of a local minimum, and finish with a polynomial fit if the function is smooth."""
     left, right = low, high
     best = (low, math.inf)
     for _ in range(24):
@@ -111,7 +111,7 @@ def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[fl
 
 
 def _polish(function: OnAxis, left: float, right: float) -> tuple[float, float] | None:
-    """Minimize a polynomial that is fitted over a narrow bracket; None if the function has a corner there."""
+    """Minimize a polynomial that is fitted over a narrow bracket; return None if the function has a corner there."""
     middle, half = 0.5 * (left + right), 0.5 * (right - left)
     values = function(middle + half * NODES)
     span = float(np.ptp(values))

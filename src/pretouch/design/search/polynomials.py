@@ -1,4 +1,4 @@
-"""Minimize smooth functions by approximating them with Chebyshev polynomials."""
+"""Minimize smooth functions that are approximated by Chebyshev polynomials."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NODES: Final = _SMOOTH.nodes
 
 
 def minimize_polynomials(values: FloatArray, fit: float = FIT, *, steps: int = 8) -> tuple[FloatArray, BoolArray]:
-    """Fit polynomials to sampled functions; return their minima, and which of the minima are certain."""
+    """Fit a polynomial to each sampled function, and return its minimum and whether this minimum is certain."""
     # The functions are sampled at NODES, shape (m, 17).
     # Newton's method solves df/dz = 0 between the neighbors of the lowest node. Bisection replaces steps that leave
     # this interval, as at minima flatter than a parabola. A polynomial must fit the values to `fit` of their range.
@@ -50,6 +50,6 @@ def minimize_polynomials(values: FloatArray, fit: float = FIT, *, steps: int = 8
 
 
 def interpolate(values: FloatArray, z: FloatArray) -> FloatArray:
-    """Interpolate functions that are sampled at Chebyshev nodes, each function at one point."""
+    """Interpolate several functions that are sampled at Chebyshev nodes, each function at its own point."""
     with np.errstate(invalid="ignore"):  # a function that is undefined at some node is NaN
         return chebyshev_sum(_THROUGH.to_terms @ values.T, z)

@@ -1,4 +1,4 @@
-"""Scan a function along one axis with an adaptive step."""
+"""Evaluate a function along one axis with an adaptive step size."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _EDGE: Final = 1e-3  # share of the axis: largest interval in which feasibility 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """Settings of a search along an axis, such as number of points and resolution.
+    """Settings of a search over one variable, such as the number of points and the resolution.
 
     Args:
         first: number of coordinates of the first scan.
@@ -46,7 +46,7 @@ class Effort:
     smooth: bool = True
 
     def counts(self, lowest: float) -> float:
-        """Return the function value above which intervals and minima are not refined."""
+        """Return the function value above which the search does not refine intervals and minima."""
         return math.inf if math.isinf(self.relevant) else self.relevant * lowest
 
 
@@ -70,7 +70,7 @@ would need three times as many gains.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Landscape(Value):
-    """Objective and constraint ratios at many points of a scanned axis.
+    """Objective and constraint ratios at many values of the search variable.
 
     Args:
         objective: the objective, shape (n,), or several, shape (k, n); infinite without contact.
@@ -82,7 +82,7 @@ class Landscape(Value):
 
     @property
     def reached(self) -> BoolArray:
-        """At which points of the axis the encounter ends in contact."""
+        """An array with True for values of the search variable that result in contact."""
         return np.isfinite(self.objective)
 
     @property
@@ -93,16 +93,16 @@ class Landscape(Value):
 
     @property
     def feasible(self) -> BoolArray:
-        """At which points of the axis the encounter ends in contact and meets every constraint."""
+        """An array with True for values of the search variable that result in contact and meet every constraint."""
         return self.reached & (self.worst_ratio <= HELD)
 
     @property
     def merit(self) -> FloatArray:
-        """The objective at feasible points of the axis, and infinity at all other points."""
+        """The objective at feasible values of the search variable, and infinity at all other values."""
         return np.where(self.feasible, self.objective, np.inf)
 
     def joined(self, other: Landscape, order: IntArray) -> Landscape:
-        """Return the union of two sets of scanned points, in a given order."""
+        """Return the union of two sets of evaluated points, in a given order."""
         return Landscape(
             objective=np.concatenate([self.objective, other.objective], axis=-1)[..., order],
             ratios=np.concatenate([self.ratios, other.ratios], axis=1)[:, order],
@@ -115,7 +115,7 @@ Evaluate = Callable[[FloatArray], Landscape]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scan(Value):
-    """A scan of objective and constraints over the whole axis.
+    """Objective and constraints over the whole range of the search variable.
 
     Args:
         coordinate: u, ascending, shape (n,).
@@ -129,7 +129,7 @@ class Scan(Value):
 
 
 def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) -> Scan:
-    """Scan an axis and halve its intervals until the function is well interpolated.
+    """Evaluate a function at points of its range, halving the intervals until interpolation is accurate.
 
     An interval is halved while the cubic through four neighbors misses an objective in its middle by more than
     `resolved`, or while feasibility changes over it and it is wider than 1e-3 of the axis. Halving ends at intervals
@@ -180,7 +180,7 @@ def _relative_error(predicted: FloatArray, new: FloatArray, found: Landscape, sh
 
 
 def predict(u: FloatArray, f: FloatArray, intervals: IntArray) -> FloatArray:
-    """Predict a function in the middle of intervals by the cubic through the four nearest nodes."""
+    """Interpolate a function in the middle of intervals by the cubic polynomial through the four nearest points."""
     nodes = np.clip(intervals - 1, 0, len(u) - 4)[:, None] + np.arange(4)
     x = u[nodes]
     away = 0.5 * (u[intervals] + u[intervals + 1])[:, None] - x

@@ -1,4 +1,4 @@
-"""Evaluate objective, constraints and their derivatives over the free parameters of a design."""
+"""Evaluate the objective, the constraints and their derivatives for trial values of the free parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NODES: Final = np.arange(-2.0, 3.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trials:
-    """Evaluates encounters for the gains and admittances that a search tries.
+    """Computes encounters for the gains and admittances that a search tries.
 
     Points have the shape (n, size).
     """
@@ -41,18 +41,18 @@ class Trials:
         return (*self.measures, *(ratio(c, self.encounters.task.impact) for c in self.constraints))
 
     def run(self, at: FloatArray) -> ContactResult:
-        """Solve the encounters for search points, which represent gains and admittances."""
+        """Compute the encounters for several search points, which represent gains and admittances."""
         return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
 
     def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return objectives and constraint ratios of each search point, and which points end in contact."""
+        """Return objectives and constraint ratios of each search point, and whether each point results in contact."""
         result = self.run(at)
         reached = np.asarray(result.reached)
         rows = self.rows_of(result)
         return np.where(reached[:, None], np.reshape(rows, (len(at), -1)), np.inf), reached
 
     def feasible(self, rows: FloatArray) -> BoolArray:
-        """Return which search points end in contact and meet every limit."""
+        """Return for each search point whether the encounter ends in contact and meets every limit."""
         ratios = rows[:, len(self.measures) :]
         return np.asarray(np.isfinite(rows).all(axis=1) & (ratios <= HELD).all(axis=1))
 
@@ -77,11 +77,11 @@ class Trials:
         return rows, slopes
 
     def rows_of(self, result: ContactResult) -> FloatArray:
-        """Return objectives and constraint ratios of solved encounters."""
+        """Return objectives and constraint ratios of computed encounters."""
         return np.stack([np.asarray(c.value(result), dtype=np.float64) for c in self.criteria], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
-        """Return the exact derivatives of objectives and constraint ratios; NaN if there are none."""
+        """Return the exact derivatives of objectives and constraint ratios; NaN if exact derivatives do not exist."""
         criteria = self.criteria
         slopes = np.full((len(criteria), len(at)), np.nan)
         if not self.encounters.is_differentiable or not any(criterion.has_gradients for criterion in criteria):
@@ -96,7 +96,7 @@ class Trials:
         return slopes
 
     def _differences(self, at: FloatArray) -> FloatArray:
-        """Return derivatives of objectives and constraint ratios by finite differences of order 4."""
+        """Return derivatives of objectives and constraint ratios by finite differences of fourth order."""
         size = len(at)
         shift = np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)  # shift of the middle node, in steps
         offsets = _STEP * (_NODES + shift[:, None])

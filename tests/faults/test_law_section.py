@@ -40,7 +40,7 @@ MISTAKES = [
     (ALONE + LAW + "ratio = 0\n", "ratio", "law.ratio", "expected a positive number"),
     (ALONE + LAW + 'excursion = "60 N"\n', "excursion", "law.excursion", 'found "60 N", expected a quantity in m'),
     (ALONE + LAW + 'ratio = 0.1\nexcursion = "60 mm"\n', "excursion", "law.excursion", "found the keys ratio and ex"),
-    (ALONE + LAW + 'ratio = 0.1\ndrag = "0.1 N*s^2"\n', "ratio", "law.ratio", "found both drag and ratio"),
+    (ALONE + LAW + 'ratio = 0.1\ndrag = "0.1 N*s^2"\n', "ratio", "law.ratio", "found the keys drag and ratio"),
     (ALONE + LAW + 'ratio = 0.1\nlargest_speed = "1 m/s"\n', "largest", "law.largest_speed",
      "found it together with ratio"),
     (WHOLE.replace(GAIN, IN_DRAGS) + LAW + "largest_speed = 1\n", "largest", "law.largest_speed", "found it alone"),

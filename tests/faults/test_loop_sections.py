@@ -105,7 +105,6 @@ def test_a_mistake_is_named_with_line_and_key(message, old, new, start, key, say
     place, _, sentence = line.partition(f": {key}: ")
     assert place == f"approach.toml, line {first + line_of(start, rest)}", told
     assert says in sentence
-    assert "found" in sentence or "missing" in sentence or "only" in sentence
 
 
 ODD = [

@@ -113,7 +113,7 @@ MISTAKES = [
     ('"10 cm/s"', '"10 cm"', "obstacle.vel", "uncertainty.obstacle.velocity.normal[1]", 'found "10 cm", expected a q'),
     ('"10 cm/s"', '"-10 cm/s"', "obstacle.vel", "uncertainty.obstacle.velocity.normal", "deviation of -0.1, expected"),
     (', "10 cm/s"', "", "obstacle.vel", "uncertainty.obstacle.velocity.normal", "the mean and the standard deviation"),
-    ('"-0.6 m/s"', '"0 m/s"', "obstacle.vel", "uncertainty.obstacle.velocity.between", "found 0 followed by -0.05"),
+    ('"-0.6 m/s"', '"0 m/s"', "obstacle.vel", "uncertainty.obstacle.velocity.between", "found the number 0 followed by -0.05"),
     ("normal = [3.32", "uniform = [3.32", "sensor.exp", "uncertainty.sensor.exponent.uniform", "3.32 followed by 0.1"),
     ("{ normal = [3.32, 0.1] }", "{ norml = [1, 2] }", "sensor.exp", "uncertainty.sensor.exponent.norml", '"normal"?'),
     ("{ normal = [3.32, 0.1] }", "{}", "sensor.exp", "uncertainty.sensor.exponent", "found nothing, expected"),
@@ -122,7 +122,7 @@ MISTAKES = [
     ("{ uniform = [\"38", "{ between = [0, 1], uniform = [\"38", "obstacle.p", "uncertainty.obstacle.position.between",
      "is allowed only together with normal"),
     ('["2 cm/s", "0 m/s", "1 cm/s"]', '["2 cm/s"]', "plant.v", "uncertainty.plant.velocity.samples", "a list of two"),
-    ("sensor.exponent", "sensor.rate", "sensor.rate", "uncertainty.sensor.rate", "expected one of: distance_off"),
+    ("sensor.exponent", "sensor.rate", "sensor.rate", "uncertainty.sensor.rate", "its parameters are distance_off"),
     ("sensor.exponent", "sensor.order", "sensor.order", "uncertainty.sensor.order",
      "the inverse-power curve has no such"),
     ("sensor.exponent = { normal = [3.32, 0.1] }", 'sensor = "calibration"', "sensor =", "uncertainty.sensor",
@@ -149,7 +149,7 @@ MISTAKES = [
     ("seed = 7", 'sampling = "grid"', "sampling", "robust.sampling", 'found "grid", expected one of "sobol"'),
     ("seed = 7", "confidence = 95", "confidence", "robust.confidence", "found 95, expected a probability"),
     ("seed = 7", "sed = 7", "sed", "robust.sed", 'expected "seed"'),
-    ("{ excursion = 0.99 }", "{ excursion = 99 }", "required", "robust.required.excursion", "found 99, expected"),
+    ("{ excursion = 0.99 }", "{ excursion = 99 }", "required", "robust.required.excursion", "found the probability 99, expected"),
     ("{ excursion = 0.99 }", "{ excursn = 0.9 }", "required", "robust.required.excursn", 'a constraint "excursn"'),
     ("{ excursion = 0.99 }", "{ time = 0.9 }", "required", "robust.required.time", "add the constraint time to"),
     ("{ excursion = 0.99 }", "0.9", "required", "robust.required", "expected constraints and probabilities, such as"),
@@ -164,7 +164,6 @@ def test_a_mistake_is_named_with_line_and_key(message, old, new, start, key, say
     place, _, sentence = first.partition(f": {key}: ")
     assert place == f"approach.toml, line {line_of(start, text)}", told
     assert says in sentence
-    assert "found" in sentence or "missing" in sentence
 
 
 def test_robust_without_uncertainty_is_refused(message):

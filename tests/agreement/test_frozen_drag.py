@@ -187,10 +187,10 @@ def test_what_is_not_known_is_asked_for() -> None:
         suspends_admittance=True,
     )
     with pytest.raises(
-        InvalidInputError, match=r"^relative_velocity: .* is missing, but the damping of a virtual-drag depends on it"
+        InvalidInputError, match=r"^relative_velocity: .* because the damping by the law virtual-drag depends on it"
     ):
         gain_limit(CURVE, LETTER, TIMING, distance=0.0, law=DRAG)
-    with pytest.raises(InvalidInputError, match=r"^law: the damping of the shock is unknown"):
+    with pytest.raises(InvalidInputError, match=r"^law: the damping by the law shock is unknown"):
         gain_limit(CURVE, LETTER, TIMING, distance=0.0, law=own, relative_velocity=-0.1)
     known, velocity = replace(own, damping=DRAG.damping), np.array([-0.1, -0.3])
     limits = [

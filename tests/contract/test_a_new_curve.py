@@ -193,8 +193,8 @@ def failing(kind: str, module: str) -> type[SensorModel]:
         ("not a number", "InvalidInputError: scale: found nan"),
         ("incomplete start", "KeyError: 'other'"),
         (
-            "no readings can distinguish",
-            "InvalidInputError: rate and other: no readings can distinguish the effects of these parameters",
+            "readings cannot distinguish",
+            "InvalidInputError: rate and other: readings cannot distinguish the effects of these parameters",
         ),
     ],
 )

@@ -158,7 +158,9 @@ def test_what_is_none_is_told_what_it_lacks() -> None:
             return self.speed.quantile(points[:, 0])
 
     narrow = Narrow(speed=Normal(mean=-0.3, deviation=0.01), slope=-0.14)
-    with pytest.raises(pt.errors.InvalidInputError, match=r"approach: Narrow returned samples of shape \(128,\)"):
+    with pytest.raises(
+        pt.errors.InvalidInputError, match=r"approach: the distribution Narrow returned samples of the shape \(128,\)"
+    ):
         designed({"approach": narrow})
 
 

@@ -232,7 +232,7 @@ def test_a_report_is_written_again_but_nothing_of_the_user_is_overwritten(run, p
     edited = report.read_text()
     code, _, err = run(verb, file)
     assert code == 2
-    assert err.startswith(f"pretouch: {report}: this file exists and is not overwritten")
+    assert err.startswith(f"pretouch: {report}: this file already exists, and pretouch does not overwrite it")
     assert "--output" in err
     assert "--force" in err
     assert report.read_text() == edited

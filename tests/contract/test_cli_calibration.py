@@ -143,12 +143,15 @@ def test_a_start_beyond_the_data_is_said_first_where_it_is_decisive(run):
         UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), which gives 53 % of the impulse"
     )
     assert (
-        "To fix this, calibrate out to 42.2 mm with more readings at each distance, or start the encounter at 20 mm."
-        in out
+        "To fix this, calibrate the sensor out to 42.2 mm with more readings at each distance, or start "
+        "the encounter at 20 mm." in out
     )
     _, out, _ = run("design", scenario("less.toml", sensor, ("42.2 mm", "20.9 mm")), "--no-report", "--verbose")
     assert out.startswith("Optimal gain")
-    assert "beyond 20 mm, the curve is extrapolated and gives 4.3 % of the impulse of the virtual force" in out
+    assert (
+        "beyond 20 mm, the sensor curve is extrapolated and contributes 4.3 % of the impulse of the virtual force"
+        in out
+    )
 
 
 def test_a_motion_that_leaves_the_data_names_the_calibration(run):
@@ -167,7 +170,10 @@ def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_r
     code, _, err = run(verb, scenario("clipped.toml", CLIPPED), *VERBS[verb])
     near, reason = near_end()
     assert code == 2
-    assert f"a curve that starts {near} from contact ({reason.partition(' (')[0]}), expected one down to contact" in err
+    assert (
+        f"the sensor curve starts {near} from contact ({reason.partition(' (')[0]}), but is needed down to contact"
+        in err
+    )
     mounting = f'mount the sensor {near} behind the contact surface, with recess = "{near}" (positions count from the '
     assert f"{mounting}new surface), or calibrate with lower amplification" in err
     assert len(err.partition("sensor: ")[2].split()) <= 50
@@ -184,14 +190,17 @@ def test_the_ways_out_of_a_refusal_lead_out(run):
     )
     assert code == 0
     assert out.startswith(f"{UNSUPPORTED}7 mm ({near_end()[1]}) to contact at 0 mm.")
-    assert "Distances in brackets count from the zero of the sensor, which is 5 mm behind the contact surface." in out
+    assert (
+        "Distances in brackets count from the zero of the sensor's distance scale, which is 5 mm behind the contact "
+        "surface." in out
+    )
     far = scenario("far.toml", WHOLE.splitlines()[0], ("42.2 mm", "70 mm"))
     assert "the end of the calibrated range (last measured distance)" in run("design", far)[2]
 
 
 def test_a_curve_that_the_file_cuts_is_not_blamed_on_the_calibration(run):
     err = run("design", scenario("cut.toml", WHOLE + '\nminimum_distance = "2 mm"'))[2]
-    assert "starts 2 mm from contact, expected one down to contact" in err
+    assert "starts 2 mm from contact, but is needed down to contact" in err
     assert 'or extend the curve with minimum_distance = "0 mm"' in err
 
 
@@ -205,7 +214,7 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
     code, _, err = run(verb, scenario("far.toml", sensor, ("42.2 mm", "22 mm"), known), *options)
     assert code == 2
     assert (
-        "; the calibration covers distances from 0 mm (first measured distance) to 56 mm (last measured distance)"
+        "; the calibration covers only distances from 0 mm (first measured distance) to 56 mm (last measured distance)"
         in err
     )
 

@@ -75,7 +75,7 @@ def test_one_of_several_curves_is_selected_and_has_a_report_of_its_own(run, page
     ("options", "says"),
     [
         (["--select", "unit"], "--select: found 'unit', expected COLUMN=VALUE"),
-        (["--columns", "distance"], "--columns: found 'distance', expected the columns by header, number or unit"),
+        (["--columns", "distance"], "--columns: found 'distance', but each column must be given by its header"),
         (
             ["--columns", "range=1"],
             "columns: found the key 'range', but only the keys 'distance' and 'output' are allowed",
@@ -89,14 +89,14 @@ def test_one_of_several_curves_is_selected_and_has_a_report_of_its_own(run, page
             ["--columns", "distance=[V]"],
             "columns: found the unit 'V' for the distance, expected a unit of length such as mm",
         ),
-        (["--columns", "distance=1,output=1"], "columns: column 1 is given both as the distance and as the output"),
+        (["--columns", "distance=1,output=1"], "columns: column 1 is given as the distance and also as the output"),
         (["--labels", "side"], "labels: found 'side', expected one of 'unit', 'distance [mm]', 'output [V]'"),
-        (["--select", "unit=c"], "select: found unit=c, expected the labels of a curve in two.csv (unit=a; unit=b)"),
-        (["--offset", "much"], "--offset: found 'much', expected a number, or a text with a number in V or counts"),
+        (["--select", "unit=c"], "select: the file has no curve with the labels unit=c; available in two.csv: unit=a"),
+        (["--offset", "much"], "--offset: found 'much', expected a number, or a text such as"),
         (["--offset", "3 counts"], "offset: found 3 counts, expected a value in the unit of the calibration, V"),
         (
             ["--saturation", "3 m"],
-            "--saturation: found '3 m', expected a number, or a text with a number in V or counts",
+            "--saturation: found '3 m', expected a number, or a text such as",
         ),
         (["--near-field-peak", "3 V"], "--near-field-peak: found '3 V', expected a quantity in m"),
         (["--no-object", "dark"], "--no-object: found 'dark', expected"),
@@ -171,8 +171,8 @@ def test_what_was_assumed_is_told(run, pages):
     assert (code, err) == (0, "")
     assert out.splitlines()[:2] == [
         "note: Line 1 is above the header and is not read.",
-        f"note: The column headers 0 mm to {heads[-2]} are read as distances, and each row as one repetition of the "
-        "measurement.",
+        f"note: The column headers 0 mm to {heads[-2]} are interpreted as distances, and each row as one repetition of "
+        "the measurement.",
     ]
     assert run("fit", "wide.csv", "--json")[0] == 0
 
@@ -182,7 +182,8 @@ def test_gathered_distances_are_told_once(run):
     Path("dense.csv").write_text("\n".join(["distance [mm],output [V]", *rows]) + "\n")
     out = run("fit", "dense.csv", "--no-report")[1]
     assert [line for line in out.splitlines() if "combined" in line] == [
-        "note: 400 distances were combined into 50 groups, each 0.793 mm to 2.08 mm wide, and averaged."
+        "note: The readings at 400 distances were combined into 50 groups of neighboring distances, each 0.793 mm "
+        "to 2.08 mm wide, and averaged."
     ]
 
 
@@ -236,13 +237,13 @@ def test_a_scenario_chooses_columns_and_labels(run):
         (['calibration = "none.csv"'], 2, "sensor.calibration", "none.csv"),
         (['calibration = "flat.csv"'], 2, "sensor.calibration", "no usable signal"),
         (['calibration = "approach.toml"'], 2, "sensor.calibration", "approach.toml"),
-        (['calibration = "two.csv"'], 2, "sensor.calibration", "two.csv contains 2 curves, expected one"),
+        (['calibration = "two.csv"'], 2, "sensor.calibration", "the file two.csv contains 2 curves, but exactly"),
         (['calibration = "two.csv"'], 2, "sensor.calibration", 'by its labels, for example { unit = "a" }'),
         (
             ['calibration = "two.csv"', "select = { unit = 3 }"],
             3,
             "sensor.select",
-            "found unit=3, expected the labels of",
+            "no curve with the labels unit=3; available in",
         ),
         (['calibration = "two.csv"', "columns = 3"], 3, "sensor.columns", "expected a table of distance and output"),
         (['calibration = "two.csv"', "columns = { range = 1 }"], 3, "sensor.columns", "expected a table of distance"),

@@ -110,7 +110,7 @@ def test_a_report_is_written_again_but_nothing_of_the_user_is_overwritten(run):
     DEFAULT.write_text("mine")
     code, _, err = run("reproduce")
     assert code == 2
-    assert err.startswith(f"pretouch: {DEFAULT}: this file exists and is not overwritten")
+    assert err.startswith(f"pretouch: {DEFAULT}: this file already exists, and pretouch does not overwrite it")
     assert DEFAULT.read_text() == "mine"
     assert run("reproduce", "--output", "other.html")[0] == 0
     assert is_own_unchanged("other.html")

@@ -181,7 +181,7 @@ def test_a_figure_is_written_once_and_what_cannot_be_drawn_is_refused_first(run:
         assert out.splitlines()[-1] == f"Figure: {name}"
         assert Path(name).read_bytes().startswith(start)
     monkeypatch.setattr(sys.modules["pretouch.sweeps"], "sweep", None)  # not reached
-    assert "a.png: this file exists and is not overwritten" in run(*asked, "--figure", "a.png")[2]
+    assert "a.png: this file already exists, and pretouch does not overwrite it" in run(*asked, "--figure", "a.png")[2]
     assert "expected a file name that ends in .png or .svg or .pdf" in run(*asked, "--figure", "a.jpg")[2]
     single = ("sweep", "approach.toml", "--axis", "obstacle.velocity=-1", "--figure", "b.png")
     assert "but this sweep has 0" in run(*single)[2]

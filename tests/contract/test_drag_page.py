@@ -151,8 +151,8 @@ def test_what_is_seen_nearer_is_touched_faster(page: str) -> None:
 def test_text_and_notebook_say_the_same(design: Any) -> None:
     text = str(design)
     assert text.splitlines()[0] == (
-        f"With the drag \u03c6 = {PHI:.4g} N s\u00b2, the contact speed is 15 % of every approach speed, after an "
-        f"excursion of {1e3 * excursion(PHI):.4g} mm. For 0.3 m/s: contact at 0.045 m/s."
+        f"With the virtual drag \u03c6 = {PHI:.4g} N s\u00b2, the contact speed is 15 % of every approach speed, after "
+        f"an excursion of {1e3 * excursion(PHI):.4g} mm. For 0.3 m/s: contact at 0.045 m/s."
     )
     assert line(text, "excursion").split("mm")[1].strip() == f"{1e3 * excursion(PHI):.4g}"
     assert f"{1e3 * excursion(PHI):.4g} mm" in design._repr_html_()
@@ -323,9 +323,9 @@ def test_a_gain_says_what_a_drag_would_do() -> None:
     (said,) = re.findall("^With a virtual drag.*$", str(design), re.MULTILINE)
     assert said == (
         f"With a virtual drag \u03c6 = {phi:.4g} N s\u00b2, the contact speed would be {speeds[1]:.4g} m/s instead of "
-        f"{speeds[0]:.4g} m/s, after the same excursion. The largest acceleration would be "
-        f"{peak(phi) * V**2:.4g} m/s\u00b2 instead of {own.largest_acceleration:.4g} m/s\u00b2. The drag reduces every "
-        f"approach speed to {100 * share(phi):.3g} % of its value."
+        f"{speeds[0]:.4g} m/s, at the same excursion. The largest acceleration would be "
+        f"{peak(phi) * V**2:.4g} m/s\u00b2 instead of {own.largest_acceleration:.4g} m/s\u00b2. The virtual drag "
+        f"reduces every approach speed to {100 * share(phi):.3g} % of its value."
     )
 
 

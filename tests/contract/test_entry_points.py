@@ -43,11 +43,14 @@ BAD = {
     "nowhere": ("no_such_module:Law", r"cannot be imported from no_such_module:Law \(ModuleNotFoundError: .*repair or"),
     "missing": ("cube_law:Nothing", r"cannot be imported from cube_law:Nothing \(AttributeError: "),
     "failing": ("failing_law:Law", r"cannot be imported from failing_law:Law \(ZeroDivisionError: division by zero\)"),
-    "number": ("cube_law:NUMBER", "is 3, expected a class or value with the members of pretouch.motion.ContinuousLaw"),
-    "other": ("cube_law:Cube", 'is a law of the kind "cube"; both names must be equal'),
+    "number": (
+        "cube_law:NUMBER",
+        "is 3, but a law must be a class or value with the members of pretouch.motion.ContinuousLaw",
+    ),
+    "other": ("cube_law:Cube", 'has another name than its law, whose kind is "cube"; use the same name for both'),
     "undeclared": (
         "cube_law:Undeclared",
-        "has the field other, which a file cannot set; declare it by pretouch.fields",
+        "has the field other, which a scenario file cannot set; declare this field by pretouch.fields",
     ),
 }
 
@@ -150,7 +153,7 @@ def test_a_law_without_a_sampled_form_is_refused_on_a_loop(folder, monkeypatch):
     source = LAW.replace("def sampled(", "def not_sampled(").replace('"cube"', '"still"')
     install(folder / "still", monkeypatch, "still_law", source, {LAWS: {"still": "still_law:Cube"}})
     Path("cube.toml").write_text(FILE.replace('"cube"', '"still"'), encoding="utf-8")
-    with pytest.raises(pt.errors.ScenarioFileError, match=r'law\.kind: found "still", which cannot run on the loop'):
+    with pytest.raises(pt.errors.ScenarioFileError, match=r'law\.kind: the law "still" cannot run on the sampled loop'):
         pt.load_scenario("cube.toml")
 
 

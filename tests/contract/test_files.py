@@ -30,7 +30,7 @@ def test_a_text_is_written_as_it_is_and_nothing_else_is_left(tmp_path):
 def test_an_existing_file_is_not_overwritten_unasked(tmp_path):
     file = tmp_path / "a.txt"
     write_text(file, "first")
-    with pytest.raises(OutputExistsError, match=r"a\.txt: this file exists .* --output.* --force"):
+    with pytest.raises(OutputExistsError, match=r"a\.txt: this file already exists.* --output.* --force"):
         write_text(file, "second")
     assert file.read_text() == "first"
     write_text(file, "third", overwrite=True)
@@ -111,11 +111,11 @@ def test_a_device_a_pipe_and_a_file_that_is_too_large_are_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for path, what in ((tmp_path / "pipe", "found a pipe"), ("/dev/zero", "found a device or a socket")):
         with pytest.raises(
-            InvalidInputError, match=f"{what}, expected a regular file; save the content as a regular file"
+            InvalidInputError, match=f"{what}, but pretouch needs a regular file; save the content as a regular file"
         ):
             read_regular_file(path, most=10, refuse=InvalidInputError)
     (tmp_path / "large").write_bytes(bytes(2_000_001))
-    with pytest.raises(InvalidInputError, match="large: this file is larger than 2 MB, the largest allowed size"):
+    with pytest.raises(InvalidInputError, match="large: this file is too large; the largest allowed size is 2 MB"):
         read_regular_file(tmp_path / "large", most=2_000_000, refuse=InvalidInputError)
     assert len(read_regular_file(tmp_path / "large", most=2_000_001, refuse=InvalidInputError)) == 2_000_001
     with pytest.raises(IsADirectoryError):

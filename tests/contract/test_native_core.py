@@ -47,16 +47,16 @@ def shown(program: str, **environment: str) -> subprocess.CompletedProcess:
     ids=["float32", "integers", "every second", "columns first", "part of each row"],
 )
 def test_an_array_that_a_kernel_would_misread_is_refused(array):
-    with pytest.raises(TypeError, match="contiguous array of type float64"):
+    with pytest.raises(TypeError, match="contiguous array of the type float64"):
         native.address(array)
 
 
 def test_an_array_of_another_shape_is_refused():
     array = np.zeros((3, 4))
     assert native.shaped(array, (3, 4)) == array.ctypes.data
-    with pytest.raises(TypeError, match=r"an array of shape \(4, 3\), but received shape \(3, 4\)"):
+    with pytest.raises(TypeError, match=r"an array of the shape \(4, 3\), but received an array of the shape \(3, 4\)"):
         native.shaped(array, (4, 3))
-    with pytest.raises(TypeError, match="contiguous array of type int64"):
+    with pytest.raises(TypeError, match="contiguous array of the type int64"):
         native.shaped(array, (3, 4), np.dtype(np.int64))
 
 
@@ -94,7 +94,9 @@ def test_a_kernel_of_contacts_refuses_too_few_columns(given, peaks):
     curves = (np.zeros((1, 10)), np.array([0, 1]), np.zeros(1, dtype=np.int64))
     out, status = np.zeros((len(layout.STATES), 2)), np.zeros(2, dtype=np.int8)
     filled = np.zeros((len(layout.PEAKS), 2)) if peaks else None
-    with pytest.raises(TypeError, match=rf"needs 9 input columns, or two more to compute peaks, but received {given}"):
+    with pytest.raises(
+        TypeError, match=rf"needs 9 input columns, and two additional columns to compute peaks, but received {given}"
+    ):
         kernels.contact_times([np.zeros(2)] * given, curves, 1.0, out, status, peaks=filled)
 
 
@@ -106,7 +108,7 @@ def test_each_kind_of_processor_up_to_this_one_can_be_asked_for():
         if number <= best:
             assert (done.stdout.strip(), done.stderr) == (name, "")
         else:
-            assert f"found {name}, which this processor does not have" in done.stderr
+            assert f"found the processor variant {name}, which this processor does not support" in done.stderr
 
 
 def test_a_kind_that_is_none_is_named_with_those_that_are():

@@ -294,12 +294,12 @@ def test_every_contour_line_with_room_carries_its_number() -> None:
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "no unit": (
         lambda: panel(line(), x_label="time"),
-        r"^x_label: found 'time', expected a label with its unit in brackets",
+        r"^x_label: found 'time', expected an axis label with its unit in brackets",
     ),
     "lengths": (lambda: line(x=[0, 1], y=[1], label="a"), r"^curve 'a': found 2 values of x, 1 values of y"),
     "length of low": (lambda: line(low=[1], high=[1]), r"200 values of y, 1 values of low"),
     "no values": (lambda: line(x=[], y=[]), r"curve: x: found "),
-    "all missing": (lambda: line(y=np.full(200, np.nan)), r"this curve has no point with finite x and y"),
+    "all missing": (lambda: line(y=np.full(200, np.nan)), r"this curve has no point with finite numbers x and y"),
     "infinite": (lambda: line(x=[0, 1], y=[0, np.inf]), r"the value at index 1 is inf"),
     "words": (lambda: line(x=["a"], y=[0]), r"expected a list of numbers"),
     "different shapes": (lambda: line(x=[1, 2], y=[[1, 2], [1]]), r"found values of different shapes, expected a list"),
@@ -331,10 +331,13 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "no curves": (panel, r"^curves: found none"),
     "one curve": (lambda: panel(curves=line()), r"^curves: found a single Curve, expected a list"),
     "no curve": (lambda: panel(curves=[X]), r"^curves: found ndarray, expected Curve"),
-    "six": (lambda: panel(*[line()] * 6), r"^curves: found 6 curves, but there are only 5 styles; use quiet=True"),
+    "six": (
+        lambda: panel(*[line()] * 6),
+        r"^curves: found 6 curves in one panel, but there are only 5 line styles; use quiet=True",
+    ),
     "map without unit": (
         lambda: panel(map=Map(x=[0, 1], y=[0, 1], values=np.eye(2)), title="height"),
-        r"^title: found 'height', expected a label with its unit in brackets",
+        r"^title: found 'height', expected an axis label with its unit in brackets",
     ),
     "map of a row": (lambda: Map(x=[0, 1], y=[0], values=[[0, 1]]), r"^map: values: found 2 finite values of shape"),
     "map turned": (

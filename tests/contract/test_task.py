@@ -109,7 +109,10 @@ def test_a_misspelled_option_is_explained() -> None:
         (lambda: pt.VerifyOptions(confidence=1.0), "confidence: found 1, expected a number between 0 and 1"),
         (lambda: pt.VerifyOptions(speed_tolerance=-0.1), "speed_tolerance: found -0.1, which must not be negative"),
         (lambda: pt.robust.RobustOptions(confidence=0.0), "confidence: found 0, expected a number between 0 and 1"),
-        (lambda: pt.ParetoOptions(quantities=["time"]), "quantities: found time, expected two or three different ones"),
+        (
+            lambda: pt.ParetoOptions(quantities=["time"]),
+            "quantities: found time, expected two or three different names",
+        ),
         (
             lambda: pt.ParetoOptions(quantities=["time", "xi"]),
             "quantities: found 'xi', expected some of time, position",
@@ -142,7 +145,9 @@ def test_the_law_is_that_of_the_loop_unless_it_is_given() -> None:
 
 def test_a_loop_without_a_law_in_continuous_time_needs_the_law_of_the_task() -> None:
     unknown = replace(NOISY, law=WithoutContinuous(-0.7, 1e-3))
-    with pytest.raises(pt.errors.InvalidInputError, match=r"^loop: found a law \(WithoutContinuous\) without a law in"):
+    with pytest.raises(
+        pt.errors.InvalidInputError, match=r"^loop: the control law WithoutContinuous has no counterpart in"
+    ):
         TASK.replace(loop=unknown)
     assert TASK.replace(loop=unknown, law="virtual-damper").replace(gain=-0.5).law == pt.motion.DAMPER
 

@@ -164,7 +164,7 @@ def test_design_chooses_the_admittance_where_the_file_leaves_it_open(run):
         (
             "pareto",
             'quantities = ["time", "time"]',
-            "quantities: found time, time, expected two or three different ones",
+            "quantities: found time, time, expected two or three different names",
         ),
         (
             "pareto",

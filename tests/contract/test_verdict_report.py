@@ -82,7 +82,7 @@ def test_a_report_contains_the_numbers_of_the_verdict(one: pt.Verdict) -> None:
     assert row(page, "lowest sensor rate for a stable loop") == [f"{s.lowest_rate:.3g} Hz"]
     assert row(page, "lowest sensor rate for a gain margin of 2") == [f"{s.lowest_rate_for_margin_2:.3g} Hz"]
     assert row(page, "readings") == ["250 Hz, one every 4 ms"]
-    best = row(page, "best gain on this loop that has a gain margin of 2, mean of the runs")
+    best = row(page, "best gain on the simulated loop that has a gain margin of 2, mean of the runs")
     assert best == [f"{loss.loop_gain:.4g} N s", f"{loss.loop_objective:.5g}"]
     own, mean = row(page, "verified gain, mean of the runs")
     assert (own, mean.split(" \u00b1 ")[0]) == (f"{one.gain:.4g} N s", f"{loss.objective:.5g}")
@@ -159,8 +159,8 @@ def test_where_nothing_helps_or_nothing_was_tried_the_report_says_so() -> None:
     page = report_html(still)
     assert "No change helps" in sections_of(page)
     assert (
-        "No change that was tried improves the status, or lowers the objective significantly and by at least 1 %."
-        in parse(page).words
+        "None of the tried changes improves the status of the verdict, or lowers the objective significantly "
+        "and by at least 1 %." in parse(page).words
     )
     untried = sections_of(report_html(case("one run, no changes")))
     assert {"No change helps", "What would help most", "Tried changes"}.isdisjoint(untried)

@@ -118,9 +118,9 @@ def test_columns_named_as_repeats_are_read_as_such(file):
         curve = read_calibration(file(f"distance [mm],{heads}\n0,9,8\n10,5,4\n"))
         assert (curve.distances.tolist(), curve.outputs.tolist()) == ([0, 0, 0.01, 0.01], [9, 8, 5, 4])
         assert curve.source.notes == (f"The columns {heads.replace(',', ', ')} are read as repeats.",)
-    with pytest.raises(CalibrationDataError, match="two columns may contain the output"):
+    with pytest.raises(CalibrationDataError, match="may both contain the output"):
         read_calibration(file("distance [mm],sensor 1 [V],sensor 2 [V]\n0,9,8\n10,5,4\n"))
-    with pytest.raises(CalibrationDataError, match="two columns may contain the output"):
+    with pytest.raises(CalibrationDataError, match="may both contain the output"):
         read_calibration(file("distance [mm],trial 1 [V],trial 2 [mV]\n0,9,8\n10,5,4\n"))
 
 
@@ -216,7 +216,7 @@ def test_a_current_is_the_output_where_nothing_else_is(file):
         curve = read_calibration(file(text))
         assert (curve.outputs.tolist(), curve.unit) == ([2, 1], "mA")
         assert any(
-            "'current [mA]' is named like a setting, but it is read as the sensor output" in n
+            "'current [mA]' has the name of a sensor setting, but is used as the sensor output" in n
             for n in curve.source.notes
         )
 
@@ -281,19 +281,19 @@ def test_columns_are_chosen_by_header_number_and_unit(file, text, columns):
     [
         ({"range": 1}, "columns: found the key 'range', but only the keys 'distance' and 'output' are allowed"),
         ({"output": 0}, "columns: found '0' for the output, expected a number from 1 to 3"),
-        ({"output": True}, "columns: found True for the output, expected the header of a column, its number"),
-        ({"output": " "}, "columns: found ' ' for the output, expected the header"),
+        ({"output": True}, "columns: found True for the output, expected a column header, a column number"),
+        ({"output": " "}, "columns: found ' ' for the output, expected a column header"),
         (
             {"output": "height"},
             "columns: found 'height' for the output, expected one of 'distance [mm]', 'output', 'output'",
         ),
         (
             {"output": "output"},
-            "columns: found 'output' for the output, but columns 2 and 3 of sensor.csv both have this name",
+            "columns: found 'output' for the output, which is ambiguous, because columns 2 and 3 of sensor.csv have",
         ),
         ({"distance": "[V]"}, "columns: found the unit 'V' for the distance, expected a unit of length such as mm"),
         ({"distance": "1 [cm]", "output": 2}, "but the header 'distance [mm]' gives 'mm'; give only one unit"),
-        ({"distance": 2, "output": 2}, "columns: column 2 is given both as the distance and as the output"),
+        ({"distance": 2, "output": 2}, "columns: column 2 is given as the distance and also as the output"),
     ],
 )
 def test_a_choice_that_cannot_be_is_refused(file, columns, message):
@@ -309,9 +309,9 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("0,5,10,inf\n9,5,3,1\n", "line 1: the distances '0', '5', '10', ... have no unit; write the unit into each"),
         ("0,5,10,inf\n9,5,3,1\n", f'--columns "distance=[mm]" {REMEDY}'),
         ("sensor,0,5,10\na,9,5,3\n", "line 1: the distances '0', '5', '10' have no unit"),
-        ("0,5,10,20\n9,5,3,1\n", 'line 1: found numbers where the header is expected, such as "distance [mm],'),
+        ("0,5,10,20\n9,5,3,1\n", 'line 1: the first row contains numbers, but a header such as "distance [mm],'),
         ("0,5,10,20\n9,5,3,1\n", '--columns "distance=[mm]" if they are distances'),
-        ("1,1cm,2mm\n9,5,3\n", "line 1: the header '1' has no unit, but the other headers have different units"),
+        ("1,1cm,2mm\n9,5,3\n", "line 1: the header '1' has no unit, but the other headers do and their units differ"),
         ("-1cm,2cm\n9,5\n", "line 1: found the distance '-1 cm', which must not be negative"),
         ("0cm,1e400cm\n9,5\n", "line 1: found the distance '1e400 cm', expected a number of a magnitude"),
         ("0cm,1e99cm\n9,5\n", "line 1: found the distance '1e99 cm', expected a number of a magnitude"),
@@ -319,20 +319,20 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("0cm,0cm\n9,x\n", "line 2: found 'x' in column 2 ('0cm'), expected a number"),
         ("0cm,1cm\n9,5,3\n", "line 2: the row has 3 cells, but the header has 2"),
         ("0cm,inf\n,5\n", "every reading was taken without an object"),
-        ("0cm,1cm\n", "there are no rows below the header"),
+        ("0cm,1cm\n", "has a header but no rows below the header"),
         ("distance [mm] output [V]\n0 9\n5\n", "line 3: the row has 1 cells, but the header has 2"),
         ("drive current [mA] distance [mm] output [V]\n20 0\n20 0 9\n20 1 8\n", "line 2: the row has 2 cells"),
         ("day sensor distance [mm] sensor output [V]\n1 1 0 9\n1 1 5\n", 'line 2: the row has 4 cells'),
         ("distance [mm] output [V]\n0 9\n5 x\n", "line 3: found 'x' in column 'output [V]'"),
         ("distance [mm],output [V]\n0,9\nend of file\n", "line 3: the row has 1 cells, but the header has 2; put #"),
-        ("Bench 4\nSerial 5\na,b\n0,2\n5,1\n", "line 1: found 'Bench 4' where the header is expected"),
+        ("Bench 4\nSerial 5\na,b\n0,2\n5,1\n", "line 1: found 'Bench 4', but a header such as"),
         ("Bench 4\nSerial 5\na,b\n0,2\n5,1\n", "The first row of numbers is in line 4: put # before every line above"),
-        ("Bench 4\nSerial 5\n0 2\n5 1\n", "line 1: found 'Bench 4' where the header is expected"),
-        ("1,2\n2,3\ndistance [mm],output [V]\n0,2\n", "line 1: found numbers ('1,2') above the header, which is in"),
+        ("Bench 4\nSerial 5\n0 2\n5 1\n", "line 1: found 'Bench 4', but a header such as"),
+        ("1,2\n2,3\ndistance [mm],output [V]\n0,2\n", "line 1: there are numbers ('1,2') above the header"),
         ("Bench 4\ndistance,output [V]\n0,2\n", "line 2: found 'distance', a distance without a unit"),
         ("distance,output [V]\n0,2\n", f'or use --columns "distance=1 [mm]" {REMEDY}'),
         ("distance [mm],drive current [mA],gain\n0,8,2\n", f'--columns "distance=1,output=2" {REMEDY}'),
-        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "use --labels none (a list named labels"),
+        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "use --labels none (in Python and in"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_sentence_with_its_line(file, text, message):

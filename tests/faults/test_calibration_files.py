@@ -77,7 +77,9 @@ def test_no_object_readings_come_as_number_list_or_file(tmp_path):
     assert read_calibration(path, no_object=0.1).no_object.tolist() == [0.1]
     for given in ([0.1, 0.2], np.array([0.1, 0.2]), bare, str(headed)):
         assert read_calibration(path, no_object=given).no_object.tolist() == pytest.approx([0.1, 0.2], rel=1e-15)
-    with pytest.raises(CalibrationDataError, match="'counts', expected the unit of the calibration, 'V'"):
+    with pytest.raises(
+        CalibrationDataError, match=r"'counts', expected readings in the unit of the calibration \('V'\)"
+    ):
         read_calibration(path, no_object=write(tmp_path, "output [counts]\n1\n", name="wrong.csv"))
 
 
@@ -90,7 +92,7 @@ def test_further_columns_tell_curves_apart(tmp_path):
     assert len(read_calibrations(path, labels=["day"])) == 2
     with pytest.raises(CalibrationDataError, match=r"found 3 curves, expected one.*day: 1, 2; side: a, b"):
         read_calibration(path)
-    with pytest.raises(CalibrationDataError, match="select: found the label 'size', expected one of"):
+    with pytest.raises(CalibrationDataError, match="select: the file has no label column named 'size'"):
         read_calibration(path, select={"size": "1"})
 
 
@@ -106,19 +108,19 @@ def test_an_output_without_unit_is_taken_as_counts_and_said_so(tmp_path):
     [
         ("", "the file has no rows"),
         ("# nothing\n\n", "the file has no rows"),
-        ("0,1\n1,2\n", r"line 1: found numbers where the header is expected"),
-        ("distance [mm],output [V]\n", "there are no rows below the header"),
+        ("0,1\n1,2\n", r"line 1: the first row contains numbers"),
+        ("distance [mm],output [V]\n", "has a header but no rows below the header"),
         ("distance,output [V]\n0,1\n", r"line 1: found 'distance', a distance without a unit.*distance \[mm\]"),
-        ("distance [V],output [V]\n0,1\n", "line 1: found the unit 'V' for the distance, expected a unit of length"),
+        ("distance [V],output [V]\n0,1\n", "line 1: the unit 'V' of the distance is not a unit of length"),
         ("# c\ndistance [mm],output [V]\n0,1\n1,x\n", r"line 4: found 'x' in column 'output \[V\]', expected a number"),
         ("distance [mm],output [V]\n0,1\nten,1\n", r"line 3: found 'ten' in column 'distance \[mm\]'"),
         ("distance [mm],output [V]\n0,1\n-1,1\n", "line 3: found the distance -1, but distances must not be negative"),
         ("distance [mm],output [V]\n0,1,5\n", "line 2: the row has 3 cells, but the header has 2.*semicolons"),
         ("distance [mm],output [V]\n0,inf\n", "line 2: found 'inf'"),
         ("distance [mm];output [V]\n0;1.000,5\n", "line 2: found '1.000,5'"),
-        ("distance [mm],range [mm],output [V]\n0,1,2\n", "two columns may contain the distance"),
-        ("a,b,c\n0,1,2\n", "one must be named distance and one output"),
-        ("distance [mm]\n0\n", "line 1: found only one column"),
+        ("distance [mm],range [mm],output [V]\n0,1,2\n", "may both contain the distance"),
+        ("a,b,c\n0,1,2\n", "one column must be named distance and one output"),
+        ("distance [mm]\n0\n", "line 1: the table has only one column"),
         ("distance [mm],output [V]\ninf,1\n", "every reading was taken without an object"),
         ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "each curve would have only one reading"),
         (b"\x00\x01\x02", "binary data"),
@@ -139,10 +141,10 @@ def test_a_missing_file_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"x" * 100_000_001, "this file is larger than 100 MB"),
+        (b"x" * 100_000_001, "the largest allowed size is 100 MB"),
         (
             b"distance [mm],output [V]\n" + b"1,2\n" * 2_000_001,
-            "the table has more than 2,000,000 rows.*keep every tenth row",
+            "at most 2,000,000 rows are allowed.*keep every tenth row",
         ),
         (
             PLAIN.encode() + b"1," + b"2" * 200_000,

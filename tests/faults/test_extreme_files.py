@@ -92,9 +92,11 @@ def test_a_loop_that_no_memory_holds_is_refused_with_its_key(
 # --- numbers with which no search ends, or that no robot has
 
 
-NO_ADMITTANCE = "the natural frequency is 3.162e+07 rad/s, but no control loop is faster than 10,000 rad/s"
+NO_ADMITTANCE = (
+    "the natural frequency of 3.162e+07 rad/s is too high, because no control loop is faster than 10,000 rad/s"
+)
 NO_SENSOR = "expected at least 1e-06 m; check the parameters of the curve and their units"
-NO_ROBOT = "natural frequency is 5e+08 rad/s, expected at most 1,000,000 rad/s; check the units"
+NO_ROBOT = "natural frequency of 5e+08 rad/s, expected at most 1,000,000 rad/s; check the units"
 
 
 @pytest.mark.parametrize(

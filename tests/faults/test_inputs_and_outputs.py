@@ -141,7 +141,7 @@ def test_no_input_is_ever_written_over(
     code, out, err = run(*arguments, "--output", spelled(name)[spelling], "--force")
     assert code == 2
     assert "is an input of this command" in err
-    assert "is never overwritten; choose another name with --output" in err
+    assert "and pretouch never overwrites an input; choose another name with --output" in err
     assert Path(name).read_bytes() == before
     assert "--json" not in arguments or json.loads(out)["status"] == "error"
 
@@ -209,7 +209,8 @@ def test_keys_of_very_many_parts_are_refused_before_they_are_read(run: Any, key:
     code, out, err = run("design", "deep.toml")
     assert (code, out) == (2, "")
     assert err == (
-        "pretouch: deep.toml, line 2: found a key with more than 32 parts, expected a key of the form section.key\n"
+        "pretouch: deep.toml, line 2: the key has more than 32 parts, but keys of a scenario file have the form "
+        "section.key\n"
     )
 
 
@@ -219,9 +220,9 @@ def test_a_scenario_that_never_ends_is_none(run: Any) -> None:
     for path, what in (("pipe", "a pipe"), ("/dev/zero", "a device or a socket")):
         code, _, err = run("design", path)
         assert code == 2
-        assert f"{path}: found {what}, expected a regular file" in err
+        assert f"{path}: this path is {what}, but pretouch needs a regular file" in err
     Path("large.toml").write_text("#" * 1_000_001, encoding="utf-8")
-    assert "large.toml: this file is larger than 1 MB" in run("design", "large.toml")[2]
+    assert "large.toml: this file is too large; the largest allowed size is 1 MB" in run("design", "large.toml")[2]
 
 
 @pytest.mark.parametrize("kind", ["a table", "a header", "a line", "a distance without a unit"])

@@ -38,21 +38,21 @@ MISTAKES = [
     (IN_CHAIN, 'drift = "2 V/s"', "drift", "chain.drift", 'found "2 V/s", expected counts'),
     (IN_CHAIN, 'drift = "2 counts"', "drift", "chain.drift", "a sensor output per second, a number or text in V/s or"),
     (IN_CHAIN, 'exposure = "5 ms"', "exposure", "chain.exposure", "longer than the period of 0.004 s at 250 Hz"),
-    (IN_CHAIN, 'jitter = "2 ms"', "jitter", "chain.jitter", "at most a quarter of the period of 0.004 s"),
-    (IN_CHAIN, "dropout = 1", "dropout", "chain.dropout", "found 1, expected a number below 1"),
+    (IN_CHAIN, 'jitter = "2 ms"', "jitter", "chain.jitter", "at most a quarter of the sensor's period of 0.004 s"),
+    (IN_CHAIN, "dropout = 1", "dropout", "chain.dropout", "found 1, expected a share below 1"),
     (IN_CHAIN, 'highest = "-1 counts"', "highest", "chain.highest", "expected a number above the lowest reading, 0"),
-    (IN_CHAIN, 'noise = 1\nhighest = "2 counts"', "highest", "chain.highest", "found readings that saturate at 2"),
+    (IN_CHAIN, 'noise = 1\nhighest = "2 counts"', "highest", "chain.highest", "the readings saturate at 2"),
     (IN_CHAIN, 'distance_noise = "1 mm"', "[chain]", "chain", "only for a part that measures_distance"),
-    (IN_CHAIN, 'noise = 20\nmisfit = "2 %"', "[chain]", "chain.misfit_length", "misfit of 0.02 needs"),
+    (IN_CHAIN, 'noise = 20\nmisfit = "2 %"', "[chain]", "chain.misfit_length", "the misfit of 0.02 needs a corr"),
     (IN_CHAIN, "measures_distance = 1", "measures", "chain.measures_distance", "found 1, expected true or false"),
     (IN_CHAIN, 'phase = "any"', "phase", "chain.phase", 'found "any", expected a quantity in s or "random"'),
     (IN_CHAIN, 'rate = "0 Hz"', "rate", "chain.rate", "expected a positive quantity in Hz"),
     (IN_CHAIN, "nois = 20", "nois", "chain.nois", 'found an unknown key, expected "noise"'),
     (IN_CHAIN, 'rate = "2 kHz"', 'rate = "1', "controller.rate", 'expected at least 2000 Hz, the rate of the sensor'),
-    (IN_CHAIN, "noise = 0", "[controller]", "controller.floor", "of the noise, but [chain] has no noise"),
+    (IN_CHAIN, "noise = 0", "[controller]", "controller.floor", "of the noise, but the section [chain] has"),
     (IN_CONTROLLER, "", "[controller]", "controller", 'missing rate, expected one of rate = "1 kHz" and period'),
     (IN_CONTROLLER, 'rate = 1000\nperiod = "1 ms"', "period", "controller.period", "found both rate and period"),
-    (IN_CONTROLLER, 'period = "5 ms"', "period", "controller.period", '[chain] with rate = "200 Hz"'),
+    (IN_CONTROLLER, 'period = "5 ms"', "period", "controller.period", 'set rate = "200 Hz" in'),
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = "1 mV"', "floor", "controller.floor", 'found "1 mV", expected counts'),
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = 0', "floor", "controller.floor", "expected a positive sensor output"),
     (IN_CONTROLLER, "rate = 1000\nfloor = 3e4", "scale", "sensor.scale", "below the controller's floor of 3e+04"),
@@ -62,7 +62,7 @@ MISTAKES = [
     (IN_CONTROLLER, "rate = 1000\nlow_pass_order = 2", "[controller]", "controller.cutoff", "a low-pass filter of"),
     (IN_CONTROLLER, 'rate = 1000\nlow_pass_order = 2\ncutoff = "200 Hz"', "cutoff", "controller.cutoff",
      "expected less than 125 Hz, which is half of the sensor's sampling rate"),
-    (IN_CONTROLLER, 'rate = 1000\ntimeout = "1 ms"', "timeout", "controller.timeout", "at least the time between"),
+    (IN_CONTROLLER, 'rate = 1000\ntimeout = "1 ms"', "timeout", "controller.timeout", "which is the time between"),
     (IN_CONTROLLER, 'rate = 1000\ngain = "-0.7 N"', "gain", "controller.gain", "expected a quantity in N*s"),
     (IN_CONTROLLER, "rate = 1000\ngain = 1e7", "gain", "controller.gain", "expected a gain between -1e6 and 1e6 N*s"),
     (IN_CONTROLLER, "rate = 1000\nlargest_force = 1e10", "largest_force", "controller.largest_force", "up to 1e+09 N"),
@@ -206,7 +206,7 @@ def test_a_bare_curve_is_in_the_unit_of_the_part_and_must_be_of_its_size(write, 
     bare = LOOPED.replace('"0.533 counts"', "0.533")
     assert load_scenario(write(bare)).sensor_part.unit == "counts"
     told = message(LOOPED.replace('"0.533 counts"', "1.30e-5"))
-    assert "line 3: sensor.scale: found an output of 0.4877 at contact, below the controller's floor of 60" in told
+    assert "line 3: sensor.scale: the sensor output is 0.4877 at contact, below the controller's floor of 60" in told
     assert "expected outputs in counts, which VCNL4010 reports, well above the floor" in told
 
 
@@ -241,7 +241,7 @@ def test_a_margin_that_leaves_no_gain_is_placed(write):
     "axes", [{"admittance.mass": [1, 2]}, {"start": {"obstacle.position": [0.03, 0.04], "obstacle.velocity": [-1, -2]}}]
 )
 def test_a_margin_does_not_hold_for_a_sweep_that_moves_the_limit(write, axes):
-    with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: this sweep varies \w+\.\w+"):
+    with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: a sweep over \w+\.\w+"):
         pt.sweep(load_scenario(write(LOOPED)), axes)
 
 
@@ -256,13 +256,13 @@ def test_a_start_outside_of_the_limits_is_refused(message):
     text = replaced(IN_CONTROLLER, 'rate = "1 kHz"\nlargest_excursion = "1 mm"', LOOPED)
     text = text.replace('[plant]\nposition = "0 m"', '[plant]\nposition = "5 mm"')
     told = message(text)
-    assert f"line {line_of('[controller]', text)}: controller: start: found 0.005 m and 0 m/s" in told
+    assert f"line {line_of('[controller]', text)}: controller: start: the robot starts at 0.005 m and 0 m/s" in told
 
 
 def test_a_curve_in_volts_takes_no_part_in_counts(message):
     told = message(LOOPED.replace('"0.533 counts"', '"13 uV"'))
     assert (
-        "chain.part: found a part that reports counts, but the outputs of the sensor curve are in V (sensor.scale, l"
+        "chain.part: the sensor component reports counts, but the outputs of the sensor curve are in V (sensor.scale, l"
         in told
     )
     table = '[sensor]\nmodel = "table"\ndistances = ["0 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'

@@ -41,9 +41,9 @@ MISTAKES = [
         '"50 ms"',
         'until = "50 ms"\nacc',
         "obstacle.course[1].until",
-        "found a stretch that ends at 0.05 s",
+        "motion ends at 0.05 s",
     ),
-    ('"0.2 s"', '"20 ms"', 'until = "20 ms"', "obstacle.course[1].until", "expected a time after"),
+    ('"0.2 s"', '"20 ms"', 'until = "20 ms"', "obstacle.course[1].until", "but must end after"),
     ('"3 m/s^2"', '"3 m/s"', 'acceleration = "3 m', "obstacle.course[1].acceleration", "a quantity in m/s²"),
     (
         'until = "0.2 s"\n',

@@ -113,7 +113,7 @@ KEYS = [
         'calibration = "s.csv"\nmodel =',
         "scale",
         "sensor.scale",
-        "together with calibration (line 2), expected either",
+        "together with a calibration (line 2); give either",
     ),
     (
         "damping =",
@@ -123,7 +123,13 @@ KEYS = [
         "found together with mass",
     ),
     ("exponent = 3.32", "exponent = 3\nmass = 1", "mass", "sensor.mass", "found a key of [admittance]"),
-    ("[sensor]", 'mass = "1 kg"\n[sensor]', "mass", "mass", "outside of a section, expected the key in [admittance]"),
+    (
+        "[sensor]",
+        'mass = "1 kg"\n[sensor]',
+        "mass",
+        "mass",
+        "outside of a section of the scenario file, but belongs in [admittance]",
+    ),
     ('velocity_scale = "0.3 m/s"', "", "[objective]", "objective", "missing velocity_scale"),
     ("velocity_scale", "force_scale = 1\nvelocity_scale", "force_scale", "objective.force_scale", "found both"),
     ("velocity_scale", "force_weight = 1\nvelocity_scale", "force_weight", "objective.force_weight", "without force"),
@@ -132,7 +138,7 @@ KEYS = [
         "time_scale = 1\nvelocity_scale",
         "time_scale",
         "objective.time_scale",
-        'a key that belongs to "time"',
+        'this key belongs to "time"',
     ),
 ]
 
@@ -210,11 +216,9 @@ def test_line_ends_and_byte_order_mark_change_nothing(write, message):
 
 
 def test_a_text_that_is_no_utf_8_is_refused_with_its_line(message):
-    assert message(WHOLE.encode("utf-16")).startswith(
-        "approach.toml, line 1: found text in UTF-16, expected text in UTF-8"
-    )
+    assert message(WHOLE.encode("utf-16")).startswith("approach.toml, line 1: the text is encoded in UTF-16; save")
     told = message(replaced('"1 kg"', '"1 kg" # \xe9').encode("latin-1"))
-    assert told.startswith("approach.toml, line 7: found the byte 0xe9, which is not valid in UTF-8")
+    assert told.startswith("approach.toml, line 7: the byte 0xe9 is not valid UTF-8")
 
 
 def test_a_file_that_cannot_be_read_is_refused_with_its_name(write, tmp_path):
@@ -222,7 +226,7 @@ def test_a_file_that_cannot_be_read_is_refused_with_its_name(write, tmp_path):
     cases = {
         "aproach.toml": "aproach.toml: there is no such file; did you mean approach.toml?",
         "nothing.toml": "nothing.toml: there is no such file",
-        ".": ".: this path is a folder, expected a scenario file (TOML)",
+        ".": ".: this path is a folder, but a scenario file (TOML) is needed",
         "a\0b": "cannot be read",
     }
     for name, says in cases.items():

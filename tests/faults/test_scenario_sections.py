@@ -77,7 +77,7 @@ def test_a_sensor_that_is_none_is_refused_at_its_key(message, sensor, key, says)
 def test_a_sensor_that_does_not_reach_contact_is_refused_with_the_way_out(message):
     table = 'model = "table"\ndistances = ["5 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'
     told = message("[sensor]\n" + table + WHOLE.replace(SENSOR, ""))
-    assert "line 1: sensor: found a curve that starts 5 mm from contact, expected one down to contact" in told
+    assert "line 1: sensor: the sensor curve starts 5 mm from contact, but is needed down to contact" in told
     assert 'recess = "5 mm"' in told
 
 
@@ -120,7 +120,10 @@ def test_objectives_and_impact_are_built(write, message):
     assert spring.impact.obstacle_mass == math.inf
     assert load_scenario(write(objective(force, hertz))).impact.radius == 0.01
     told = message(objective(force))
-    assert "objective.force_scale: the quantity impact_force needs the section [impact]; add this section" in told
+    assert (
+        "objective.force_scale: the quantity impact_force needs the section [impact] of the scenario file; add this"
+        in told
+    )
 
     terms = 'kind = "custom"\nterms = [\n  { quantity = "time", scale = "1 s" },\n  %s,\n]\n'
     custom = load_scenario(write(objective(terms % '{ quantity = "largest_speed", scale = "1 m/s", weight = 3 }')))
@@ -209,7 +212,7 @@ def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, 
     """60 is 60 m; who means that says it. The largest number without a unit is 5."""
     text = message(replaced('"42.2 mm"', "60"))
     assert (
-        "obstacle.position: found 60, expected a quantity with its unit, because a number without a unit is read in m"
+        "obstacle.position: found 60, expected a quantity with its unit, because the number is implausibly large in m"
         in text
     )
     assert 'did you mean "60 mm"? Otherwise write "60 m"' in text
@@ -220,5 +223,8 @@ def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, 
 def test_an_object_that_recedes_is_told_that_an_approach_is_negative(write):
     found = pt.design_gain(load_scenario(write(replaced('"-0.3 m/s"', '"0.3 m/s"'))))
     assert found.status.value == "no-contact"
-    first = "every gain ended without contact, because the object recedes: an approach has a negative velocity."
+    first = (
+        "with every gain, the encounter ended without contact, because the object recedes: an approach has a negative "
+    )
+    first += "velocity."
     assert found.warnings[0].startswith(first)

@@ -28,7 +28,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: pt.SensorChain(rate=0.0), "rate: found 0 Hz, which must be positive"),
         (lambda: pt.SensorChain(rate=100.0, exposure=0.02), "longer than the period of 0.01 s"),
         (lambda: pt.SensorChain(rate=100.0, delay=-1e-3), "delay: found -0.001 s, which must not be negative"),
-        (lambda: pt.SensorChain(rate=100.0, jitter=0.003), "at most a quarter of the period"),
+        (lambda: pt.SensorChain(rate=100.0, jitter=0.003), "at most a quarter of the sensor's period"),
         (lambda: pt.SensorChain(rate=100.0, dropout=1.0), "below 1"),
         (lambda: pt.SensorChain(rate=100.0, lowest=1.0, highest=1.0), "expected a number above the lowest reading"),
         (lambda: pt.SensorChain(rate=100.0, noise=math.nan), "noise: found nan"),
@@ -53,7 +53,10 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
             "expected at least half of the exposure",
         ),
         (lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.02, delay=0.1), "longer than the period"),
-        (lambda: pt.simulation.LoopTiming(rate=100.0, sections=[(1.0, 0.0)]), "sections: found the row"),
+        (
+            lambda: pt.simulation.LoopTiming(rate=100.0, sections=[(1.0, 0.0)]),
+            "sections: found the filter coefficients",
+        ),
         (lambda: simulate(runs=0), "runs: found 0, expected a whole number from 1"),
         (
             lambda: simulate(runs=10**12),

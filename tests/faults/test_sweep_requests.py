@@ -73,7 +73,7 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
             {"gain": -0.5},
             "found 2 values of obstacle.velocity, 1 values of plant.velocity along sample",
         ),
-        ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "expected a name of your own"),
+        ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "as the name of an axis of paired inputs"),
         ({"time": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "the name 'time' is already the name of a result"),
         (
             {"a": {"plant.velocity": [0.0]}, "plant.velocity": [0.1]},
@@ -83,7 +83,7 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
         (
             {"admittance.natural_frequency": [5.0], "admittance.damping": [1.0]},
             {"gain": -0.5},
-            "expected either damping and stiffness, or natural frequency and damping ratio",
+            "give either damping and stiffness, or natural frequency and damping ratio",
         ),
     ],
 )
@@ -140,7 +140,7 @@ def test_a_library_that_is_not_installed_is_named_with_what_installs_it(
     extra = "dask" if library == "distributed" else "sweep"
     with pytest.raises(
         MissingExtraError,
-        match=rf"{library}: this call needs a library that is not installed.*pip install 'pretouch\[{extra}\]'",
+        match=rf"needs the library {library}, which is not installed.*pip install 'pretouch\[{extra}\]'",
     ):
         pt.sweep(
             pt.Task(SCENARIO, CURVED),

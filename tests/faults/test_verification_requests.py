@@ -42,7 +42,7 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
         ),
         (
             lambda: verdict(QUICK, uncertainty={"admittance.mass": pt.robust.Uniform(low=1.0, high=2.0)}),
-            "a number in the controller and therefore known exactly",
+            "a setting of the controller and therefore known exactly",
         ),
         (
             lambda: verdict(QUICK, uncertainty={"obstacle.speed": pt.robust.Uniform(low=1.0, high=2.0)}),

@@ -68,7 +68,7 @@ def test_an_output_that_rises_is_named_and_never_fitted(seed):
     _, report = calibrated("rising", seed)
     assert report.verdict == "no usable signal"
     assert (report.fits, report.window.distances) == ((), ())
-    assert "rises with distance" in report.reasons[0]
+    assert "rises with the distance" in report.reasons[0]
     assert "measures_distance" in report.reasons[0]
     assert "peaks" not in str(report)
 

@@ -283,7 +283,7 @@ def test_an_output_in_mm_is_a_distance_and_is_named_as_one() -> None:
     measured = pt.Calibration(distances=distance, outputs=np.round(1e3 * distance), unit="mm", no_object=[8190])
     report = rank_models(measured)
     assert report.verdict == "no usable signal"
-    assert "this sensor reports a distance" in report.reasons[0]
+    assert "The sensor output is a distance" in report.reasons[0]
 
 
 def test_a_strong_signal_under_a_ceiling_is_not_called_none() -> None:

@@ -73,8 +73,8 @@ def test_a_constant_is_the_best_of_the_rising_ones_where_reflectance_is_hardly_k
     assert found.largest_excursion == pytest.approx(found.constant.excursion, abs=1e-5)
     assert 0 <= found.gap + 1e-12 < 1e-5
     assert found.lower_bound > found.constant.excursion - 1e-5
-    assert found.verdict.startswith("a constant drag with an excursion of ")
-    assert "no rising schedule with these steps has an excursion below" in found.verdict
+    assert found.verdict.startswith("a constant virtual drag with an excursion of ")
+    assert "no rising drag schedule with these distance steps has an excursion below" in found.verdict
 
 
 def test_that_a_constant_is_best_follows_from_thresholds_alone() -> None:
@@ -217,7 +217,7 @@ def test_known_exactly_and_one_step(steps: int) -> None:
     assert found.ratio[0] == pytest.approx(0.26, rel=1e-6)
     if steps == 1:
         assert found.drag == pytest.approx([found.constant.drag])
-        assert found.verdict.startswith("a constant drag with an excursion of ")
+        assert found.verdict.startswith("a constant virtual drag with an excursion of ")
     else:
         assert found.drag[0] == pytest.approx(found.rails.weak.drag, rel=1e-3)  # the search halves, to the gap
         assert found.drag[-1] == pytest.approx(found.rails.strong.drag, rel=1e-3)
@@ -266,27 +266,27 @@ def test_rails_may_be_given_by_ratios() -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"ratio": 1.0}, "ratio: found 1.0, expected a single number below 1; a ratio of 1 means no drag"),
+        ({"ratio": 1.0}, "ratio: found 1.0, expected a single speed ratio below 1; a ratio of 1 means no virtual drag"),
         ({"ratio": 0.0}, "ratio: found 0, which must be positive"),
-        ({"ratio": [0.1, 0.2]}, "ratio: found .* expected a single number"),
+        ({"ratio": [0.1, 0.2]}, "ratio: found .* expected a single speed ratio"),
         (
             {"rails": (0.1, 0.9)},
             r"rails: .* ratios 0.87\d* and 0.297\d*, but the required ratio 0.26 must lie between",
         ),
         ({"rails": (1.1, 2.0)}, "rails: .* but the required ratio 0.26 must lie between"),
-        ({"rails": (2.0, 0.5)}, "rails: found .* two positive factors, the smallest and the largest one"),
-        ({"rails": (1.0,)}, "rails: found .* two positive factors, the smallest and the largest one"),
+        ({"rails": (2.0, 0.5)}, "rails: found .* two positive factors, the smaller factor first"),
+        ({"rails": (1.0,)}, "rails: found .* two positive factors, the smaller factor first"),
         ({"rails": (0.0, 2.0)}, "rails: found 0, which must be positive"),
-        ({"reflectance": (2.0, 0.5)}, "reflectance: found .* two positive factors, the smallest and the largest one"),
+        ({"reflectance": (2.0, 0.5)}, "reflectance: found .* two positive factors, the smaller factor first"),
         ({"reflectance": (0.0, 0.5)}, "reflectance: found 0, which must be positive"),
         (
             {"reflectance": 0.5},
-            "reflectance: found 0.5, expected two positive factors, the smallest and the largest one",
+            "reflectance: found 0.5, expected two positive factors, the smaller factor first",
         ),
-        ({"steps": 0}, "steps: found 0, expected a whole number of at least 1"),
+        ({"steps": 0}, "steps: found 0, expected a positive whole number of distance steps"),
         ({"steps": 2.0}, "steps: found 2.0"),
         ({"distance": -1.0}, "distance: found -1 m"),
-        ({"sensor": RISING}, "found a slope of 5 1/m"),
+        ({"sensor": RISING}, "the slope is 5 1/m"),
         ({"sensor": InversePower(scale=1e-5, distance_offset=0.04, exponent=3.0, minimum_distance=0.01)}, "0.01 m"),
     ],
 )

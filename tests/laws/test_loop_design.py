@@ -334,7 +334,7 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
         ),
         (
             lambda: NOISY(replace(SCENARIO, admittance=replace(ADMITTANCE, mass=2.0)), SENSOR, -0.7),
-            "found 2 in the scenario but 1 in the control law",
+            "the scenario has the value 2, but the control law of the loop has 1",
         ),
         (lambda: NOISY(many(3), SENSOR, np.zeros(2)), "does not broadcast"),
         (lambda: replace(NOISY, first_run=-1), "first_run: found -1"),

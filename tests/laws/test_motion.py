@@ -357,7 +357,7 @@ def test_the_horizon_is_kept(letter_encounter: Scenario, letter_power: InversePo
             lambda: Scenario(
                 admittance=Admittance(mass=1.0, damping=1.0, stiffness=1.0), obstacle=Obstacle(position=-0.01)
             ),
-            "the encounter starts before contact",
+            "must be positive at the start of an encounter",
         ),
         (
             lambda: Scenario(

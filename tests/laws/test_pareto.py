@@ -400,7 +400,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     ("change", "message"),
     [
         ({"bounds": (-0.1, -1.0)}, "smaller gain first"),
-        ({"natural_frequency": (5.0, 5.0)}, "the smaller one first"),
+        ({"natural_frequency": (5.0, 5.0)}, "the smaller number first"),
         ({"damping_ratio": (-1.0, 1.0)}, "must not be negative"),
         ({"damping_ratio": (0.5, 1.0, 2.0)}, "expected two numbers"),
         ({"method": "magic"}, "expected one of auto"),
@@ -414,8 +414,8 @@ def test_a_request_that_makes_no_sense_is_refused(letter_encounter: Scenario, ch
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"quantities": ("time",)}, "two or three different ones"),
-        ({"quantities": ("time", "time")}, "two or three different ones"),
+        ({"quantities": ("time",)}, "two or three different names"),
+        ({"quantities": ("time", "time")}, "two or three different names"),
         ({"quantities": "time"}, "quantities: found 'time', expected a sequence of texts"),
         ({"quantities": ("time", "speed")}, "quantities: found 'speed'"),
         ({"choice": math.nan}, "choice"),

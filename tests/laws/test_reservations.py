@@ -113,10 +113,14 @@ def test_without_force_nearer_than_the_data_contact_is_that_of_a_silent_sensor(g
 
 def test_the_headline_has_both_speeds_and_what_to_measure() -> None:
     found = answer(0.008, 0.06)
-    for text in ("from 8 mm (first measured distance) to contact", 'recess = "8 mm"', "Without a virtual force below"):
+    for text in (
+        "from 8 mm (first measured distance) to contact",
+        'recess = "8 mm"',
+        "If no virtual force acted at distances below",
+    ):
         assert text in found.headline
     assert answer(0.008, 0.06, gain=None).speed is None
-    assert "Without a virtual force" not in answer(0.008, 0.06, gain=None).headline
+    assert "If no virtual force" not in answer(0.008, 0.06, gain=None).headline
     assert answer(0.008, 0.06, gain=np.array([-0.5, -1.0])).speed is None
 
 
@@ -169,7 +173,7 @@ def test_a_contact_harder_than_without_mitigation_is_compared_with_it() -> None:
     assert "harder than without mitigation" not in found.headline.partition("Not supported by the readings")[0]
     harder = replace(found, speed_without_force=1.01 * found.speed_without_mitigation)
     assert (
-        f"instead of {pt_speed(found.speed)}. This contact is harder than without mitigation (0.3 m/s)."
+        f"instead of {pt_speed(found.speed)}. Such a contact is harder than without mitigation (0.3 m/s)."
         in harder.headline
     )
 
@@ -180,7 +184,7 @@ def pt_speed(speed: float) -> str:
 
 def test_distances_count_from_the_contact_surface_and_those_in_brackets_from_the_zero_of_the_sensor() -> None:
     found = answer(0.008, 0.06, recess=0.005)
-    zero = "the zero of the sensor, which is 5 mm behind the contact surface"
+    zero = "the zero of the sensor's distance scale, which is 5 mm behind the contact surface"
     assert "from 3 mm (first measured distance) to contact at 0 mm. Distances in brackets count from" in found.headline
     assert f"Distances in brackets count from {zero}." in found.headline
     assert 'mount the sensor 8 mm (now 5 mm) behind the contact surface, with recess = "8 mm" (' in found.headline
@@ -229,7 +233,7 @@ def test_what_a_drag_does_where_no_data_are_is_its_share_of_the_logarithm_of_the
     contact = pt.find_contact(task.scenario, sensor, 0.0144, law="virtual-drag").contact
     assert found.speed == pytest.approx(-contact.relative_velocity, rel=1e-12)
     assert found.speed_without_force > found.speed
-    assert "nearer than 8 mm, the curve is extrapolated and gives " in str(found)
+    assert "nearer than 8 mm, the sensor curve is extrapolated and contributes " in str(found)
     assert "% of the effect of the drag, ln(1/\u03c1)\n" in str(found)
     design = pt.design_drag(task.replace(drag_effect=pt.DragEffect(ratio=0.15)))
     assert reservations_of(report(0.008, 0.06), design).speed == pytest.approx(0.15 * 0.3, rel=1e-9)

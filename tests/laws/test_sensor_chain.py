@@ -181,7 +181,7 @@ def test_a_misfit_moves_the_contact_of_a_run_and_no_noise_does_that_for_it() -> 
 
 def test_a_misfit_asks_for_its_length() -> None:
     with pytest.raises(
-        pt.errors.InvalidInputError, match=r"misfit_length: a misfit of 0\.02 needs its correlation length"
+        pt.errors.InvalidInputError, match=r"misfit_length: the misfit of 0\.02 needs a correlation length"
     ):
         pt.SensorChain(rate=20.0, misfit=0.02)
 
@@ -223,7 +223,10 @@ def test_a_random_phase_is_another_in_each_run_and_uniform() -> None:
 
 
 def test_a_phase_is_given_or_random() -> None:
-    with pytest.raises(pt.errors.InvalidInputError, match=r"phase: found 0\.01 s together with random_phase = true"):
+    with pytest.raises(
+        pt.errors.InvalidInputError,
+        match=r"phase: the argument phase = 0\.01 s is given together with random_phase = true",
+    ):
         pt.SensorChain(rate=20.0, phase=0.01, random_phase=True)
 
 

@@ -252,34 +252,43 @@ def design(sensor: SensorModel) -> object:
 
 
 UNLAWFUL = {
-    "ln xi is no number": (_custom(lambda d: d * np.nan, forty), "found ln xi of nan at 0 m, which must be finite"),
+    "ln xi is no number": (
+        _custom(lambda d: d * np.nan, forty),
+        "found ln xi of nan at a distance of 0 m, but this value must be finite",
+    ),
     "slope is no number": (
         _custom(straight, lambda d: np.where(d > 0.02, np.nan, -40.0)),
-        r"found a slope of nan 1/m at 0\.0201\d* m, which must be finite",
+        r"found a slope of nan 1/m at a distance of 0\.0201\d* m, but this value must be finite",
     ),
-    "noise": (_custom(noisy(straight, 0.01), forty), "in a second call; a curve must always return the same number"),
+    "noise": (
+        _custom(noisy(straight, 0.01), forty),
+        "in a second call; a sensor curve must always return the same number",
+    ),
     "noisy slope": (_custom(straight, noisy(forty, 1.0)), "1/m in a second call"),
-    "rising": (_custom(lambda d: 40 * d, lambda d: -forty(d)), "found a slope of 40 1/m at 0 m, which must not be pos"),
+    "rising": (
+        _custom(lambda d: 40 * d, lambda d: -forty(d)),
+        "the slope is 40 1/m at a distance of 0 m, but must not be pos",
+    ),
     "rising beside the surface": (
         _custom(lambda d: -100 * (d - 0.02) ** 2, lambda d: -200 * (d - 0.02)),
-        "found a slope of 4 1/m at 0 m, which must not be positive.*minimum_distance or maximum_distance, or recess",
+        "the slope is 4 1/m at a distance of 0 m, but must not be positive.*maximum_distance, or mount",
     ),
     "slope 10 % off": (
         _custom(straight, lambda d: 1.1 * forty(d)),
-        "found a slope of -44 1/m on average from .* but ln xi changes by -40 1/m there; the slope must be the",
+        "the average slope is -44 1/m between .* but ln xi changes by -40 1/m there; the slope must be the",
     ),
-    "slope 0.3 % off": (_custom(straight, lambda d: 1.003 * forty(d)), r"found a slope of -40\.12 1/m"),
+    "slope 0.3 % off": (_custom(straight, lambda d: 1.003 * forty(d)), r"the average slope is -40\.12 1/m"),
     "jump": (_custom(lambda d: -40 * d - 0.1 * (d > 0.02), forty), "the slope must be the derivative of ln xi"),
     "flat": (_custom(lambda d: 0 * d, lambda d: 0 * d), "found a slope of 0 1/m at every distance"),
     "raises": (
         _custom(lambda _: {}["slope"], forty),
-        "found KeyError: 'slope', but the functions of a curve must accept distances",
+        "found KeyError: 'slope', but log_output and log_slope of a sensor curve must accept distances",
     ),
     "scalars only": (
         _custom(lambda d: -40 * math.tanh(d), forty),
         "must accept distances of any shape",
     ),
-    "false constant slope": (FalseConstant(), "but the curve declares a constant_log_slope of -50 1/m"),
+    "false constant slope": (FalseConstant(), "but the sensor curve declares a constant_log_slope of -50 1/m"),
     "not hashable": (Unhashable(rates=[-40.0]), "the class Unhashable has a field that cannot be hashed"),
 }
 
@@ -340,7 +349,9 @@ def test_a_curve_is_looked_at_again_only_where_an_encounter_starts_farther_away(
     find_contact(encounter(0.05), sensor, -0.6)
     find_contact(encounter(0.03), sensor, -0.7)
     assert len(asked) == count
-    with pytest.raises(InvalidInputError, match=r"found a slope of 6 1/m at 0\.07 m, which must not be positive"):
+    with pytest.raises(
+        InvalidInputError, match=r"the slope is 6 1/m at a distance of 0\.07 m, but must not be positive"
+    ):
         find_contact(encounter(0.07), sensor, -0.7)
 
 

@@ -89,5 +89,6 @@ def require(module: str, *, extra: str = "sweep") -> Any:
             raise  # the original message is more specific
         name = module.partition(".")[0]
         raise MissingExtraError(
-            f"{name}: this call needs a library that is not installed; install it with: pip install 'pretouch[{extra}]'"
+            f"{name}: this function needs the library {name}, which is not installed; install it with: pip "
+            f"install 'pretouch[{extra}]'"
         ) from None

@@ -69,7 +69,8 @@ class Extensions:
         except Exception as error:  # whatever a foreign module raises
             text = " ".join(f"{type(error).__name__}: {error}".split())
             raise InvalidInputError(
-                f"{self._label(entry)} cannot be imported from {entry.value} ({text}); repair or uninstall the package"
+                f'{self._label(entry)} cannot be imported from {entry.value}, because of the error "{text}"; '
+                "repair or uninstall the package"
             ) from error
         problem = self.problem(entry.name, value) or _incomplete(value)
         if problem:
@@ -95,7 +96,11 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
         if not (isinstance(value, type) and issubclass(value, base)):
             return f"is {short_repr(value)}, expected a subclass of {of}"
         kind = getattr(value, "kind", getattr(value, "name", name))
-        return "" if kind == name else f'is a class of the kind "{kind}"; both names must be equal'
+        return (
+            ""
+            if kind == name
+            else f'has another name than its class, whose kind is "{kind}"; use the same name for both'
+        )
 
     return problem
 
@@ -107,7 +112,10 @@ def _incomplete(value: Any) -> str:
         return f"is a class without the methods {missing}"
     for f in fields(value) if isinstance(value, type) and is_dataclass(value) else ():
         if f.init and not f.metadata and f.default is MISSING and f.default_factory is MISSING:
-            return f"has the field {f.name}, which a file cannot set; declare it by pretouch.fields.quantity"
+            return (
+                f"has the field {f.name}, which a scenario file cannot set; declare this field by "
+                "pretouch.fields.quantity"
+            )
     return ""
 
 

@@ -41,11 +41,13 @@ def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callab
     mode = os.stat(path).st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         kind = "a pipe" if stat.S_ISFIFO(mode) else "a device or a socket"
-        raise refuse(f"{path}: found {kind}, expected a regular file; save the content as a regular file first")
+        raise refuse(
+            f"{path}: this path is {kind}, but pretouch needs a regular file; save the content as a regular file first"
+        )
     with open(path, "rb") as stream:
         content = stream.read(most + 1)
     if len(content) > most:
-        raise refuse(f"{path}: this file is larger than {most / 1e6:,.0f} MB, the largest allowed size")
+        raise refuse(f"{path}: this file is too large; the largest allowed size is {most / 1e6:,.0f} MB")
     return content
 
 
@@ -66,8 +68,8 @@ def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
             same = os.path.realpath(path) == os.path.realpath(each)
         if same:
             raise OutputExistsError(
-                f"{path}: this file is an input of this command ({each}) and is never overwritten; choose "
-                "another name with --output"
+                f"{path}: this file is an input of this command ({each}), and pretouch never overwrites an "
+                "input; choose another name with --output"
             )
 
 
@@ -155,8 +157,9 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
             temporary.unlink(missing_ok=True)
     except FileExistsError:
         raise OutputExistsError(
-            f"{named}: this {'folder' if target.is_dir() else 'file'} exists and is not overwritten; choose "
-            "another name with --output, or replace the file with --force (overwrite=True in Python)"
+            f"{named}: this {'folder' if target.is_dir() else 'file'} already exists, and pretouch does not "
+            "overwrite it; choose another name with --output, or replace the file with --force (overwrite=True "
+            "in Python)"
         ) from None
     except FileNotFoundError:
         raise InvalidInputError(f"{named}: the folder {named.parent} does not exist; create it first") from None

@@ -68,7 +68,8 @@ def _library() -> ctypes.CDLL:
     number = VARIANTS.index(wanted) if wanted else -1
     if wanted and library.pretouch_choose_variant(number) != number:
         raise InvalidInputError(
-            f"{_SWITCH}: found {wanted}, which this processor does not support; choose another processor variant"
+            f"{_SWITCH}: found the processor variant {wanted}, which this processor does not support; choose "
+            "another variant"
         )
     return library
 
@@ -97,8 +98,8 @@ def _check_file(path: Path) -> None:
 def _broken(path: Path, what: str) -> BrokenCoreError:
     origin = f" ({_LIBRARY} is set to this file)" if os.environ.get(_LIBRARY) else ""
     return BrokenCoreError(
-        f"pretouch's compiled core, {path.name} in {path.parent}, {what}{origin}: reinstall pretouch by pip; in a "
-        "source tree, run python native/build.py"
+        f"pretouch's compiled core cannot be used: {path.name} in {path.parent} {what}{origin}. Reinstall "
+        "pretouch by pip; in a source tree, run python native/build.py"
     )
 
 
@@ -161,8 +162,8 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
     """
     if array.dtype != dtype or not array.flags.c_contiguous:
         raise TypeError(
-            f"the compiled function needs a contiguous array of type {dtype}, but received type {array.dtype} with "
-            f"strides {array.strides}"
+            f"the compiled function needs a contiguous array of the type {dtype}, but received an array of the "
+            f"type {array.dtype} with the strides {array.strides}"
         )
     if _HEAD is None:
         return int(array.__array_interface__["data"][0])
@@ -184,7 +185,10 @@ def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _
         TypeError: the array is not of that shape or type, or not contiguous.
     """
     if array.shape != shape:
-        raise TypeError(f"the compiled function needs an array of shape {shape}, but received shape {array.shape}")
+        raise TypeError(
+            f"the compiled function needs an array of the shape {shape}, but received an array of the shape "
+            f"{array.shape}"
+        )
     return address(array, dtype)
 
 
@@ -312,7 +316,7 @@ def location(memory: Any, name: str) -> tuple[int, int]:
         return int(memory.__array_interface__["data"][0]), memory.nbytes
     raise InvalidInputError(
         f"{name}: found {type(memory).__name__}, expected a ctypes.Structure or a contiguous NumPy array, "
-        "because the compiled step function reads its memory directly"
+        "because compiled step functions access its memory directly"
     )
 
 

@@ -102,7 +102,7 @@ def parse_unit(text: str) -> Unit:
     if rest:
         raise UnitError(f"{text!r} is not a unit: cannot read {rest[0]!r}")
     if not 0 < unit.factor < math.inf:
-        raise UnitError(f"{text!r} is not a unit: the conversion factor to SI units would be zero or infinite")
+        raise UnitError(f"{text!r} is not a valid unit: its conversion factor to SI units would be zero or infinite")
     return unit
 
 
@@ -120,14 +120,15 @@ def _tokens(text: str) -> list[str]:
         if space and tokens and _ends_factor(tokens) and _starts_factor(part):
             if divided[-1]:
                 raise UnitError(
-                    f"{text!r} is not a unit: the space before {part!r} is ambiguous; write * or / instead of the space"
+                    f"{text!r} is not a valid unit: the space before {part!r} is ambiguous; write * or / instead "
+                    "of the space"
                 )
             tokens.append("*")
         divided[-1] |= part == "/"
         if part == "(":
             divided.append(False)
             if len(divided) > _DEEPEST:
-                raise UnitError(f"{text!r} is not a unit: it has more than {_DEEPEST - 1} nested parentheses")
+                raise UnitError(f"{text!r} is not a valid unit: at most {_DEEPEST - 1} nested parentheses are allowed")
         elif part == ")" and len(divided) > 1:
             divided.pop()
         tokens.append(part)
@@ -167,7 +168,7 @@ def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
     tokens = tokens[1:]
     if tokens and tokens[0] in {"^", "**"}:
         if len(tokens) < 2 or not re.fullmatch(r"[-+]?\d{1,4}", tokens[1]) or abs(int(tokens[1])) > _LARGEST_POWER:
-            raise UnitError(f"{text!r} is not a unit: an exponent must be an integer up to {_LARGEST_POWER}")
+            raise UnitError(f"{text!r} is not a valid unit: exponents must be integers, up to {_LARGEST_POWER}")
         unit = _combine(Unit(1.0, _NONE), unit, int(tokens[1]))
         tokens = tokens[2:]
     return unit, tokens
@@ -185,7 +186,7 @@ def _symbol(symbol: str, text: str) -> Unit:
         factor = 1.0 if symbol == "kg" else _PREFIX[symbol[0]] * base.factor
         return Unit(factor, base.exponents)
     symbols = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, in, counts, %"
-    raise UnitError(f"{text!r} is not a unit: the symbol {symbol!r} is unknown; known symbols are {symbols}")
+    raise UnitError(f"{text!r} is not a valid unit: the symbol {symbol!r} is unknown; known symbols are {symbols}")
 
 
 def _combine(left: Unit, right: Unit, power: int) -> Unit:

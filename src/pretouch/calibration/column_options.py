@@ -46,8 +46,8 @@ class ColumnOption:
             return header_unit
         if header_unit is not None and header_unit != self.unit:
             raise CalibrationDataError(
-                f"columns: the option gives the unit {self.unit!r} for the {self.key}, but the header {title!r} "
-                f"gives {header_unit!r}; give only one unit"
+                f"columns: the unit of the {self.key} is {self.unit!r} in the option, but {header_unit!r} in the "
+                f"column header {title!r}; give only one unit"
             )
         return self.unit
 
@@ -90,8 +90,8 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
             )
         if isinstance(value, bool) or not isinstance(value, (str, int)) or not str(value).strip():
             raise CalibrationDataError(
-                f"columns: found {value!r} for the {key}, expected the header of a column, its number such as {key}=1, "
-                f'or its unit such as {key}="[{"mm" if key == "distance" else "V"}]"'
+                f"columns: found {value!r} for the {key}, expected a column header, a column number such as "
+                f'{key}=1, or a unit such as {key}="[{"mm" if key == "distance" else "V"}]"'
             )
         text = str(value).strip()
         match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", text)
@@ -140,8 +140,8 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], message:
         at = [i for i, title in enumerate(among) if title == wanted]
         if len(at) > 1:
             raise CalibrationDataError(
-                f"{message}, but columns {' and '.join(str(i + 1) for i in at[:2])} of {table.file} both have "
-                "this name; give the number of the column instead"
+                f"{message}, which is ambiguous, because columns {' and '.join(str(i + 1) for i in at[:2])} of "
+                f"{table.file} have the same name; give the number of the column instead"
             )
         if at:
             return at[0]

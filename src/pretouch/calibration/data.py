@@ -84,8 +84,8 @@ class Calibration(Value):
             raise CalibrationDataError("distances: found none, expected at least one reading with an object in range")
         if self.distances.min() < 0:
             raise CalibrationDataError(
-                f"distances: found {self.distances.min():g} m, but distances must not be negative; measure them "
-                "from the sensor or contact surface to the object"
+                f"distances: found {self.distances.min():g} m, but distances must not be negative; measure "
+                "distances from the sensor or contact surface to the object"
             )
 
     @property

@@ -73,16 +73,14 @@ def read_calibration(
     for key in wanted:
         if key not in keys:
             available = ", ".join(sorted(keys)) or "none: the file holds one curve"
-            raise CalibrationDataError(
-                f"select: found the label {key!r}, expected one of the file's label columns ({available})"
-            )
+            raise CalibrationDataError(f"select: the file has no label column named {key!r} (available: {available})")
     selected = [curve for of, curve in curves if all(of[k] == v for k, v in wanted.items())]
     if len(selected) == 1:
         return selected[0]
     values = "; ".join(f"{k}: {', '.join(dict.fromkeys(of[k] for of, _ in curves))}" for k in keys)
     raise CalibrationDataError(
-        f"{Path(path).name}: found {len(selected)} curves{f' for {wanted}' if wanted else ''}, expected one; "
-        f"choose one of these labels with select={{...}}: {values}"
+        f"{Path(path).name}: the file contains {len(selected)} curves{f' for {wanted}' if wanted else ''}, but "
+        f"exactly one is needed; choose one curve by its labels with select={{...}}: {values}"
     )
 
 
@@ -126,14 +124,15 @@ def _curves(
     groups, shared = _rows_by_label(table, label_columns, readings.distances)
     if not groups:
         raise CalibrationDataError.without_content(
-            f"{table.file}: there are no rows below the header, expected rows with distances and sensor outputs"
+            f"{table.file}: the table has a header but no rows below the header; add rows with distances and "
+            "sensor outputs"
         )
     if labels is None and len(groups) > 3 and max(map(len, groups.values())) * len(layout.pairs) == 1:
         titles = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
             f"{table.file}: every row has a different label in {titles}, so each curve would have only one "
-            "reading; name the label columns with --labels NAME,NAME, or use --labels none (a list named labels "
-            "in Python and in scenario files)"
+            "reading; name the label columns with --labels NAME,NAME, or use --labels none (in Python and in "
+            "scenario files, give a list named labels)"
         )
     extra = _no_object_readings(no_object, layout)
     names = tuple(table.name(i) for i in label_columns)
@@ -235,7 +234,7 @@ def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
     if value < 0:
         raise CalibrationDataError(
             f"{table.file}, line {line}: found the distance {cell}, but distances must not be negative",
-            problem=f"{table.file}, line {line}: found a negative distance, but distances must not be negative",
+            problem=f"{table.file}, line {line}: found a negative distance, but a distance must be zero or positive",
         )
     return value
 
@@ -254,8 +253,8 @@ def _curve(
     _refuse_stray_distance(table, readings.distances[present & ~without_object])
     if not (present & ~without_object).any():
         raise CalibrationDataError(
-            f"{table.file}{f', {label}' if label else ''}: every reading was taken without an object, but at "
-            "least one reading with an object in range is needed",
+            f"{table.file}{f', {label}' if label else ''}: every reading was taken without an object; add at "
+            "least one reading with an object in range",
             problem=f"{table.file}: every reading was taken without an object, but at least one reading with an object "
             "in range is needed",
         )
@@ -287,8 +286,9 @@ def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
     if len(distinct) < _FEW or distinct[-1] <= _STRAY * distinct[-2]:
         return
     message = (
-        f"{table.file}: found the distance {distinct[-1]:g} m, which is {distinct[-1] / distinct[-2]:,.0f} times "
-        f"the next smaller distance ({distinct[-2]:g} m); correct it, or write inf if no object was present"
+        f"{table.file}: found the distance {distinct[-1]:g} m, which is implausible, because it is "
+        f"{distinct[-1] / distinct[-2]:,.0f} times the next smaller distance of {distinct[-2]:g} m; correct the "
+        "distance, or write inf if no object was present"
     )
     raise CalibrationDataError(message, problem=f"{table.file}: found one distance far beyond all others")
 
@@ -306,8 +306,8 @@ def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
         wanted = split_title(layout.pairs[0][1].title)[0]
         if wanted not in names:
             raise CalibrationDataError(
-                f"{table.place}: found {len(names)} columns, expected a single column of readings or a column "
-                f"named {wanted!r}"
+                f"{table.place}: the table has {len(names)} columns; pretouch needs a single column of readings, "
+                f"or a column named {wanted!r}"
             )
         index = names.index(wanted)
     cells = list(zip(table.lines, table.columns[index], strict=True))

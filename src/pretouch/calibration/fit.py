@@ -119,8 +119,8 @@ def estimates(
     if offset.kind == "fitted":
         warnings = (
             *warnings,
-            "The offset was fitted, not measured: one standard error of the offset changes the slope by "
-            f"{100 * shift:.2g} %.",
+            "The offset was fitted, not measured. If the offset is wrong by one standard error, the slope "
+            f"changes by {100 * shift:.2g} %.",
         )
     return {
         "parameters": parameters,
@@ -142,8 +142,8 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
     if s[-1] < _REDUNDANT * s[0]:
         involved = [names[free[i]] for i in np.flatnonzero(np.abs(vt[-1]) > _INVOLVED)]
         raise InvalidInputError(
-            f"{' and '.join(involved)}: no readings can distinguish the effects of these parameters; remove one of "
-            "these parameters"
+            f"{' and '.join(involved)}: readings cannot distinguish the effects of these parameters on the "
+            "sensor curve; remove one of the parameters"
         )
 
 
@@ -252,7 +252,9 @@ def check_models(models: tuple[str, ...]) -> None:
             others = [name for name in CURVE_KINDS.names() if name not in model_names()]
             raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join((*model_names(), *others))}")
     if not models:
-        raise InvalidInputError(f"models: the list is empty, expected one or more of {', '.join(model_names())}")
+        raise InvalidInputError(
+            f"models: the list is empty; name at least one of the models {', '.join(model_names())}"
+        )
 
 
 def why_not(model: str, prepared: Prepared) -> str:
@@ -263,15 +265,16 @@ def why_not(model: str, prepared: Prepared) -> str:
         return (
             ""
             if count > size
-            else f"The model has {size} parameters, but only {count} distances are above the signal floor."
+            else f"The model needs readings at {size} or more distances above the signal floor, because it has {size} "
+            f"parameters; there are only {count} such distances."
         )
     rises = np.flatnonzero(np.diff(used.output) >= 0)
     if not len(rises):
         return ""
     d = used.distance[rises[0] : rises[0] + 2] * 1e3
     return (
-        f"The averaged output does not fall from {d[0]:g} to {d[1]:g} mm, but a table model needs an output that "
-        "falls at every step."
+        f"The averaged output does not fall between the distances {d[0]:g} mm and {d[1]:g} mm, but a table model "
+        "needs an output that falls at every step."
     )
 
 

@@ -137,8 +137,8 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     place = f"{table.file}, line {line}"
     if math.isfinite(value):
         expected = (
-            f"expected a number {WORKABLE} (unit: {column.unit or 'its unit'}), because fits outside this range "
-            "cannot be computed"
+            f"expected a number {WORKABLE} (unit: {column.unit or 'its unit'}), because other numbers are too "
+            "large or too small to fit a curve"
         )
         problem = "a number that is too large or too small for the arithmetic"
     else:
@@ -311,7 +311,7 @@ def output_column(table: TextTable, index: int, layout: Layout) -> Column:
     symbol, factor = output_unit(header_unit) if header_unit else (layout.unit, layout.pairs[0][1].factor)
     if symbol != layout.unit:
         raise CalibrationDataError(
-            f"{table.place}: found the unit {header_unit!r}, expected the unit of the calibration, "
-            f"{layout.unit or 'none'!r}"
+            f"{table.place}: found readings in the unit {header_unit!r}, expected readings in the unit of the "
+            f"calibration ({layout.unit or 'none'!r})"
         )
     return Column(index=index, title=title, unit=symbol, factor=factor)

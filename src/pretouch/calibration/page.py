@@ -25,8 +25,8 @@ def calibration_page(report: CalibrationReport) -> Page:
     else:
         parameters = tuple(block for fit in report.fits for block in _parameters(fit, report))
         note = Paragraph(
-            text=f"These keys describe the {best.model} curve. The contact surface is placed where the usable "
-            "distances start.",
+            text=f"These keys describe the fitted sensor curve {best.model}. The contact surface is placed at the "
+            "nearest usable distance.",
             quiet=True,
         )
         blocks = (
@@ -56,7 +56,10 @@ def _next_step(report: CalibrationReport) -> str:
     if nearest <= 0:
         return text
     recess = recess_in_words(nearest)
-    return f'{text}, with recess = "{recess}" for a sensor that is mounted {recess} behind the contact surface'
+    return (
+        f'{text}, and the line recess = "{recess}", which means that the sensor is mounted {recess} behind the '
+        "contact surface"
+    )
 
 
 def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
@@ -105,14 +108,14 @@ def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tup
 def _headline(report: CalibrationReport) -> str:
     name = report.calibration.name
     if report.best is None:
-        return f"{name}: there is no usable signal, so the readings do not determine a sensor curve."
+        return f"{name}: the readings contain no usable signal, so they do not determine a sensor curve."
     low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))
     slope = report.best.middle_slope
     spread = "" if not math.isfinite(slope.standard_error) else f" \u00b1 {slope.standard_error:.2g}"
     reserve = "" if report.verdict == "usable" else ", with reservations"
     return (
-        f"{name}: usable from {low} to {high}{reserve}. The {report.best.model} curve ranks first, with a slope "
-        f"g = {slope.value:.4g}{spread} 1/m in the middle of this range."
+        f"{name}: the readings are usable from {low} to {high}{reserve}. The {report.best.model} curve fits "
+        f"best, with a slope g = {slope.value:.4g}{spread} 1/m in the middle of the usable range."
     )
 
 
@@ -155,13 +158,13 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
             Measured(n.output, unit),
             f"standard deviation without signal, from {n.output_source}",
         )
-        relative = f"standard deviation of one reading, in proportion to the signal, from {n.relative_source}"
+        relative = f"standard deviation of one reading, divided by the signal; source: {n.relative_source}"
         yield "noise relative to the signal", f"{100 * n.relative:.3g} %", relative
         length = f"; correlation length {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
         yield (
             "misfit of the curve",
             f"{100 * n.misfit:.3g} %",
-            f"RMS deviation of averaged readings that noise does not explain{length}",
+            f"RMS deviation of averaged readings from the curve that noise does not explain{length}",
         )
     if report.slope is not None:
         near, far = (format_quantity(float(d), "m") for d in report.slope.distances[[0, -1]])
@@ -240,8 +243,8 @@ def _scenario_text(fit: SensorFit) -> str:
     lines += [f"{name} = {float(value)!r}" for name, value in fit.sensor.parameters.items()]
     start, end = fit.window.l_min, fit.window.l_max
     if start > 0:
-        lines.append(f"recess = {start!r}  # the sensor sits this far behind the contact surface [m]")
-    lines.append(f"maximum_distance = {end - start:.6g}  # from the contact surface [m]")
+        lines.append(f"recess = {start!r}  # distance by which the sensor is mounted behind the contact surface [m]")
+    lines.append(f"maximum_distance = {end - start:.6g}  # largest usable distance from the contact surface [m]")
     return "\n".join(lines)
 
 

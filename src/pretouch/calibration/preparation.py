@@ -81,8 +81,8 @@ def prepare(
     if count < needed:
         few = (
             f"Only {count} distance{'s are' if count != 1 else ' is'} usable ({near.reason}), but at least "
-            f"{needed} are needed: measure at 8 or more distances, out to where the output no longer changes, "
-            "and record readings with no object."
+            f"{needed} distances are needed: measure at 8 or more distances, out to where the output no longer "
+            "changes, and record readings with no object."
         )
         return _nothing(calibration, curve, near, offset_estimate, few)
     if not np.ptp(curve.output[near.index :]) > 0:
@@ -199,9 +199,8 @@ def _steep_end(
 def _reports_distance(calibration: Calibration) -> str:
     """Return an error message for a sensor that outputs a distance instead of a signal strength."""
     return (
-        f"The output is a distance in {calibration.unit}, because this sensor reports a distance and not a "
-        "signal that falls with it. No curve is fitted: enter a sensor curve by hand, and set "
-        "chain.measures_distance = true."
+        f"The sensor output is a distance in {calibration.unit}, and not a signal that falls with the distance, "
+        "so no curve is fitted. Enter a sensor curve by hand, and set chain.measures_distance = true."
     )
 
 
@@ -210,9 +209,9 @@ def _rising(calibration: Calibration) -> str:
     top = float(max([calibration.outputs.max(), *calibration.no_object]))
     highest = f"{top:g} {calibration.unit}".rstrip()
     return (
-        "The output rises with distance, but the signal of a proximity sensor falls. If the sensor reports a distance, "
-        "enter its curve by hand and set chain.measures_distance = true. If the electronics invert the signal, use "
-        f"{highest} minus the reading."
+        "The sensor output rises with the distance, but the signal of a proximity sensor falls. If the sensor "
+        "reports a distance, enter its curve by hand and set chain.measures_distance = true. If the electronics "
+        f"invert the signal, replace each reading by {highest} minus the reading."
     )
 
 
@@ -224,7 +223,7 @@ def _given_offset(calibration: Calibration, offset: OffsetChoice, noise: Reading
         return _measured_offset(calibration.no_object, noise)
     expected = "a number, or a number and its standard error"
     if isinstance(offset, str) and offset != "zero":
-        raise InvalidInputError(f"offset: found {offset!r}, but the offset must be 'auto', 'fit', 'zero', {expected}")
+        raise InvalidInputError(f"offset: found {offset!r}, expected 'auto', 'fit', 'zero' or {expected}")
     if isinstance(offset, (tuple, list)) and len(offset) != 2:
         raise InvalidInputError(f"offset: found {offset!r}, expected {expected}")
     return declared_offset(0.0 if isinstance(offset, str) else offset)
@@ -279,17 +278,17 @@ def _why_no_signal(
     error = float(np.hypot(*noise.of_means(tail.count[[0, -1]], np.maximum([near, far], 0.0))))
     if count >= _FEWEST_POINTS and chance > _FALL_LEVEL and near - far < _CLEAR_FALL * error:
         reasons.append(
-            f"The output does not fall significantly with distance (rank test, p = {chance:.2g}): check that the "
-            "sensor is powered and faces the object, and that the object is in its range."
+            f"The sensor output does not fall significantly with the distance (rank test, p = {chance:.2g}): "
+            "check that the sensor is powered and faces the object, and that the object is in its range."
         )
     if count < _FEWEST_POINTS:
         far = format_quantity(window.distances[-1], "m") if count else "none"
         floor = f"{window.floor:.4g} {unit}".rstrip()
         reasons.append(
             f"Only {count} distance{' is' if count == 1 else 's are'} above the signal floor of {floor}, but a "
-            f"curve needs {_FEWEST_POINTS} (last distance: {far}, offset: {offset.in_words('')}, noise of one "
-            f"reading: {noise.output:.2g}): measure in finer steps near the sensor, repeat readings, and record "
-            "the output with no object."
+            f"curve needs {_FEWEST_POINTS} distances (last distance: {far}, offset: {offset.in_words('')}, noise "
+            f"of one reading: {noise.output:.2g}): measure in finer steps near the sensor, repeat readings, and "
+            "record the output with no object."
         )
     return tuple(reasons)
 

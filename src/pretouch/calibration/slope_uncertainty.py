@@ -61,23 +61,23 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
             remedy = "record the output with no object, or measure out to where it no longer changes"
             if prepared.reaches_last:
                 remaining = f"{100 * used[-1] / used[0]:.2g} %"
-                remedy += f" (at the last distance, the signal is still {remaining} of the largest signal)"
+                remedy += f" (the signal at the last distance is still {remaining} of the largest signal)"
         elif offset is not None and best.slope_shift > 0.5 * _ALLOWED / _NORMAL:
             remedy = "record the output with no object more often, because its uncertainty changes the slope"
         size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
         near, far = (format_quantity(float(d), "m", 3) for d in slope.distances[[0, -1]])
         warnings.append(
-            f"The uncertainty of the slope g is {size} at {format_quantity(slope.worst_at, 'm', 3)}, but a "
-            f"design needs at most {100 * _ALLOWED:.0f} % from {near} to {far}, where most of the virtual force "
-            f"acts: {remedy}."
+            f"The uncertainty of the sensor slope g is {size} at {format_quantity(slope.worst_at, 'm', 3)}, but "
+            f"a design needs at most {100 * _ALLOWED:.0f} % from {near} to {far}, where most of the virtual "
+            f"force acts: {remedy}."
         )
     gap = _largest_gap(prepared, best, float(slope.distances[-1]))
     if gap is not None:
         share, near, far = gap[0], *(format_quantity(d, "m", 3) for d in gap[1:])
         warnings.append(
-            f"From {near} to {far} the readings are {100 * abs(share):.0f} % "
-            f"{'flatter' if share > 0 else 'steeper'} than the best model, {best.model}: the true curve has "
-            "another shape, which the table model follows."
+            f"From {near} to {far}, the readings are {100 * abs(share):.0f} % "
+            f"{'flatter' if share > 0 else 'steeper'} than the best model, {best.model}, so the true curve has "
+            "another shape. The table model follows the true shape."
         )
     return warnings
 

@@ -69,7 +69,7 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
         output = 1 - distance if output is None else output
     if distance is not None and distance == output:
         raise CalibrationDataError(
-            f"columns: column {distance + 1} is given both as the distance and as the output; give two different "
+            f"columns: column {distance + 1} is given as the distance and also as the output; give two different "
             "columns"
         )
     if distance is None or output is None:
@@ -78,8 +78,8 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
         free = [i for i in range(len(table.header)) if i != distance_or_first]
         output_guess = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
         raise CalibrationDataError(
-            f"{table.place}: found the columns {columns}, of which one must be named distance and one output; "
-            "rename them, or name the columns with "
+            f"{table.place}: the columns are named {columns}, but one column must be named distance and one "
+            "output; rename the columns, or select them with "
             f"{columns_hint(f'distance={distance_or_first + 1},output={output_guess + 1}')}",
             problem=f"{table.place}: the table has no columns that are named distance and output",
         )
@@ -98,13 +98,14 @@ def _refuse_no_header(table: TextTable) -> None:
     if all(is_number(cell) for cell in table.header):
         wide = ', or --columns "distance=[mm]" if they are distances' if len(table.header) > 2 else ""
         raise CalibrationDataError(
-            f'{table.place}: found numbers where the header is expected, such as "distance [mm],output [V]"; or '
-            f"name the columns with {columns_hint('distance=1 [mm],output=2 [V]')}{wide}"
+            f'{table.place}: the first row contains numbers, but a header such as "distance [mm],output [V]" is '
+            "expected; add a header, or name the columns with "
+            f"{columns_hint('distance=1 [mm],output=2 [V]')}{wide}"
         )
     if len(table.header) < 2:
         raise CalibrationDataError(
-            f"{table.place}: found only one column ({quoted(table.header[0])}), expected two or more columns, "
-            "separated by comma, semicolon, tab or blanks",
+            f"{table.place}: the table has only one column ({quoted(table.header[0])}), but needs two or more "
+            "columns, separated by comma, semicolon, tab or blanks",
             problem=f"{table.place}: found one column, expected two or more",
         )
 
@@ -151,8 +152,8 @@ def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | 
         return matches[0] if matches else None
     first, second = (f"{i + 1}: {quoted(table.header[i])}" for i in matches[:2])
     raise CalibrationDataError(
-        f"{table.place}: two columns may contain the {what} ({first}, {second}); select one column with "
-        f"{columns_hint(f'{what}={matches[0] + 1}')}"
+        f"{table.place}: the columns {first} and {second} may both contain the {what}; select one of these "
+        f"columns with {columns_hint(f'{what}={matches[0] + 1}')}"
     )
 
 
@@ -168,7 +169,7 @@ def _distance_column(table: TextTable, index: int, option: ColumnOption) -> Colu
         )
     if not is_length(unit):
         raise CalibrationDataError(
-            f"{table.place}: found the unit {unit!r} for the distance, expected a unit of length such as mm: {how}"
+            f"{table.place}: the unit {unit!r} of the distance is not a unit of length, such as mm; {how}"
         )
     return Column(index=index, title=title, unit="m", factor=parse_unit(unit).factor)
 
@@ -179,11 +180,11 @@ def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOptio
     symbol, factor = output_unit(unit)
     if unit is None:
         symbol, meaning = default_output_unit(set().union(*(table.columns[i] for i in outputs)))
-        notes.append(f"The output column {title!r} has no unit, so its values are read as {meaning}.")
+        notes.append(f"The column {title!r} of sensor outputs has no unit, so its values are interpreted as {meaning}.")
     if is_named(title, "setting") and not option.names_a_column:
         notes.append(
-            f"The column {title!r} is named like a setting, but it is read as the sensor output, because no "
-            "other column can be the output."
+            f"The column {title!r} has the name of a sensor setting, but is used as the sensor output, because "
+            "no other column can be the output."
         )
     return Column(index=outputs[0], title=title, unit=symbol, factor=factor), notes
 
@@ -245,7 +246,7 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
     span = f"{places[0]} to {places[-1]}{unit_text}" if places else "none"
     filled = [table.title(i) for i in counts if any(table.columns[i])]
     notes = [
-        f"The column headers {span} are read as distances, and each row as one repetition of the measurement.",
+        f"The column headers {span} are interpreted as distances, and each row as one repetition of the measurement.",
         *notes,
     ]
     notes += [f"Column {title} is not used: it counts the rows." for title in filled]
@@ -270,9 +271,9 @@ def _refuse_ambiguity(table: TextTable, marks: dict[int, UnitMark], others: list
     if any(cells) and all(is_number(cell) or is_no_object(cell) for cell in cells):
         first, last = (table.header[i] for i in (min(marks), max(marks)))
         raise CalibrationDataError(
-            f"{table.place}: both the column {table.header[corner]!r} and the headers {first!r} to {last!r} may "
-            f'be distances; use --columns "distance={corner + 1}" if the column contains the distances, or '
-            f"{columns_hint('distance=[mm]')} if the headers are the distances"
+            f"{table.place}: the distances may be in the column {table.header[corner]!r} or in the headers "
+            f'{first!r} to {last!r}; use --columns "distance={corner + 1}" if they are in the column, or '
+            f"{columns_hint('distance=[mm]')} if they are in the headers"
         )
 
 
@@ -285,13 +286,13 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Un
         first = next((unit for unit in header_units if unit != option_unit), option_unit)
         if option_unit is not None and first != option_unit:
             raise CalibrationDataError(
-                f"columns: the option gives the unit {option_unit!r} for the distance, but the headers give "
-                f"{first!r}; give only one unit"
+                f"columns: the unit of the distance is {option_unit!r} in the option, but {first!r} in the "
+                "headers; give only one unit"
             )
         if bare and len(header_units) > 1:
             raise CalibrationDataError(
-                f"{table.place}: the header {table.header[bare[0]]!r} has no unit, but the other headers have "
-                'different units; add the unit, such as "5 mm"'
+                f"{table.place}: the header {table.header[bare[0]]!r} has no unit, but the other headers do and "
+                'their units differ; add the unit, such as "5 mm"'
             )
         return str(first)
     if option_unit is not None:
@@ -336,7 +337,7 @@ def _output_unit(
     if unit_text is not None:
         return (*output_unit(unit_text), [])
     symbol, meaning = default_output_unit(set().union(*(table.columns[i] for i in marks)))
-    return symbol, 1.0, [f"The sensor outputs have no unit, so their values are read as {meaning}."]
+    return symbol, 1.0, [f"The sensor outputs have no unit, so their values are interpreted as {meaning}."]
 
 
 def _counts_rows(table: TextTable, index: int) -> bool:

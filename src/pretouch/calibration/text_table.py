@@ -52,7 +52,7 @@ def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = Non
     del content  # to save memory with large files
     numbers, texts, remark = _lines(path.name, text)
     if not texts:
-        raise _refusal(f"{path.name}: the file has no rows, expected a header and at least one row of numbers")
+        raise _refusal(f"{path.name}: the file has no rows, but a header and at least one row of numbers are needed")
     head = list(zip(numbers[: _SEARCHED + 2], texts, strict=False))
     at, head_lines, notes = _header_at(path.name, head, remark, options)
     first = len(head) - (len(head_lines) - (at + 1))
@@ -125,8 +125,8 @@ def _refuse_other_widths(
         if len(row) != len(header):
             place, hint = f"{file}, line {number}", _hint(row, delimiter)
             raise CalibrationDataError(
-                f"{place}: the row has {len(row)} cells, but the header has {len(header)}{hint}",
-                problem=f"{place}: the row and the header have different numbers of cells",
+                f"{place}: this row has {len(row)} cells, but the header has {len(header)} cells{hint}",
+                problem=f"{place}: this row and the header have different numbers of cells",
             )
 
 
@@ -134,11 +134,11 @@ def _decode(content: bytes, file: str) -> tuple[str, str]:
     """Decode the bytes of a text file, and return the text with the name of its encoding."""
     marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in content and not marked:
-        raise _refusal(f"{file}: the file contains binary data, expected a text table such as CSV")
+        raise _refusal(f"{file}: the file contains binary data, but a calibration must be a text table such as CSV")
     for encoding in ("utf-16",) if marked else ("utf-8-sig", "cp1252", "latin-1"):
         with suppress(UnicodeDecodeError):
             return content.decode(encoding), encoding
-    raise _refusal(f"{file}: the file contains bytes that are not valid UTF-16, expected a text table")
+    raise _refusal(f"{file}: the file contains bytes that are not valid UTF-16 text; save the table as UTF-8 text")
 
 
 def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
@@ -160,7 +160,7 @@ def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
             texts.append(line)
             if len(texts) > _MOST_ROWS:
                 raise _refusal(
-                    f"{file}: the table has more than {_MOST_ROWS:,} rows, the largest allowed number; average "
+                    f"{file}: the table is too long, because at most {_MOST_ROWS:,} rows are allowed; average "
                     "readings at the same distance, or keep every tenth row"
                 )
         elif not texts:
@@ -183,9 +183,9 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
         cells = _cells(line, delimiter)
         if len(cells) == width and sum(is_number(cell) for cell in cells) > 1:
             raise CalibrationDataError(
-                f"{file}, line {i}: found numbers ({quoted(line)}) above the header, which is in line "
+                f"{file}, line {i}: there are numbers ({quoted(line)}) above the header, which is in line "
                 f"{header[0]}; put # before every line that is not part of the table",
-                problem=f"{file}, line {i}: found numbers above the header, which is in line {header[0]}",
+                problem=f"{file}, line {i}: there are numbers above the header, which is in line {header[0]}",
             )
     first, last = lines[0], lines[index - 1]
     which, are = (f"Line {first[0]}", "is") if index == 1 else (f"Lines {first[0]} to {last[0]}", "are")
@@ -233,9 +233,9 @@ def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[
     if data < 2 or (delimiter != _BLANK and len({len(row) for row in cells}) == 1):
         return 0, lines
     raise CalibrationDataError(
-        f"{file}, line {lines[0][0]}: found {quoted(lines[0][1])} where the header is expected, such as "
-        f'"distance [mm],output [V]". The first row of numbers is in line {lines[data][0]}: put # before every '
-        f"line above the header, or name the columns with {columns_hint('distance=1 [mm],output=2')}",
+        f'{file}, line {lines[0][0]}: found {quoted(lines[0][1])}, but a header such as "distance [mm],output '
+        f'[V]" is expected here. The first row of numbers is in line {lines[data][0]}. Put # before every line '
+        f"above the header, or name the columns with {columns_hint('distance=1 [mm],output=2')}",
         problem=f"{file}, line {lines[0][0]}: found no header of a calibration",
     )
 

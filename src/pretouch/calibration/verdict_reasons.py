@@ -34,14 +34,15 @@ def left_out(prepared: Prepared) -> tuple[str, ...]:
         shown = [f"{_level(calibration, calibration.outputs[i])} at {d}" for i, d in zip(single, at, strict=True)]
         named = ", ".join(shown[:_MOST_NAMED]) + (", ..." if len(shown) > _MOST_NAMED else "")
         groups.append(
-            f"{_readings(len(single))} ({named}): dropout or outlier among the readings at the same distance."
+            f"{_readings(len(single))} ({named}) cannot be used, because the output differs from other readings "
+            "at the same distance (dropout or outlier)."
         )
     for distance in prepared.outlier_distances:
         here = calibration.distances == distance
         named = f"{_level(calibration, np.mean(calibration.outputs[here]))} at {format_quantity(distance, 'm')}"
         groups.append(
-            f"{_readings(here.sum())} ({named}): outliers, because no curve through the other readings explains "
-            "their output; measure again."
+            f"{_readings(here.sum())} ({named}) cannot be used, because no curve through the other readings "
+            "explains their output; measure again."
         )
     if window.distances:
         low, high = window.l_min, window.l_max
@@ -66,11 +67,12 @@ def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
     """Return a sentence that describes how well the best sensor model fits the readings."""
     low, high = (format_quantity(d, "m") for d in (prepared.window.l_min, prepared.window.l_max))
     if not fits:
-        return f"The signal is usable from {low} to {high}, but none of the requested models fits it."
+        return f"The sensor signal is usable from {low} to {high}, but none of the requested models fits the readings."
     best = fits[0]
     return (
-        f"The {best.model} curve fits {len(best.distances)} distances from {low} to {high}. Averaged readings "
-        f"deviate from it by {100 * best.rmse_log_output:.2g} % of the signal (RMS of noise and misfit together)."
+        f"The {best.model} curve was fitted to readings at {len(best.distances)} distances from {low} to {high}. "
+        f"Averaged readings deviate from this curve by {100 * best.rmse_log_output:.2g} % of the signal (RMS, "
+        "including noise)."
     )
 
 
@@ -95,8 +97,8 @@ def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUnc
     reasons += _offset_reservations(prepared)
     if bad > 1 + count // 10:
         reasons.append(
-            f"No curve through the other readings explains the outputs at {bad} distances: measure these "
-            "distances again."
+            f"The readings at {bad} distances are inconsistent with every curve through the other readings; "
+            "measure again at these distances."
         )
     if fall < _SMALL_FALL:
         falls = f"the output falls only by a factor of {math.exp(fall):.2g}"
@@ -123,7 +125,7 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
         reading = _level(prepared.calibration, lowest)
         reasons.append(
-            f"The {named} is larger than some readings ({reading}), so these readings contain no signal: {record}."
+            f"The {named} is larger than some readings ({reading}), which therefore contain no signal: {record}."
         )
     if offset.kind == "fitted" and prepared.flattens:
         similar = (
@@ -135,11 +137,12 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     free_offset = prepared.free.offset("fitted")
     fitted = f"{free_offset.value:.4g} {unit} (95 % interval {free_offset.low:.4g} to {free_offset.high:.4g})"
     contradiction = (
-        f"The far readings level off at {fitted}, above the {named}, so the controller subtracts too little, "
-        "which weakens the virtual force"
+        f"The readings at large distances level off at {fitted}, above the {named}, so the controller subtracts "
+        "too little and the virtual force becomes too weak"
         if free_offset.value > offset.value
-        else f"The far readings fall more steeply than any curve with the {named}, but agree with {fitted}, so the "
-        "controller subtracts too much and exaggerates the virtual force far away"
+        else f"The readings at large distances fall more steeply than any curve with the {named}, but agree with an "
+        f"offset of {fitted}, so the controller subtracts too much and the virtual force becomes too strong at "
+        "large distances"
     )
     return [*reasons, f"{contradiction}: {record}, or fit the offset."]
 
@@ -150,7 +153,7 @@ def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
         return []
     table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""
     return [
-        f"Averaged readings deviate from the best model, {fits[0].model}, by {100 * prepared.noise.misfit:.0f} % of "
-        "the signal (RMS) beyond their noise: check how distances were set. Over one step of distance, the virtual "
-        f"force has about the same error.{table}"
+        f"Averaged readings deviate from the best model, {fits[0].model}, by {100 * prepared.noise.misfit:.0f} % "
+        "of the signal (RMS), which noise does not explain: check how the distances were set. Over one step of "
+        f"distance, the virtual force has about the same error.{table}"
     ]

@@ -132,8 +132,8 @@ def find_window(
     near = find_near_end(calibration, curve, saturation, near_field_peak)
     if near.index == len(curve.distance):
         raise CalibrationDataError(
-            f"saturation: the readings are clipped at every distance ({near.reason}); measure farther away, "
-            "lower the gain of the sensor, or set saturation=None"
+            f"saturation: the readings are clipped at every distance ({near.reason}); measure at larger "
+            "distances, lower the gain of the sensor, or set saturation=None"
         )
     return window_of(calibration, curve, near, offset=offset_estimate, sigma=sigma, floor_sigmas=floor_sigmas)
 
@@ -208,8 +208,8 @@ def _peak(curve: AveragedCurve, start: int, option: float | str | None) -> tuple
         index = int(np.searchsorted(curve.distance, distance * (1 - 1e-12)))
         if index >= len(curve.distance) or not math.isfinite(distance):
             raise InvalidInputError(
-                f"near_field_peak: found {distance:g} m, but the peak must be nearer than the last measured "
-                f"distance, {curve.distance[-1]:g} m"
+                f"near_field_peak: found {distance:g} m, but the peak must be at a smaller distance than the "
+                f"last measured distance, {curve.distance[-1]:g} m"
             )
         return index, "declared"
     part = curve.part(slice(start, None))
@@ -242,8 +242,8 @@ def window_of(
     if end < len(indices):
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
         reason = (
-            f"from {beyond} on, the signal is less than {floor_sigmas:g} standard errors "
-            f"({floor - offset.value:.3g}{unit}) above the offset of {offset.value:.4g}{unit}"
+            f"from {beyond} on, the output is less than {floor_sigmas:g} standard errors (that is, "
+            f"{floor - offset.value:.3g}{unit}) above the offset of {offset.value:.4g}{unit}"
         )
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),

@@ -110,8 +110,8 @@ def _columns(text: str | None) -> dict[str, str]:
     parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
     if parts[0].strip() or len(parts) < 3:
         raise InvalidInputError(
-            f"--columns: found {text!r}, expected the columns by header, number or unit, for example "
-            '"distance=1,output=3 [V]"'
+            f"--columns: found {text!r}, but each column must be given by its header, number or unit, for "
+            'example "distance=1,output=3 [V]"'
         )
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
@@ -145,8 +145,8 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
     """Fit several calibration curves, and print a table row or a JSON object for each curve."""
     if shown.output is not None:
         raise InvalidInputError(
-            f"--output: {request.path.name} contains {len(curves)} curves, but a report covers one; choose a "
-            "curve with --select, for example "
+            f"--output: the file {request.path.name} contains {len(curves)} curves, but a report covers only one "
+            "curve; choose a curve with --select, for example "
             f"{' '.join(f'--select {shlex.quote(part)}' for part in curves[0].label.split(', '))}"
         )
     width = max(len(curve.label) for curve in curves)

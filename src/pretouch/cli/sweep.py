@@ -148,8 +148,7 @@ def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
         name, values = read_axis(text, units)
         if name in axes:
             raise InvalidInputError(
-                f"--axis: the input {name} is given twice, but each input can have only one axis; remove one --axis "
-                "option"
+                f"--axis: the input {name} is given twice, but can have only one axis; remove one of the --axis options"
             )
         axes[name] = values
     return axes
@@ -164,10 +163,13 @@ def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
     long = [name for name, values in axes.items() if len(values) > 1]
     if len(long) not in {1, 2}:
         raise InvalidInputError(
-            f"--figure: a figure needs one or two axes with more than one value, but this sweep has {len(long)}"
+            "--figure: a figure shows one or two axes that have more than one value, but this sweep has "
+            f"{len(long)} such axes"
         )
     if path.exists() and not force:
-        raise OutputExistsError(f"{path}: this file exists and is not overwritten; replace it with --force")
+        raise OutputExistsError(
+            f"{path}: this file already exists, and pretouch does not overwrite it; replace the file with --force"
+        )
 
 
 def _progress_printer() -> Callable[[Progress], None]:
@@ -209,8 +211,8 @@ def _present(dataset: xr.Dataset, reservations: Reservations | None, shown: Pres
         if shown.output is None:
             raise
         raise InvalidInputError(  # a large sweep is read here for the first time
-            f"{shown.output}: the file cannot be read ({' '.join(str(error).split())[:200]}) and may be damaged; "
-            "choose another name with --output, or remove the file"
+            f"{shown.output}: the file cannot be loaded ({' '.join(str(error).split())[:200]}) and may be "
+            "damaged; choose another name with --output, or remove the file"
         ) from None
     print_text(text)
     for what, path in () if shown.json else (("Dataset", shown.output), ("Figure", figure)):

@@ -143,8 +143,9 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
     near, far = (format_quantity(max(d - recess, 0.0), "m") for d in (window.l_min, window.l_max))
     return (
-        f"the calibration covers distances from {near} ({window.start_reason}) to {far} ({window.end_reason}); "
-        "calibrate over more distances, or extend the curve with minimum_distance or maximum_distance"
+        f"the calibration covers only distances from {near} ({window.start_reason}) to {far} "
+        f"({window.end_reason}); calibrate over more distances, or extend the curve with minimum_distance or "
+        "maximum_distance"
     )
 
 
@@ -260,7 +261,7 @@ class _Builder(Reading):
                 cause, other = f" ({window.start_reason.partition(' (')[0]})", "calibrate with lower amplification"
             self.refuse(
                 ("sensor",),
-                f"found a curve that starts {1e3 * low:.4g} mm from contact{cause}, expected one down to contact: "
+                f"the sensor curve starts {1e3 * low:.4g} mm from contact{cause}, but is needed down to contact; "
                 f"{recess_advice(recess + low, recess)}, or {other}",
             )
         if scenario.distance > high:
@@ -268,9 +269,9 @@ class _Builder(Reading):
             if window is not None and window.l_max <= (recess + high) * (1 + _ROUNDING):
                 cause = f", the end of the calibrated range ({window.end_reason})"
                 extending = (
-                    " To start there, calibrate at larger distances, or extend the curve with maximum_distance = "
-                    f'"{1e3 * scenario.distance:.4g} mm" if the model allows it (a table does not): '
-                    f"{consequence}."
+                    " To start at this distance, calibrate at larger distances, or extend the curve with "
+                    f'maximum_distance = "{1e3 * scenario.distance:.4g} mm" if the model allows it (a table does '
+                    f"not): {consequence}."
                 )
             self.refuse(
                 ("obstacle", "position"),
@@ -289,8 +290,8 @@ class _Builder(Reading):
             if frequency > _FASTEST:
                 self.refuse(
                     ("admittance", key),
-                    f"the natural frequency is {frequency:.4g} rad/s, but no control loop is faster than "
-                    f"{_FASTEST:,.0f} rad/s; check mass and stiffness with their units",
+                    f"the natural frequency of {frequency:.4g} rad/s is too high, because no control loop is "
+                    f"faster than {_FASTEST:,.0f} rad/s; check mass and stiffness with their units",
                 )
 
     def check_slope(self, sensor: SensorModel) -> None:
@@ -301,16 +302,17 @@ class _Builder(Reading):
         if slope > 1 / _STEEPEST:
             self.refuse(
                 ("sensor",),
-                f"at a distance of {nearest:g} m, the output falls by a factor of e within {1 / slope:.3g} m, "
-                f"expected at least {_STEEPEST:g} m; check the parameters of the curve and their units",
+                f"the sensor output is too steep at a distance of {nearest:g} m, where it falls by a factor of e "
+                f"within {1 / slope:.3g} m, expected at least {_STEEPEST:g} m; check the parameters of the curve "
+                "and their units",
             )
 
     def _needs_impact(self, quantity: str, path: KeyPath) -> None:
         if QUANTITIES[quantity].needs_impact and "impact" not in self.data:
             self.refuse(
                 path,
-                f'the quantity {quantity} needs the section [impact]; add this section with robot_mass = "4 kg", for '
-                "example",
+                f"the quantity {quantity} needs the section [impact] of the scenario file; add this section with "
+                'robot_mass = "4 kg", for example',
             )
 
 

@@ -71,17 +71,18 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
     if chain.period < period * (1 - _SAME):
         file.refuse(
             ("controller", "rate" if "rate" in values else "period"),
-            f"found a controller rate of {1 / period:g} Hz, expected at least {chain.rate:g} Hz, the rate of the "
-            f'sensor; or read the sensor less often, by [chain] with rate = "{1 / period:g} Hz"',
+            f"the controller runs at {1 / period:g} Hz, but needs at least {chain.rate:g} Hz, the rate of the "
+            f'sensor; raise the controller rate, or read the sensor less often: set rate = "{1 / period:g} Hz" '
+            "in the section [chain]",
         )
     slower = chain.period > period * (1 + _SAME)
     floor = values.get("floor", _FLOOR * chain.noise)
     if "floor" not in values and not floor > 0:
         file.refuse(
             ("controller", "floor"),
-            "the floor is missing: it must be a sensor output above drift and background reflections. Its "
-            f"default is {_FLOOR:g} standard deviations of the noise, but [chain] has no noise; add, for "
-            "example: floor = 30.0",
+            "the floor of the controller is missing; it is a sensor output above drift and background "
+            f"reflections. Its default is {_FLOOR:g} standard deviations of the noise, but the section [chain] "
+            "has no noise; add, for example: floor = 30.0",
         )
     if chain.period < period * (1 - _SAME) or not floor > 0:
         return None
@@ -91,7 +92,7 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
         if saturation <= offset + floor:
             file.refuse(
                 ("chain", "highest"),
-                f"found readings that saturate at {saturation:g}, expected more than {offset + floor:g}, the sum "
+                f"the readings saturate at {saturation:g}, but must reach more than {offset + floor:g}, the sum "
                 "of the controller's offset and floor",
             )
             return None
@@ -120,7 +121,7 @@ def refuse_curve_below_floor(
     key = next(k for k in ("scale", "outputs", "calibration") if k in file.data["sensor"])
     file.refuse(
         ("sensor", key),
-        f"found an output of {math.exp(log_output):.4g} at contact, below the controller's floor of "
-        f"{conditioning.floor:.4g}; expected outputs{unit} well above the floor, in the same unit as noise and "
-        "floor",
+        f"the sensor output is {math.exp(log_output):.4g} at contact, below the controller's floor of "
+        f"{conditioning.floor:.4g}, so the controller would ignore it; expected outputs{unit} well above the "
+        "floor, in the same unit as noise and floor",
     )

@@ -39,7 +39,7 @@ def _read(path: Path) -> bytes:
         hint = f"; did you mean {path.with_name(near[0])}?" if near else ""
         raise ScenarioFileError(f"{path}: there is no such file{hint}") from None
     except IsADirectoryError:
-        raise ScenarioFileError(f"{path}: this path is a folder, expected a scenario file (TOML)") from None
+        raise ScenarioFileError(f"{path}: this path is a folder, but a scenario file (TOML) is needed") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ScenarioFileError(f"{path}: cannot be read ({reason})") from None
@@ -55,15 +55,14 @@ def _scenarios_in_folder(path: Path) -> list[str]:
 def _decode(path: Path, content: bytes) -> str:
     """Decode a scenario file as UTF-8, with or without a byte order mark, and normalize its line ends."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise ScenarioFileError(f"{path}, line 1: found text in UTF-16, expected text in UTF-8; save the file as UTF-8")
+        raise ScenarioFileError(f"{path}, line 1: the text is encoded in UTF-16; save the file as UTF-8")
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         byte = content[error.start : error.start + 1].hex()
         raise ScenarioFileError(
-            f"{path}, line {line}: found the byte 0x{byte}, which is not valid in UTF-8, the required encoding; "
-            "save the file as UTF-8"
+            f"{path}, line {line}: the byte 0x{byte} is not valid UTF-8 text; save the file with the encoding UTF-8"
         ) from None
 
 
@@ -73,14 +72,13 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
     if deep is not None:
         line = text.count("\n", 0, deep.start()) + 1
         raise ScenarioFileError(
-            f"{path}, line {line}: found a key with more than {_DEEPEST} parts, expected a key of the form section.key"
+            f"{path}, line {line}: the key has more than {_DEEPEST} parts, but keys of a scenario file have the "
+            "form section.key"
         )
     try:
         return tomllib.loads(text)
     except RecursionError:
-        raise ScenarioFileError(
-            f"{path}, line 1: found lists that are nested too deeply, expected a scenario file"
-        ) from None
+        raise ScenarioFileError(f"{path}, line 1: the lists are nested too deeply for a scenario file") from None
     except ValueError as error:  # TOMLDecodeError, or an integer with thousands of digits
         lines = text.split("\n")
         message = str(error)
@@ -92,9 +90,7 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
         line_text = lines[number - 1].strip() if number <= len(lines) else ""
         line_text = line_text if len(line_text) <= 60 else f"{line_text[:57]}..."
         hint = printable(_hint(path, what, line_text))
-        raise ScenarioFileError(
-            f"{path}, line {number}: found {line_text!r}, which is not valid TOML: {hint}"
-        ) from None
+        raise ScenarioFileError(f"{path}, line {number}: the text {line_text!r} is not valid TOML: {hint}") from None
 
 
 def _hint(path: Path, message: str, line: str) -> str:

@@ -77,7 +77,9 @@ def _refuse_missing_sections(file: Reading) -> None:
     for name, keys in _NEEDED.items():
         if name not in data and name not in file.meant:
             file.refuse(
-                (first,), f"this section also needs the section [{name}]; add [{name}] with {keys}, for example"
+                (first,),
+                f"this section also needs the section [{name}] of the scenario file; add [{name}] with {keys}, "
+                "for example",
             )
 
 

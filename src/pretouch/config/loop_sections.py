@@ -51,8 +51,8 @@ def _check_margin(values: Mapping[str, Any]) -> None:
     margin = values.get("stability_margin", 2.0)
     if not margin > 1:
         raise UnfitValueError(
-            f"found a gain margin of {margin:g}, expected a number above 1, such as 2. If the gain grows by this "
-            "factor, the loop becomes unstable",
+            f"found a gain margin of {margin:g}, expected a number above 1, such as 2, because the loop becomes "
+            "unstable if the gain grows by this factor",
             "stability_margin",
         )
 
@@ -73,7 +73,7 @@ def _stiffness_reader(exponent: float | None) -> Callable[[Any], Any]:
                     return _STIFFNESS(number)
         except (UnitError, ArithmeticError):
             pass
-        raise UnfitValueError(f'expected a positive quantity in N/m^{power:g}, such as "1e6 N/m^{power:g}"')
+        raise UnfitValueError(f'expected a positive quantity in the unit N/m^{power:g}, such as "1e6 N/m^{power:g}"')
 
     return read
 
@@ -116,7 +116,8 @@ def _check_drag(values: Mapping[str, Any]) -> None:
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
-            f"found both {ways[0]} and {ways[1]}, but only one of these keys is allowed: {', '.join(EFFECTS)}, drag",
+            f"found the keys {ways[0]} and {ways[1]}, but only one of these keys is allowed: "
+            f"{', '.join(EFFECTS)}, drag",
             ways[1],
         )
     if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:

@@ -21,8 +21,8 @@ def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: Cali
     if part is not None and unit and part.unit not in {"", unit}:
         file.refuse(
             ("chain", "part"),
-            f"found a part that reports {part.unit}, but the outputs of the sensor curve are in {unit} "
-            f"({_location(file, path)}); expected a curve in {part.unit}, or a part that reports {unit}",
+            f"the sensor component reports {part.unit}, but the outputs of the sensor curve are in {unit} "
+            f"({_location(file, path)}); use a curve in {part.unit}, or a component that reports {unit}",
         )
         return
     if part is not None and not unit:

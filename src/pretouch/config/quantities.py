@@ -139,8 +139,8 @@ class Quantity:
         number = self._number(value)
         if not isinstance(value, str) and abs(number) > self.largest_bare:
             raise UnfitValueError(
-                f"expected a quantity with its unit, because a number without a unit is read in {self.unit}; did "
-                f'you mean "{value:g} m{self.unit}"? Otherwise write "{value:g} {self.unit}"'
+                f"expected a quantity with its unit, because the number is implausibly large in {self.unit}, the "
+                f'default unit; did you mean "{value:g} m{self.unit}"? Otherwise write "{value:g} {self.unit}"'
             )
         if self.sign != "any" and not _HOLDS[self.sign](number, 0.0):
             raise UnfitValueError(f"expected {self._described(f'{self.sign} ')}")

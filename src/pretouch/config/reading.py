@@ -252,7 +252,10 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
         homes = [f"[{section}]" for section in SECTIONS if name in keys_of(section)]
         near = nearest(name, SECTIONS)
         if not isinstance(data[name], (dict, list)) and homes:
-            yield (name,), f"found a key outside of a section, expected the key in {' or '.join(homes)}"
+            yield (
+                (name,),
+                f"this key stands outside of a section of the scenario file, but belongs in {' or '.join(homes)}",
+            )
         else:
             expected = f"[{near}]" if near else f"one of {', '.join(f'[{s}]' for s in SECTIONS)}"
             yield (name,), f"found an unknown section, expected {expected}"
@@ -325,18 +328,15 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
     owners = [tag for tag, other in variants(name).items() if key in other.keys]
     if name == "sensor" and CALIBRATION in content:
         return (
-            f"found a parameter together with calibration (line {source.lines['sensor', CALIBRATION]}), expected "
-            "either a model with its parameters, or a calibration to fit"
+            f"found a curve parameter together with a calibration (line {source.lines['sensor', CALIBRATION]}); "
+            "give either a model with its parameters, or a calibration to fit"
         )
     if name == "sensor" and owners == [CALIBRATION]:
         return "found a key that belongs to a calibration, expected it only together with calibration = ..."
     if name in OF_A_LAW:
         instead = _INSTEAD.get((name, key), f"only {takes}")
-        return (
-            f'found a key that belongs to the law kind "{owners[0]}", but this file uses another law; expected '
-            f"{instead}"
-        )
+        return f'this key belongs to the law "{owners[0]}", but the scenario file uses another law; expected {instead}'
     if name in _TAGS:
         quoted = " and ".join(f'"{owner}"' for owner in owners)
-        return f'found a key that belongs to {quoted}, but not to "{content[_TAGS[name]]}"; expected only {takes}'
+        return f'this key belongs to {quoted}, but not to "{content[_TAGS[name]]}"; the allowed keys are {takes}'
     return f"found together with {', '.join(k for k in content if k != key)}, expected only {takes}"

@@ -67,8 +67,8 @@ def _required(
         if name not in limited:
             file.refuse(
                 ("robust", "required", name),
-                f"found a probability for a constraint that does not exist, expected the constraint {name} in "
-                "[constraints]",
+                f"this probability belongs to no constraint of the scenario file; add the constraint {name} to "
+                "the section [constraints]",
             )
     for constraint in constraints:
         probability = probabilities.get(constraint.name)
@@ -94,15 +94,13 @@ def _uncertainty(
         if part == "sensor" and sensor is not None and f"sensor.{key}" not in sensor_inputs(sensor):
             inputs = [name.removeprefix("sensor.") for name in sensor_inputs(sensor)]
             parameters = ", ".join(name for name in inputs if name != "scale") or "none"
-            file.refuse(
-                path, f"found a parameter that the {sensor.name} curve does not have, expected one of: {parameters}"
-            )
+            file.refuse(path, f"the {sensor.name} curve has no such parameter; its parameters are {parameters}")
             continue
         if "interval" in values and measure != "worst-case":
             file.refuse(
                 (*path, "interval"),
-                f'found an interval, which has no probabilities, but measure = "{measure}" needs probabilities; '
-                'expected uniform if all values are equally likely, or measure = "worst-case"',
+                f'an interval has no probabilities, but measure = "{measure}" needs probabilities; use uniform '
+                'if all values are equally likely, or measure = "worst-case"',
             )
         distribution = file.attempt("", partial(_distribution, values), path)
         distributions |= {} if distribution is None else {f"{part}.{key}": distribution}
@@ -151,8 +149,7 @@ def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncerta
         if name in means:
             file.refuse(
                 ("uncertainty", *name.split(".")),
-                f"found the input {name} twice, alone and in sensor.{FROM_CALIBRATION}; expected only one of "
-                "these keys",
+                f"the input {name} is given twice, alone and in sensor.{FROM_CALIBRATION}; remove one of the two keys",
             )
         means |= {member: [mean] for member, mean in zip(value.inputs(name), value.means(), strict=True)}
     try:

@@ -57,19 +57,21 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
         raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(DISTRIBUTION_KINDS.names())}")
     if "between" in values and "normal" not in values:
         raise UnfitValueError(
-            f"found between together with {kinds[0]}, expected between only with normal, whose distribution it "
-            "truncates",
+            f"the key between is given together with {kinds[0]}, but is allowed only together with normal, whose "
+            "distribution it truncates",
             "between",
         )
     for key in ("uniform", "interval", "between"):
         pair = values.get(key)
         if pair is not None and not pair[0] < pair[1]:
-            raise UnfitValueError(f"found {pair[0]:g} followed by {pair[1]:g}, expected the smaller one first", key)
+            raise UnfitValueError(
+                f"found the number {pair[0]:g} followed by {pair[1]:g}, expected the smaller number first", key
+            )
     if "normal" in values and not values["normal"][1] > 0:
         deviation = values["normal"][1]
         raise UnfitValueError(
-            f"found a standard deviation of {deviation:g}, expected a list of mean and standard deviation, with "
-            "a positive deviation",
+            f"found a standard deviation of {deviation:g}, expected a list of two numbers: the mean, and a "
+            "standard deviation above 0",
             "normal",
         )
 
@@ -83,7 +85,12 @@ def _distribution_section(unit: str) -> Section:
     return Section(
         {
             "normal": Key(
-                list_of(number, 2, 2, f"a list of two {what}: the mean and the standard deviation, such as {example}")
+                list_of(
+                    number,
+                    2,
+                    2,
+                    f"a list of two {what}, which are the mean and the standard deviation, such as {example}",
+                )
             ),
             "uniform": Key(list_of(number, 2, 2, pair)),
             "interval": Key(list_of(number, 2, 2, pair)),
@@ -171,7 +178,8 @@ def _required(value: Any) -> dict[str, float]:
             raise UnfitValueError(f"found a constraint {shown(name)}, expected one of {names}", name)
         if type(number) not in {int, float} or not 0 < number <= 1:
             raise UnfitValueError(
-                f"found {shown(number)}, expected a probability greater than 0 and at most 1, such as 0.99", name
+                f"found the probability {shown(number)}, expected a number greater than 0 and at most 1, such as 0.99",
+                name,
             )
     return {name: float(number) for name, number in value.items()}
 
@@ -181,11 +189,12 @@ def _check_measure(values: Mapping[str, Any]) -> None:
     needs_probability = measure in {"quantile", "tail-mean"}
     if needs_probability and "probability" not in values:
         raise UnfitValueError(
-            f"the probability is missing, which the measure {measure} needs; add, for example: probability = 0.9"
+            f"the measure {measure} needs a probability, but the key probability is missing; add, for example: "
+            "probability = 0.9"
         )
     if not needs_probability and "probability" in values:
         raise UnfitValueError(
-            f"found a probability, which the measure {measure} does not use; expected a probability only with "
+            f"the measure {measure} does not use a probability; remove the key probability, or use the measure "
             "quantile or tail-mean",
             "probability",
         )

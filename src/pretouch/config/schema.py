@@ -55,7 +55,7 @@ def _check_second_term(values: Mapping[str, Any]) -> None:
     for kind in ("velocity", "force"):
         if f"{kind}_weight" in values and f"{kind}_scale" not in values:
             raise UnfitValueError(
-                f"found {kind}_weight without {kind}_scale, expected both keys or neither", f"{kind}_weight"
+                f"found the key {kind}_weight without the key {kind}_scale; give both keys or neither", f"{kind}_weight"
             )
 
 
@@ -213,8 +213,8 @@ def _check_course(values: Mapping[str, Any]) -> None:
     for i, (before, after) in enumerate(pairwise(ends), 1):
         if not after > before:
             sentence = (
-                f"found a stretch that ends at {after:g} s, expected a time after {before:g} s, the end of the "
-                "stretch before"
+                f"this stretch of the obstacle's motion ends at {after:g} s, but must end after {before:g} s, "
+                "the end of the stretch before"
             )
             raise UnfitValueError(sentence, "course", i, "until")
 

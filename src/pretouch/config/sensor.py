@@ -138,7 +138,7 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
             return read_quantity(value, unit, name=name), unit
         except (UnitError, ArithmeticError):
             continue
-    raise UnitError(f"{name}: found {value!r}, expected a number, or a text with a number in V or counts")
+    raise UnitError(f'{name}: found {value!r}, expected a number, or a text such as "0.2 V" or "20 counts"')
 
 
 def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
@@ -202,8 +202,8 @@ class FitRequest:
             labels = "; ".join(curve.label for curve in curves[:8] if curve.label) or "none: the file holds one curve"
             more = f" and {len(curves) - 8} more" if len(curves) > 8 else ""
             message = (
-                f"select: found {', '.join(sorted(selected))}, expected the labels of a curve in "
-                f"{self.path.name} ({labels}{more})"
+                f"select: the file has no curve with the labels {', '.join(sorted(selected))}; available in "
+                f"{self.path.name}: {labels}{more}"
             )
             raise CalibrationDataError.without_content(message)  # labels of a valid calibration may be quoted
         if isinstance(self.no_object, tuple):
@@ -255,8 +255,8 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
     number, unit = value
     if unit and unit != calibration.unit:
         raise UnitError(
-            f"{name}: found {number:g} {unit}, expected a value in the unit of the calibration, "
-            f"{calibration.unit or 'which has none'}"
+            f"{name}: found {number:g} {unit}, expected a value in the unit of the calibration "
+            f"({calibration.unit or 'which has none'})"
         )
     return number
 
@@ -267,8 +267,8 @@ def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(
-            f"select: {request.path.name} contains {len(curves)} curves, expected one; choose a curve by its "
-            f"labels, for example {_as_toml(curves[0].label)}"
+            f"select: the file {request.path.name} contains {len(curves)} curves, but exactly one is needed; "
+            f"choose a curve by its labels, for example {_as_toml(curves[0].label)}"
         )
     report = request.rank(curves[0])
     if report.best is None:

@@ -71,13 +71,13 @@ class Conditioning:
         check_declared(self, instead=ONE_ROBOT)
         if self.saturation is not None and not self.offset + self.floor < self.saturation <= _ANY_READING:
             raise InvalidInputError(
-                f"saturation: found {self.saturation:g}, expected more than {self.offset + self.floor:g}, the "
-                f"sum of offset and floor, and at most {_ANY_READING:g}"
+                f"saturation: found {self.saturation:g}, expected more than {self.offset + self.floor:g}, which "
+                f"is the sum of offset and floor, and at most {_ANY_READING:g}"
             )
         if not abs(self.offset) + self.floor < _ANY_READING:
             raise InvalidInputError(
-                f"offset, floor: found {self.offset:g} and {self.floor:g}, expected a sum of |offset| and floor "
-                "below 1e12"
+                f"offset, floor: found an offset of {self.offset:g} and a floor of {self.floor:g}, expected a "
+                "sum of their magnitudes below 1e12"
             )
         if not self.floor >= _ANY_FLOOR:
             raise InvalidInputError(
@@ -86,7 +86,7 @@ class Conditioning:
         length: object = self.median_window
         if not isinstance(length, int) or isinstance(length, bool) or not 1 <= length <= LONGEST_WINDOW:
             raise InvalidInputError(
-                f"median_window: found {length!r}, expected a whole number of readings from 1 (no median) "
+                f"median_window: found {length!r}, expected a whole number of readings from 1 (no median filter) "
                 f"to {LONGEST_WINDOW}"
             )
 
@@ -95,13 +95,15 @@ class Conditioning:
         sensor_period = period if self.sensor_period is None else self.sensor_period
         if sensor_period < period * (1 - 1e-9):
             raise InvalidInputError(
-                f"sensor_period: found {sensor_period:g} s, expected at least the loop's period of {period:g} s; "
-                "run the loop at the sensor's rate, or use only every second or third reading"
+                f"sensor_period: found {sensor_period:g} s, expected at least the controller period of "
+                f"{period:g} s; run the controller at the sensor's rate, or use only every second or third "
+                "reading"
             )
         timeout = _TIMEOUT_PERIODS * sensor_period if self.timeout is None else self.timeout
         if timeout < sensor_period:
             raise InvalidInputError(
-                f"timeout: found {timeout:g} s, expected at least the time between two readings, {sensor_period:g} s"
+                f"timeout: found {timeout:g} s, expected at least {sensor_period:g} s, which is the time between "
+                "two readings"
             )
         low_pass = design_low_pass(self.low_pass_order, self.cutoff, 1 / sensor_period)
         return SensingNumbers(
@@ -130,13 +132,14 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[F
     # The result equals that of scipy.signal, which a test checks. Importing scipy.signal would take too long.
     if not isinstance(order, int) or isinstance(order, bool) or not 0 <= order <= HIGHEST_ORDER:
         raise InvalidInputError(
-            f"low_pass_order: found {order!r}, expected a whole number from 0 (no filter) to {HIGHEST_ORDER}"
+            f"low_pass_order: found {order!r}, expected a whole number from 0 (no low-pass filter) to {HIGHEST_ORDER}"
         )
     if order == 0:
         return ()
     if cutoff is None:
         raise InvalidInputError(
-            f"cutoff: the cutoff frequency is missing; a low-pass filter of order {order} needs one in Hz"
+            f"cutoff: the cutoff frequency is missing, but a low-pass filter of order {order} needs a cutoff "
+            "frequency in Hz"
         )
     frequency = positive(cutoff, "cutoff", "Hz")
     if not frequency < rate / 2:

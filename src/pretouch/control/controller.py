@@ -134,8 +134,9 @@ class Controller:
         farthest = max(abs(x), ahead + stopping_distance(limits, abs(v)))
         if abs(v) > limits.speed or farthest > limits.excursion:
             raise InvalidInputError(
-                f"start: found {x:g} m and {v:g} m/s relative to the reference, from which the robot cannot stay "
-                f"within the limits ({self.limits}); start nearer to the reference or slower, or widen the limits"
+                f"start: the robot starts at {x:g} m and {v:g} m/s relative to the reference, and cannot stay "
+                f"within the limits ({self.limits}) from there; start nearer to the reference or slower, or "
+                "widen the limits"
             )
         sensing = start_sensing(self.conditioning.numbers(self.period))
         return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())
@@ -145,7 +146,8 @@ class Controller:
         law: Any = self.law
         if not hasattr(law, "with_gain"):
             raise InvalidInputError(
-                f"gain: the law {type(law).__name__} has no gain; use the method with_value instead"
+                f"gain: the control law {type(law).__name__} has no gain; change its parameter with the method "
+                "with_value instead"
             )
         return replace(self, law=law.with_gain(gain))
 

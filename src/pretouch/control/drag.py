@@ -87,13 +87,13 @@ class VirtualDrag:
         check_declared(self, instead=ONE_ROBOT)
         if self.own_advance > 0:
             raise InvalidInputError(
-                f"own_advance: found {self.own_advance:g} N*s, expected 0 or a negative number, so that the "
-                "force brakes the robot"
+                f"own_advance: found {self.own_advance:g} N*s, expected 0 or a negative number, because a "
+                "positive number would accelerate the robot"
             )
         if self.known_acceleration > 0:
             raise InvalidInputError(
-                f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or a negative number; "
-                "with a positive number the robot would follow an object that slows down"
+                f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or a negative number, "
+                "because with a positive number the robot would follow an object that slows down"
             )
         largest = dict.fromkeys(("drag", "dead_zone", "still_rate", "own_advance", "known_acceleration"), _LARGEST)
         largest |= dict.fromkeys(("noise", "relative_noise", "resolution"), _LARGEST_NOISE)

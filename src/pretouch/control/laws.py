@@ -320,7 +320,8 @@ class VirtualDamper:
         if self.approach_only:
             yield (
                 "acts",
-                f"only during approaches; a new approach begins after ln \u03be has fallen by {self.release:.4g}",
+                "the force acts only during approaches; a new approach begins after the log output ln ξ has "
+                f"fallen by {self.release:.4g}",
             )
         if self.ramp_time:
             yield "ramp of the gain", Measured(self.ramp_time, "s")

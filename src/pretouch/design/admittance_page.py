@@ -59,7 +59,8 @@ def _evidence(design: AdmittanceDesign) -> Iterator[Row]:
     active = ", ".join(f"{name.replace('_', ' ')} (multiplier {value:.3g})" for name, value in c.active)
     yield (
         "searched",
-        f"{c.grid} encounters on a grid were solved; none of {c.tests} further encounters is better than the optimum",
+        f"the search evaluated {c.grid} encounters on a grid; none of {c.tests} further encounters is better "
+        "than the optimum",
     )
     yield "active limits and bounds", active or "none: the optimum lies inside"
     yield "first-order residual, relative to the objective", f"{c.residual:.1e}"

@@ -134,7 +134,7 @@ class AdmittanceDesign(Answer):
         """
         if self.gain_design is None:
             raise ResultUnavailableError(
-                f"admittance: there is no optimal admittance, because the design has the status {self.status.value}"
+                f"admittance: the design found no optimal admittance (status: {self.status.value})"
             )
         return self.gain_design.scenario.admittance
 
@@ -171,7 +171,7 @@ class AdmittanceDesign(Answer):
             excess = (
                 "" if self.best_ratio is None else f"; the best exceeds a limit by {100 * (self.best_ratio - 1):.3g} %"
             )
-            return f"Infeasible: within the bounds, no gain and admittance meet every constraint{excess}."
+            return f"Infeasible: within the bounds, no gain and admittance together meet every constraint{excess}."
         text = (
             "The optimal admittance has a natural frequency of "
             f"{format_quantity(self.natural_frequency or 0.0, 'rad/s')} and a damping ratio of "
@@ -180,8 +180,8 @@ class AdmittanceDesign(Answer):
         if self.unchanged.objective is not None:
             change = 100 * (self.objective / self.unchanged.objective - 1)
             than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
-            return f"{text} The objective is {self.objective:.4g}, {than} with the unchanged admittance."
+            return f"{text} The objective {self.objective:.4g} is {than} with the unchanged admittance."
         return (
-            f"{text} The objective is {self.objective:.4g}. With the unchanged admittance, no gain meets every "
+            f"{text} The objective is {self.objective:.4g}. With the original admittance, no gain meets every "
             "constraint."
         )

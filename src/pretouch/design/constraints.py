@@ -65,4 +65,6 @@ def each_once(constraints: Iterable[Constraint]) -> None:
     names = [constraint.name for constraint in constraints]
     for name in names:
         if names.count(name) > 1:
-            raise InvalidInputError(f"constraint {name}: this constraint is given twice; remove one of the two")
+            raise InvalidInputError(
+                f"constraint {name}: this constraint is given twice; remove one of the two constraints"
+            )

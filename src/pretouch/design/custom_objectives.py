@@ -60,14 +60,14 @@ class CustomObjective(Objective):
             numbers = np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
-                f"objective: {self.name} failed for an array of contacts of shape {np.shape(state.time)} "
-                f"({error}). The objective is called with many contacts at once: use functions that accept "
-                "arrays, such as those of NumPy"
+                f"objective: {self.name} failed for contact states of the shape {np.shape(state.time)} "
+                f"({error}). pretouch evaluates the objective for many contacts in one call: use functions that "
+                "accept arrays, such as those of NumPy"
             ) from error
         if numbers.ndim and numbers.shape != np.shape(state.time):
             raise InvalidInputError(
-                f"objective: {self.name} returned an array of shape {numbers.shape} for contacts of shape "
-                f"{np.shape(state.time)}, expected the same shape"
+                f"objective: {self.name} returned an array of the shape {numbers.shape}, expected the shape "
+                f"{np.shape(state.time)} of the contact states"
             )
         return np.broadcast_to(numbers, np.shape(state.time))
 
@@ -88,8 +88,8 @@ def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an o
     if callable(getattr(objective, "value", None)) or (callable(objective) and not isinstance(objective, type)):
         return ""
     return (
-        f"is {short_repr(objective)}, expected a function of the state at contact, or a class or object with "
-        "value(state, obstacle_speed, impact)"
+        f"is {short_repr(objective)}, but an objective must be a function of the state at contact, or a class or "
+        "object with the method value(state, obstacle_speed, impact)"
     )
 
 
@@ -124,8 +124,8 @@ def as_objective(given: AnyObjective) -> Objective:
         return given
     if isinstance(given, type) or not (callable(getattr(given, "value", None)) or callable(given)):
         raise InvalidInputError(
-            f"objective: found {given!r}, expected an Objective, an object with a method value(state, "
-            "obstacle_speed, impact), or a function of the state at contact"
+            f"objective: found {given!r}, expected an Objective, a function of the state at contact, or an "
+            "object with the method value(state, obstacle_speed, impact)"
         )
     return CustomObjective(name=_name_of(given), given=given)
 

@@ -36,8 +36,8 @@ def _part(make: Callable[[Any], R]) -> cached_property[R]:
     def part(evidence: GainEvidence) -> R:
         if evidence.scenario.shape:
             raise ResultUnavailableError(
-                f"{make.__name__}: this result is an array of designs, expected a single design; select one with "
-                ".at(index)"
+                f"{make.__name__}: this result contains several designs, but a single design is needed; select "
+                "one design with .at(index)"
             )
         return make(evidence)
 

@@ -53,8 +53,8 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
         yield "scan", f"{len(design.trade_off.gain)} gains"
     else:
         text = (
-            f"{c.scanned} gains were evaluated; the largest relative error of interpolation between gains is "
-            f"{c.resolution:.1e}"
+            f"the search evaluated {c.scanned} gains; interpolation between these gains has a relative error of "
+            f"at most {c.resolution:.1e}"
         )
         yield "scan", text
         yield "local minima found and refined", str(len(c.local_minima))
@@ -103,8 +103,8 @@ def sensitivity_section(design: GainDesign) -> PageSection:
     note = "Inputs without influence are omitted. One is the scale of the sensor, which cancels in \u03be\u2032/\u03be."
     striped = "less negative" if n.sign < 0 else "more positive"
     caption = (
-        f"Each bar shows the change of the optimal {n.name} if the magnitude of an input grows by 1 %. Striped bars "
-        f"mean that the {n.name} becomes {striped}."
+        f"Each bar shows the relative change of the optimal {n.name} if the magnitude of one input grows by 1 %. "
+        f"Striped bars mean that the {n.name} becomes {striped}."
     )
     picture = Picture(figure="sensitivity", of=design, name=f"Sensitivity of the optimal {n.name}", caption=caption)
     head = ("input", "value", f"{n.name} change per +1 %", f"d{n.symbol} / d input")

@@ -142,7 +142,10 @@ class GainDesign(GainEvidence):
             task, cause = self.problem.task, ""
             if self.without_margin is not None:
                 rate = format_quantity(task.loop.chain.rate, "Hz")
-                cause = f" with the required gain margin of {task.stability_margin:g} at this sensor rate ({rate})"
+                cause = (
+                    f" with the required gain margin of {task.stability_margin:g} at the sensor rate of the loop "
+                    f"({rate})"
+                )
             return f"Infeasible{cause}: {_conflict(self)}."
         return "No gain within the bounds ends in contact."
 
@@ -176,7 +179,7 @@ def _conflict(design: GainDesign) -> str:
     if len(exceeded) == 1:
         one = exceeded[0]
         value, limit = (format_quantity(x or 0.0, one.unit) for x in (one.value, one.limit))
-        return f"{one.name} cannot be limited to {limit}: the nearest achievable value is {value}, at {gain}"
+        return f"{one.name} cannot be limited to {limit}: the nearest achievable value is {value}, which {gain} reaches"
     nearest = " and ".join(
         f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
         for o in exceeded
@@ -186,7 +189,10 @@ def _conflict(design: GainDesign) -> str:
         for o in exceeded
         if not o.achievable
     )
-    return f"{' and '.join(o.name for o in exceeded)} cannot be met together; nearest, at {gain}: {nearest}{alone}"
+    return (
+        f"the limits of {' and '.join(o.name for o in exceeded)} cannot be met together; the nearest choice is "
+        f"{gain}, with {nearest}{alone}"
+    )
 
 
 def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
@@ -212,13 +218,13 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     n = design.number
     if design.gain is not None and n.sign * design.gain < 0:
         sign = "positive" if design.gain > 0 else "negative"
-        yield f"the optimal {n.name} is {sign}, so it drives the robot toward the object"
+        yield f"the optimal {n.name} is {sign}, so the virtual force moves the robot toward the object"
     if design.result is not None:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:
             yield (
-                f"the computed motion violates its impulse balance by {residual:.0e} (usual: at most "
-                f"{_RESIDUAL:.0e}), so its numbers are less certain"
+                f"the computed motion violates its impulse balance by a relative error of {residual:.0e} "
+                f"(usually at most {_RESIDUAL:.0e}), so the results are less accurate"
             )
 
 
@@ -244,12 +250,12 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
             cause = ", because the object recedes: an approach has a negative velocity"
         elif kind is ContactStatus.LEFT_RANGE and low > 0:
             cause = (
-                f", because the sensor curve starts at {format_quantity(low, 'm')}: mount the sensor that far behind "
-                "the contact surface and set this distance as its recess"
+                f", because the sensor curve starts at {format_quantity(low, 'm')}: mount the sensor this "
+                "distance behind the contact surface, and set its recess to this distance"
             )
         nearest = float(np.asarray(scanned.closest_distance)[status == kind].min())
         yield (
-            f"{share} ended without contact{cause}. {kind.meaning} The nearest approach is "
+            f"with {share}, the encounter ended without contact{cause}. {kind.meaning} The smallest distance was "
             f"{format_quantity(nearest, 'm')}."
         )
     if design.gain is not None and not design.no_mitigation.reached.all():

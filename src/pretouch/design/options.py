@@ -85,7 +85,7 @@ class ParetoOptions(ExplainsNames, Value):
                 raise InvalidInputError(f"quantities: found {name!r}, expected some of {', '.join(QUANTITY_UNITS)}")
         if len(names) not in {2, 3} or len(set(names)) < len(names):
             listed = ", ".join(names) or "none"
-            raise InvalidInputError(f"quantities: found {listed}, expected two or three different ones")
+            raise InvalidInputError(f"quantities: found {listed}, expected two or three different names of quantities")
         object.__setattr__(self, "quantities", names)
 
 

@@ -140,8 +140,8 @@ def _next_step(design: GainDesign) -> str:
     if design.without_margin is not None:
         gain = design.without_margin.gain
         return (
-            f"read the sensor faster: `pretouch verify` names the rate for {design.number.equals(gain)}, the optimum "
-            "without the margin"
+            "read the sensor faster: `pretouch verify` reports the sensor rate that "
+            f"{design.number.equals(gain)} needs, the optimum without the gain margin"
         )
     if design.result is None:
         return (
@@ -216,8 +216,8 @@ def _trade_off(design: GainDesign) -> PageSection:
     itemized = bool(design.objective_parts or not isinstance(design.definition, CustomObjective))
     caption = (
         f"The left plot shows {'the objective and its terms' if itemized else 'the objective'} over the searched "
-        "range of gains; hatched gains exceed the named limit or end without contact. The right plot shows the "
-        "contact that results from each gain."
+        "range of gains. Hatched gains exceed the named limit or end without contact. The right plot shows the "
+        "state at contact that results from each gain."
     )
     if shows_equals(design):
         caption += (
@@ -311,7 +311,8 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
         return None
     power, exponent = law.degree, "" if law.degree == 1 else f"^{law.degree}"
     general = (
-        f"The virtual force is proportional to {n.symbol} (g(l) l\u2032){exponent}.",
+        f"The virtual force is proportional to {n.symbol} (g(l) l′){exponent}, with the sensor slope g and the "
+        "relative velocity l′.",
         f"product {n.symbol} g{exponent}",
         f"{2**power} times",
     )
@@ -324,9 +325,10 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
             place = f"{name}, l = {format_quantity(distance, 'm')}"
             rows.append((place, Measured(gain, n.unit), Measured(slope, "1/m"), Measured(gain * slope**power, unit)))
     note = (
-        f"{force} Only this product affects the motion, so a {n.name} cannot be compared between different "
-        f"sensors. A sensor with half the slope needs about {times} the {n.name} for the same motion. An offset "
-        "that remains in the readings lowers g and weakens the force."
+        f"{force} The {n.name} affects the motion only through this product, so values of the {n.name} cannot be "
+        f"compared between different sensors. A sensor with half the slope needs about {times} the {n.name} for "
+        "the same motion. An offset that remains in the readings lowers the measured slope g and weakens the "
+        "force."
     )
     head = ("distance", n.label, "sensor slope g", coefficient)
     table = PageTable(head=head, rows=tuple(rows), note=note, brief=True)

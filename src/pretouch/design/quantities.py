@@ -68,8 +68,8 @@ class ContactQuantity(str):
     ) -> ContactQuantity:
         if name in _BUILT_IN or not name.isidentifier():
             raise InvalidInputError(
-                f"name: found {name!r}, expected letters, digits and underscores, and no built-in quantity "
-                f"({', '.join(_BUILT_IN)})"
+                f"name: found {name!r}, expected letters, digits and underscores; the names of built-in "
+                f"quantities ({', '.join(_BUILT_IN)}) are not allowed"
             )
         parse_unit(unit)
         entry = Entry(
@@ -96,7 +96,7 @@ def _quantity_problem(name: str, quantity: Any) -> str:
     """Return an error message if the quantity of an installed package is invalid; otherwise return an empty text."""
     if not isinstance(quantity, ContactQuantity):
         return f"is {short_repr(quantity)}, expected a pretouch.design.ContactQuantity"
-    return "" if quantity == name else f'is the quantity "{quantity}"; both names must be equal'
+    return "" if quantity == name else f'has another name than its quantity "{quantity}"; use the same name for both'
 
 
 QUANTITY_KINDS: Final = Extensions(group="pretouch.terms", built_in=lambda: _BUILT_IN, problem=_quantity_problem)
@@ -139,7 +139,7 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
     if entry.needs_impact and impact is None:
         raise InvalidInputError(
             f"{name}: this quantity depends on the physical masses of robot and obstacle; pass an impact model "
-            "with the robot's reflected mass, which is not the virtual mass of the admittance"
+            "with the robot's physical (reflected) mass, not the virtual mass of the admittance"
         )
     return entry.value(state, impact) if entry.value is not None else None
 

@@ -89,15 +89,15 @@ class DragSchedule(Value):
         whole = self.constant.excursion
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
             return (
-                f"a constant drag with an excursion of {1e3 * whole:.2f} mm is optimal: no "
-                f"{'rising ' * self.monotone}schedule with these steps has an excursion below "
+                f"a constant virtual drag with an excursion of {1e3 * whole:.2f} mm is optimal, because no "
+                f"{'rising ' * self.monotone}drag schedule with these distance steps has an excursion below "
                 f"{1e3 * self.lower_bound:.2f} mm"
             )
         saved = 1 - self.largest_excursion / whole
         return (
-            f"{'worthwhile' if saved >= _WORTH else 'not worthwhile'}: {100 * saved:.0f} % less excursion "
-            f"({1e3 * self.largest_excursion:.1f} mm instead of {1e3 * whole:.1f} mm), but "
-            f"{self.peak.max() / self.constant.peak:.1f} times the peak acceleration"
+            f"the drag schedule is {'worthwhile' if saved >= _WORTH else 'not worthwhile'}: its excursion is "
+            f"{100 * saved:.0f} % smaller ({1e3 * self.largest_excursion:.1f} mm instead of {1e3 * whole:.1f} "
+            f"mm), but its peak acceleration is {self.peak.max() / self.constant.peak:.1f} times as large"
         )
 
     def drag_at(self, log_output: ArrayLike) -> Any:
@@ -185,14 +185,16 @@ def schedule_drag(
         >>> from pretouch.sensors import InversePower
         >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
         >>> schedule = schedule_drag(sensor, 0.0422, 1.0, ratio=0.26, reflectance=(0.9, 1.1), steps=24)
-        >>> print(schedule.verdict)
-        worthwhile: 28 % less excursion (24.7 mm instead of 34.2 mm), but 2.0 times the peak acceleration
+        >>> print(schedule.verdict.partition(": ")[2])
+        its excursion is 28 % smaller (24.7 mm instead of 34.2 mm), but its peak acceleration is 2.0 times as large
     """
     low, high = np.log(_pair(reflectance, "reflectance"))
     if np.ndim(ratio) or not positive(ratio, "ratio") < 1:
-        raise InvalidInputError(f"ratio: found {ratio}, expected a single number below 1; a ratio of 1 means no drag")
+        raise InvalidInputError(
+            f"ratio: found {ratio}, expected a single speed ratio below 1; a ratio of 1 means no virtual drag"
+        )
     if type(steps) is not int or steps < 1:
-        raise InvalidInputError(f"steps: found {steps!r}, expected a whole number of at least 1")
+        raise InvalidInputError(f"steps: found {steps!r}, expected a positive whole number of distance steps")
     constant = drag_by(sensor, distance, mass, ratio=ratio)
     between = _rails(constant, rails)
     ends = np.asarray(sensor.log_output(np.array([distance, 0.0])))
@@ -219,9 +221,7 @@ def schedule_drag(
 def _pair(value: tuple[float, float], name: str) -> FloatArray:
     pair = np.asarray(positive(value, name))
     if pair.shape != (2,) or pair[0] > pair[1]:
-        raise InvalidInputError(
-            f"{name}: found {value}, expected two positive factors, the smallest and the largest one"
-        )
+        raise InvalidInputError(f"{name}: found {value}, expected two positive factors, the smaller factor first")
     return pair
 
 
@@ -238,8 +238,8 @@ def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> Dra
         )
     if not rails.weak.drag <= constant.drag <= rails.strong.drag:
         raise InvalidInputError(
-            f"rails: the weak and the strong drag have the ratios {rails.weak.ratio:g} and "
-            f"{rails.strong.ratio:g}, but the required ratio {constant.ratio:g} must lie between them"
+            f"rails: the weak and the strong virtual drag have the speed ratios {rails.weak.ratio:g} and "
+            f"{rails.strong.ratio:g}, but the required ratio {constant.ratio:g} must lie between these ratios"
         )
     return rails
 

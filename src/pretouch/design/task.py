@@ -207,9 +207,9 @@ def _law_of(loop: Any) -> ContinuousLaw:
         return DAMPER
     if loop.continuous is None:
         raise InvalidInputError(
-            f"loop: found a law ({type(getattr(loop.law, 'law', loop.law)).__name__}) without a law in continuous time "
-            'for the prediction; set its `continuous`, such as "virtual-damper" or a CustomLaw, or set the law of the '
-            "task"
+            f"loop: the control law {type(getattr(loop.law, 'law', loop.law)).__name__} has no counterpart in "
+            "continuous time, which the prediction needs; set its attribute `continuous`, such as "
+            '"virtual-damper" or a CustomLaw, or set the law of the task'
         )
     return cast("ContinuousLaw", loop.continuous)
 

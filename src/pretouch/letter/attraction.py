@@ -82,9 +82,10 @@ def _attraction_finding(ran: Ran, apart: FloatArray, left: FloatArray) -> Findin
         9,
         "Motions converge toward the uniform motion, but contact comes first",
         "Section VI-A",
-        "The letter's statement is right, because the energy of the deviation falls along every motion. But the "
-        f"convergence is slow: {100 * left.min():.0f} to {100 * left.max():.0f} % of a deviation in distance "
-        "remain at contact. Therefore the optimum by L(19) differs from the integrated optimum by 10 %.",
+        "The statement of the published letter is right, because the energy of the deviation falls along every "
+        f"motion. But the convergence is slow: {100 * left.min():.0f} to {100 * left.max():.0f} % of a deviation "
+        "in distance remain at contact. Therefore the optimal gain for uniform motion L(19) differs from the "
+        "integrated optimum by 10 %.",
         ("the energy falls along every motion, from each of 80 samples to the next", falls),
         ("smallest share of the deviation at contact", left.min()),
         ("largest share of the deviation at contact", left.max()),

@@ -220,7 +220,8 @@ def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None
         near = difflib.get_close_matches(unknown[0].lower().replace("_", "-"), IDS, n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
         raise InvalidInputError(
-            f"reproduce: found {unknown[0]!r}, but the available parts of the letter are {', '.join(IDS)}{hint}"
+            f"reproduce: the published letter has no part named {unknown[0]!r}; the available parts are "
+            f"{', '.join(IDS)}{hint}"
         )
     reproductions = []
     for name in IDS:

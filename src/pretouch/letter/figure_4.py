@@ -103,10 +103,10 @@ def _second_order(ours: float, low: float, high: float) -> Finding:
         4,
         "The second-order position at contact is -0.1378 m, not -0.136 m",
         "Section IV-D",
-        f"With the parameters of Table I, the uniform motion L(19) gives {ours:.4f} m at contact. No parameters "
-        "that round to the printed parameters give the printed -0.136 m. The general motion L(14), integrated "
-        "from the letter's start, deviates even more, in the other direction. The first-order value on the same "
-        "page, -0.135 m, is right.",
+        f"With the parameters of Table I, the uniform motion L(19) gives a position of {ours:.4f} m at contact. "
+        "No parameters that round to the published parameters give the published position of -0.136 m. The "
+        "general motion L(14), integrated from the start of the published motion, deviates even more, in the "
+        "other direction. The first-order position on the same page, -0.135 m, is right.",
         ("L(19) at l = 0", ours, "m"),
         ("smallest over the rounding of b_2 and c_2", low, "m"),
         ("largest over the rounding of b_2 and c_2", high, "m"),

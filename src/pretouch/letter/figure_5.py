@@ -77,7 +77,9 @@ def _reductions(taken: dict[str, float]) -> Finding:
     for name in MODELS:
         error = 100 * ((100 - printed[name]) / (100 - printed["inverse-power"]) - 1)
         less, true = PRINTED[name], PRINTED["inverse-power"]
-        steps.append((f"error of the remaining speed for speed reductions of {less} % and {true} %", error, "%"))
+        steps.append(
+            (f"error of the remaining speed if the speed is reduced by {less} % instead of {true} %", error, "%")
+        )
     near = all(abs(part - printed[name]) < 1.0 < abs(100 - part - printed[name]) for name, part in taken.items())
     remain, less = (
         ", ".join(f"{v:.1f}" for v in values) for values in ([100 - t for t in taken.values()], taken.values())
@@ -86,10 +88,10 @@ def _reductions(taken: dict[str, float]) -> Finding:
         3,
         "The ratio l'/v_o of Section IV-D is the reduction 1 - l'/v_o",
         "Section IV-D",
-        f"The section prints {', '.join(PRINTED.values())} % as the remaining share l'/v_o of the obstacle's "
-        f"speed. In the models, {remain} % remain, and the speed is reduced by {less} %. So the printed numbers "
-        "are reductions, and the printed errors of 9.74 and 4.62 % are errors of these reductions. The remaining "
-        "speeds, which determine the impact, have errors of 35 and 16 %.",
+        f"The section gives {', '.join(PRINTED.values())} % as the remaining share l'/v_o of the obstacle's "
+        f"speed. In the models, {remain} % of the speed remain, and the speed is reduced by {less} %. So the "
+        "published numbers are reductions, and the published errors of 9.74 and 4.62 % are errors of these "
+        "reductions. The remaining speeds, which determine the impact, have errors of 35 and 16 %.",
         *steps,
         ("the printed numbers are within 1 % of the reductions, and of no ratio", near),
     )

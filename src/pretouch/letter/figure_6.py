@@ -81,15 +81,27 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
         spread = following[fast].max() / following[fast].min()
         rise, always = fixed[-1] / _at(speeds, fixed, 0.05), bool((np.diff(fixed[shown]) > 0).all())
         steps.append(
-            (f"{name}, typical velocity equal to the speed: |D_p| at 0.05 m/s divided by |D_p| at 0.3 m/s", slow)
+            (
+                f"{name} curve, typical velocity equal to the obstacle speed: gain |D_p| at 0.05 m/s divided by "
+                "|D_p| at 0.3 m/s",
+                slow,
+            )
         )
         steps.append(
-            (f"{name}, typical velocity equal to the speed: largest divided by smallest |D_p| from 0.2 m/s on", spread)
+            (
+                f"{name} curve, typical velocity equal to the obstacle speed: largest divided by smallest gain |D_p| "
+                "for speeds from 0.2 m/s on",
+                spread,
+            )
         )
         steps.append(("the first is above 2, the second below", bool(slow > 2 and spread < 2)))
-        steps.append((f"{name}, fixed typical velocity: |D_p| at 1 m/s divided by |D_p| at 0.05 m/s", rise))
+        steps.append((f"{name} curve, fixed typical velocity: gain |D_p| at 1 m/s divided by |D_p| at 0.05 m/s", rise))
         steps.append(
-            (f"{name}, fixed typical velocity: |D_p| grows with every step of the speed from 0.05 m/s on", always)
+            (
+                f"{name} curve, fixed typical velocity: the gain |D_p| grows with every step of the obstacle speed "
+                "from 0.05 m/s on",
+                always,
+            )
         )
     power = {scale: found["inverse power"] for scale, found in gains.items()}
     pairs = {s: ", ".join(f"{_at(speeds, g, v):.3g} at {v:g} m/s" for v in (0.05, 0.3, 1.0)) for s, g in power.items()}
@@ -97,9 +109,9 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
         5,
         "Fig. 6 holds only if l'_typ follows the obstacle's speed",
         "Fig. 6, Section V-A",
-        "The text describes a larger gain |D_p| for slow obstacles, and hardly a change above 0.2 m/s. This is "
-        f"true if the typical velocity l'_typ is the obstacle's speed (inverse power: {pairs['following']}). If "
-        f"l'_typ is fixed at -0.3 m/s, as in Section V-A, |D_p| grows with the speed ({pairs['fixed']}). So the "
-        "typical velocity decides the trend.",
+        "The published letter describes a larger gain |D_p| for slow obstacles, and hardly a change above 0.2 "
+        "m/s. This is true if the typical velocity l'_typ is the obstacle's speed (inverse power curve: "
+        f"{pairs['following']}). If l'_typ is fixed at -0.3 m/s, as in Section V-A, the gain grows with the "
+        f"speed ({pairs['fixed']}). So the typical velocity decides the trend.",
         *steps,
     )

@@ -45,10 +45,11 @@ def reproduce(ran: Ran) -> Reproduction:
     columns |= {f"contact, {name} [mm/s]": (1e3 * left[name][shown], ".1f") for name in (BEST, FAST, ALL)}
     note = "Each of the two gains minimizes the largest loss over its range of speeds."
     return Reproduction(
-        summary="The letter advises to design for a fast obstacle and to keep that gain. The loss compares one gain "
-        "with the best gain for each speed, by the objective f₁ with l'_typ equal to the obstacle's speed. From 0.2 "
-        f"to 1 m/s, {gain[FAST]:.3f} N s has the smallest worst-case loss. From 0.01 m/s on, {gain[ALL]:.3f} N "
-        "s has the smallest worst-case loss, but it suits no range well.",
+        summary="The published letter advises to design the gain for a fast obstacle and to use it at all speeds. "
+        "The loss compares the objective f₁ of one gain with the objective of the best gain for each speed, "
+        f"where l'_typ is the obstacle's speed. From 0.2 to 1 m/s, {gain[FAST]:.3f} N s has the smallest "
+        f"worst-case loss. From 0.01 m/s on, {gain[ALL]:.3f} N s has the smallest worst-case loss, but this gain "
+        "suits no range of speeds well.",
         parameters=(*ADMITTANCE, *SENSORS["inverse-power"], *F_1[:3]),
         findings=(_price(gain[FAST], loss[FAST], left[FAST], speeds < 0.2),),
         tables=(readings("The loss at each speed", columns, note),),
@@ -64,9 +65,10 @@ def _price(gain: float, loss: Any, left: Any, slow: Any) -> Finding:
         12,
         "One gain suits all speeds from 0.2 m/s on, and slow contacts stay slow",
         "Section VI-C",
-        f"With D_p = {gain:.3f} N s, the objective f₁ is at most {100 * price:.1f} % above its optimum at every "
-        "speed from 0.2 to 1 m/s. At this cost, the letter's advice is right. At 0.01 m/s the loss is "
-        f"{100 * worst:.0f} %, but below 0.2 m/s contact is never faster than {1e3 * hardest:.0f} mm/s.",
+        f"With the gain D_p = {gain:.3f} N s, the objective f₁ is at most {100 * price:.1f} % above its optimum "
+        "at every speed from 0.2 to 1 m/s. At this cost, the advice of the published letter is right. At 0.01 "
+        f"m/s the objective is {100 * worst:.0f} % above its optimum, but below 0.2 m/s contact is never faster "
+        f"than {1e3 * hardest:.0f} mm/s.",
         ("the gain", gain, "N s"),
         ("largest loss from 0.2 to 1 m/s", 100 * price, "%"),
         ("it is below 10 %", bool(price < 0.1)),

@@ -65,9 +65,9 @@ def reproduce(ran: Ran) -> Reproduction:
         comparisons=tuple(Printed(*number, "Table I", why, hardware=True) for number in numbers),
         findings=(_recovered(fitted, gains),),
         tables=(readings("Optimal gain of f₁ by integration and closed form", columns, note),),
-        caption=f"Residuals between the fitted exponentials and the inverse power curve, whose output is {near:.0f} mV "
-        f"at contact and {far:.0f} mV at 42.2 mm. First-order residuals are systematic and reach {first:.0f} mV. "
-        f"Second-order residuals reach {second:.0f} mV.",
+        caption="The plot shows the residuals between the fitted exponential curves and the inverse power curve, whose "
+        f"output is {near:.0f} mV at contact and {far:.0f} mV at 42.2 mm. First-order residuals are systematic "
+        f"and reach {first:.0f} mV. Second-order residuals reach {second:.0f} mV.",
         numbers={
             "fitted": {name: dict(found.parameters) for name, found in fitted.items()},
             "r_squared": r_squared,
@@ -89,22 +89,25 @@ def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[floa
         apart = 100 * np.abs(found.output(distance) - printed.output(distance)).max() / printed.output(0.0)
         steps.append(
             (
-                f"largest difference of fitted and printed {name} curve, relative to the output at contact",
+                f"largest difference between the fitted and the published {name} curve, relative to the output "
+                "at contact",
                 apart,
                 "%",
             )
         )
         moved = 100 * (gains[name][1] / gains[name][0] - 1)
-        steps.append((f"change of the optimal gain if the fitted {name} curve replaces the printed curve", moved, "%"))
+        steps.append(
+            (f"change of the optimal gain if the fitted {name} curve replaces the published curve", moved, "%")
+        )
         steps.append(("both are below 1 %", bool(apart < 1.0 and abs(moved) < 1.0)))
         shown.append(f"({', '.join(f'{own[p.name]:.3g}' for p in SENSORS[name])})")
     return finding(
         7,
         "The exponential curves of Table I follow from its inverse power curve",
         "Table I",
-        f"Fits to the inverse power curve alone give the parameters {shown[0]} and {shown[1]}. These "
-        "exponentials agree with the printed exponentials to within 1 % of the output at contact, so the "
-        "letter's readings are not needed to check Table I. The differences change the optimal gain by less than "
-        "1 %.",
+        f"Fits to the inverse power curve alone give exponential curves with the parameters {shown[0]} and "
+        f"{shown[1]}. These curves agree with the published exponential curves to within 1 % of the output at "
+        "contact, so Table I can be checked without the letter's readings. The differences change the optimal "
+        "gain by less than 1 %.",
         *steps,
     )

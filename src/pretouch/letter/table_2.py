@@ -121,9 +121,9 @@ def _repetition_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         1,
         "Table II prints l' instead of x at D_p = -0.7",
         "Table II, column -0.7",
-        f"The plant position x is printed as {x} m, the same number as the relative velocity l' below it. The "
-        f"equations give {values[0]:.4f} m. Only such a value is consistent with the objective f₁ = {f} in the "
-        "same column.",
+        f"The published position x of the robot is {x} m, the same number as the relative velocity l' below it. "
+        f"The equations give {values[0]:.4f} m. Only a position near this value is consistent with the objective "
+        f"f₁ = {f} in the same column.",
         ("x by L(4)", values[0], "m"),
         ("printed x is the printed l'", x == v),
         ("no sensor that rounds to the printed one gives the printed x", not reached),
@@ -147,9 +147,9 @@ def _column_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         2,
         "The last column of Table II belongs to D_p = -10, not -1.0",
         "Table II, column -1.0",
-        "Only the gain -10 N s reaches the printed x = -0.611 m, and the other two values of the column also "
-        f"belong to -10 N s. Table III ends with -10 N s as well. At -1.0 N s the equations give {at[0]:.4f} m, "
-        f"{at[1]:.4f} m/s and {at[2]:.4f}.",
+        "Only the gain -10 N s reaches the published position x = -0.611 m, and the other two values of the "
+        "column also belong to -10 N s. Table III ends with -10 N s as well. At -1.0 N s, the equations give a "
+        f"position of {at[0]:.4f} m, a relative velocity of {at[1]:.4f} m/s and an objective of {at[2]:.4f}.",
         ("gain at which x rounds to -0.611 m, from", low, "N s"),
         ("to", high, "N s"),
         ("-10 N s is one of them", low <= -10.0 <= high),

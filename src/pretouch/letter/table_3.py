@@ -88,7 +88,10 @@ def reproduce(ran: Ran) -> Reproduction:
 
 def _measured(time: FloatArray, speed: FloatArray, slope: float) -> list[Printed]:
     late = "friction, servo lag and the threshold of the force sensor delay the measured contact"
-    fitted = f"computed as the model's contact speed times {slope:.1f} N s/m, which is fitted to these forces"
+    fitted = (
+        f"the force is computed as the contact speed of the model times {slope:.1f} N s/m, and this factor is fitted "
+        "to the published forces"
+    )
     numbers = []
     for (gain, (printed, force)), t, v in zip(PRINTED.items(), time.tolist(), speed.tolist(), strict=True):
         numbers.append(Printed(f"t_c at D_p = {gain} N s", printed, t, "s", "Table III", late, hardware=True))
@@ -108,7 +111,7 @@ def _steps() -> list[Printed]:
     numbers = []
     for a, b, less, later, factor in STEPS:
         (force, time), step, place = _changes(a, b), f"from {a} to {b} N s", "Section V-C"
-        why = f"the letter divides the rounded percentages {less} % and {later} % (see finding 8)"
+        why = f"the published letter divides the rounded percentages {less} % and {later} % (see finding 8)"
         numbers.append(Printed(f"force reduction {step}", less, 100 * force, "%", place))
         numbers.append(Printed(f"time increase {step}", later, 100 * time, "%", place))
         numbers.append(Printed(f"trade-off factor {step}", factor, force / time, "", place, why))
@@ -121,7 +124,9 @@ def _trade_off() -> Finding:
         force, time = _changes(a, b)
         rounded, exact = float(less) / float(later), force / time
         only = abs(rounded - float(printed)) < 0.005 < abs(exact - float(printed))
-        steps.append((f"gains from {a} to {b} N s, computed from the printed times and forces", exact))
+        steps.append(
+            (f"trade-off factor for gains from {a} to {b} N s, computed from the published times and forces", exact)
+        )
         steps.append((f"from {less} % and {later} %; printed {printed}", rounded))
         steps.append(("only the second rounds to the printed factor", only))
     return finding(
@@ -146,9 +151,10 @@ def _hardware(time: FloatArray, speed: FloatArray, printed: FloatArray, ran: Ran
         "In Table III, contact is later than in the model, gains rank equally, and force is proportional to speed",
         "Table III",
         f"Table III was measured, so it need not agree with the model. Contact is detected {late.min():.0f} to "
-        f"{late.max():.0f} % later than in the model, and both rank the gains in the same order. The measured "
-        f"force is proportional to the model's contact speed, with a factor of {slope:.1f} N s/m. Its confidence "
-        "interval is wide, because five points leave only four degrees of freedom.",
+        f"{late.max():.0f} % later than in the model, but measurement and model rank the gains in the same "
+        "order. The measured force is proportional to the contact speed of the model, with a factor of "
+        f"{slope:.1f} N s/m. The confidence interval of this factor is wide, because five points leave only four "
+        "degrees of freedom.",
         ("smallest delay relative to the model", late.min(), "%"),
         ("largest delay", late.max(), "%"),
         ("contact is never earlier", bool(late.min() > 0)),

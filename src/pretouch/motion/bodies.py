@@ -73,7 +73,8 @@ class Obstacle(_Body):
         stretches: Any = self.course
         if not isinstance(stretches, (tuple, list)) or not all(isinstance(s, Stretch) for s in stretches):
             raise InvalidInputError(
-                f"obstacle course: found {stretches!r}, expected a list or tuple of Stretch objects"
+                f"obstacle course: found {stretches!r}, expected a list or tuple of Stretch objects, which "
+                "describe the obstacle's motion"
             )
         object.__setattr__(self, "course", tuple(stretches))
         for before, after in pairwise(self.course):
@@ -83,8 +84,8 @@ class Obstacle(_Body):
                 return  # the shapes do not broadcast; the scenario reports this
             if not later.all():
                 raise InvalidInputError(
-                    f"obstacle course: the end times must increase, but {_first(before.until, ~later):g} s is "
-                    f"followed by {_first(after.until, ~later):g} s"
+                    "obstacle course: the end times of the Stretch objects must increase, but "
+                    f"{_first(before.until, ~later):g} s is followed by {_first(after.until, ~later):g} s"
                 )
 
     def velocity_at(self, time: Any) -> Any:
@@ -105,8 +106,9 @@ class Obstacle(_Body):
         if self.course:
             words = "stretch" if len(self.course) == 1 else "stretches"
             raise InvalidInputError(
-                f"obstacle course: found {len(self.course)} {words}, but this solver needs an obstacle with "
-                "uniform acceleration, L(9); run the course on the sampled loop, by simulate or ClosedLoop.run"
+                "obstacle course: this solver needs an obstacle with uniform acceleration, L(9), but the "
+                f"obstacle's motion has {len(self.course)} {words}; simulate the sampled loop instead, by "
+                "simulate or ClosedLoop.run"
             )
         return self.acceleration
 

@@ -205,7 +205,7 @@ class ContactResult(InNotebooks, Value):
             raise ResultUnavailableError(
                 f"contact: {which} did not end in contact. The status is {status.label}: {status.meaning} The "
                 f"nearest distance was {float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. "
-                "Read .end for the final state"
+                "Use the attribute `end` for the final state"
             )
         return self.end
 
@@ -219,8 +219,8 @@ class ContactResult(InNotebooks, Value):
         gradients: ContactGradients | None = gradients_of(self.columns)
         if gradients is None:
             raise ResultUnavailableError(
-                f"gradients: the method {self.method} does not compute gradients; solve the encounter by "
-                "find_contact with another method or law"
+                f"gradients: the solution method {self.method} does not compute gradients; solve the encounter "
+                "by find_contact with another method or law"
             )
         return gradients
 

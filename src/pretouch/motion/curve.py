@@ -270,9 +270,9 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
         pending = np.concatenate([lower, upper], axis=1)
         if pending.shape[1] + sum(map(len, done)) > _MAX_PIECES:
             raise CurveError(
-                f"sensor: the {sensor.name} curve is too rough: between {low:g} m and {high:g} m its slope needs "
-                f"more than {_MAX_PIECES} polynomials. Smooth the curve, declare its corners, or end it earlier "
-                "by maximum_distance"
+                f"sensor: the {sensor.name} curve is too rough: between {low:g} m and {high:g} m, approximating "
+                f"its slope needs more than {_MAX_PIECES} polynomials. Smooth the curve, declare its corners, or "
+                "end the curve earlier by maximum_distance"
             )
     pieces = np.concatenate(done)
     pieces = pieces[np.argsort(pieces[:, 0])]

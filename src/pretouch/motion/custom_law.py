@@ -133,7 +133,8 @@ class CustomLaw(Value):
     ) -> Request:
         if method not in {"auto", "integration"}:
             raise InvalidInputError(
-                f"method: found {method!r}, but the law {self.kind} supports only 'auto' and 'integration'"
+                f"method: found {method!r}, but the custom law {self.kind} supports only the methods 'auto' and "
+                "'integration'"
             )
         checked = finite(value, self.number.name, self.number.unit)
         return make_request(scenario, sensor, checked, "integration", horizon)

@@ -134,8 +134,8 @@ class CustomLawRun:
         array = np.asarray(force)
         if array.shape != () or array.dtype.kind not in "iuf" or not np.isfinite(array):
             raise InvalidInputError(
-                f"force: the law {self.kind} returned {force!r} at a distance of {distance:g} m and a rate of "
-                f"{rate:g} 1/s, expected a single finite number in N"
+                f"force: the custom law {self.kind} returned {force!r} at a distance of {distance:g} m and a "
+                f"rate d ln xi/dt of {rate:g} 1/s, expected a single finite force in N"
             )
         return float(array)
 

@@ -205,8 +205,8 @@ class DragGradients(Value):
         """
         if quantity not in _QUANTITIES or by not in _INPUTS:
             raise InvalidInputError(
-                f"gradients: found the derivative of {quantity!r} with respect to {by!r}; available are "
-                f"derivatives of {', '.join(_QUANTITIES)} with respect to {', '.join(_INPUTS)}"
+                f"gradients: the derivative of {quantity!r} with respect to {by!r} is not available; available "
+                f"are the derivatives of {', '.join(_QUANTITIES)} with respect to {', '.join(_INPUTS)}"
             )
         shape = self.columns.request.shape
         derivative = _derivative(self.columns, quantity, by)

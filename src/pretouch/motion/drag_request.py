@@ -121,7 +121,8 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
         shape = np.broadcast_shapes(scenario.shape, np.shape(phi))
     except ValueError:
         raise InvalidInputError(
-            f"drag: the shape {np.shape(phi)} does not broadcast with the shape of the scenario, {scenario.shape}"
+            f"drag: the drag values have the shape {np.shape(phi)}, which does not broadcast with the shape "
+            f"{scenario.shape} of the scenario"
         ) from None
     request = DragRequest(
         scenario=scenario, sensor=sensor, drag=phi, horizon=positive(horizon, "horizon", "s"), shape=shape
@@ -176,8 +177,8 @@ def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
         wrong = float(distance[~(slope <= 0)][0])
         raise InvalidInputError(
             f"sensor: the slope of the curve is {float(sensor.log_slope(wrong)):g} 1/m at {wrong:g} m, but must "
-            "not be positive, because the drag treats a rising output as an approach; end the curve by "
-            "maximum_distance where its output is smallest"
+            "not be positive, because the virtual drag interprets a rising output as an approach; end the curve "
+            "by maximum_distance where its output is smallest"
         )
 
 

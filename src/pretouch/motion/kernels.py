@@ -194,8 +194,8 @@ def contact_times(
     )
     if len(inputs) < INPUTS + (0 if peaks is None else 2):
         raise TypeError(
-            f"the compiled solver needs {INPUTS} input columns, or two more to compute peaks, but received "
-            f"{len(inputs)}"
+            f"the compiled solver needs {INPUTS} input columns, and two additional columns to compute peaks, but "
+            f"received {len(inputs)} columns"
         )
     reference = None if peaks is None else columns(inputs[INPUTS:], n)
     _contacts(columns(inputs[:INPUTS], n), reference, n, byref(of_core(curves, n)), horizon, *filled)
@@ -209,8 +209,8 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
     shared = len(curve_of) == 1
     if width not in _WIDTHS or not (shared or len(curve_of) == n):
         raise ValueError(
-            f"windows: found a table of {width} columns with curves for {len(curve_of)} encounters, expected one "
-            f"of {sorted(_WIDTHS)} columns, and curves for all {n} encounters"
+            f"windows: found a table with {width} columns, with curves for {len(curve_of)} encounters; it must "
+            f"have one of the widths {sorted(_WIDTHS)}, and curves for all {n} encounters"
         )
     if not (_is_valid(starts, curve_of, rows) if shared else _are_valid(starts, curve_of, rows)):
         raise ValueError("curves: an encounter refers to a curve whose windows are not in the table")
@@ -305,6 +305,7 @@ def pieces_of_core(pieces: FloatArray, ends_in_contact: bool, open_ended: bool) 
     count, width = pieces.shape
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(
-            f"each polynomial piece of a curve has 3 to {_WIDEST} numbers, but the table has the shape {pieces.shape}"
+            f"each polynomial piece of a sensor curve needs 3 to {_WIDEST} numbers, but the table of pieces has "
+            f"the shape {pieces.shape}"
         )
     return _PiecesOfCore(address(pieces), count, width, ends_in_contact, open_ended)

@@ -261,7 +261,9 @@ class Drag:
 
 def _check_quadrature(method: str) -> None:
     if method not in {"auto", "quadrature"}:
-        raise InvalidInputError(f"method: found {method!r}, but a virtual drag supports only 'auto' and 'quadrature'")
+        raise InvalidInputError(
+            f"method: found {method!r}, but a virtual drag supports only the methods 'auto' and 'quadrature'"
+        )
 
 
 DAMPER: Final = Damper()
@@ -277,8 +279,15 @@ LAWS: Final[dict[str, ContinuousLaw]] = {law.kind: law for law in (DAMPER, DRAG)
 def _law_problem(name: str, law: Any) -> str:
     """Return why an object is not a valid control law, or an empty text if it is valid."""
     if not (isinstance(law, ContinuousLaw) and isinstance(law.number, LawNumber)):
-        return f"is {short_repr(law)}, expected a class or value with the members of pretouch.motion.ContinuousLaw"
-    return "" if law.kind == name else f'is a law of the kind "{law.kind}"; both names must be equal'
+        return (
+            f"is {short_repr(law)}, but a law must be a class or value with the members of "
+            "pretouch.motion.ContinuousLaw"
+        )
+    return (
+        ""
+        if law.kind == name
+        else f'has another name than its law, whose kind is "{law.kind}"; use the same name for both'
+    )
 
 
 LAW_KINDS: Final = Extensions(group="pretouch.laws", built_in=lambda: LAWS, problem=_law_problem)
@@ -294,7 +303,7 @@ def continuous_law(law: Any) -> ContinuousLaw:
     result = LAW_KINDS.find(law) if isinstance(law, str) else law
     if isinstance(result, type):
         raise InvalidInputError(
-            f"law: found the class {result.__name__}, expected a value, such as {result.__name__}()"
+            f"law: found the class {result.__name__}, but a law is an instance of a class, such as {result.__name__}()"
         )
     if isinstance(result, ContinuousLaw):
         return result
@@ -302,7 +311,8 @@ def continuous_law(law: Any) -> ContinuousLaw:
     if sampled is None:
         name = repr(law) if isinstance(law, str) else type(law).__name__
         raise InvalidInputError(
-            f"law: found {name}, expected a law in continuous time: {', '.join(LAW_KINDS.names())}, a CustomLaw, or a "
-            "sampled law whose attribute `continuous` names one of these"
+            f"law: found {name}, expected a law in continuous time: one of the names "
+            f"{', '.join(LAW_KINDS.names())}, a CustomLaw, or a sampled law whose attribute `continuous` names a "
+            "law"
         )
     return continuous_law(sampled)

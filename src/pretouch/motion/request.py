@@ -119,8 +119,8 @@ def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         raise InvalidInputError(f"method: found {method!r}, expected one of {', '.join(METHODS)}")
     if method == "closed-form" and sensor.constant_log_slope is None:
         raise InvalidInputError(
-            "method: the closed form L(10) needs a sensor curve of constant slope, but the slope of the "
-            f"{sensor.name} curve varies; use method='integration' or 'auto'"
+            "method: the closed form L(10) of the motion needs a sensor curve of constant slope, but the slope "
+            f"of the {sensor.name} curve varies; use method='integration' or 'auto'"
         )
     if method == "auto":
         method = "integration" if sensor.constant_log_slope is None else "closed-form"
@@ -158,7 +158,8 @@ def make_request(
             shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
         except ValueError:
             raise InvalidInputError(
-                f"gain: the shape {np.shape(gains)} does not broadcast with the shape of the scenario, {scenario.shape}"
+                f"gain: the gains have the shape {np.shape(gains)}, which does not broadcast with the shape "
+                f"{scenario.shape} of the scenario"
             ) from None
     relative = scenario.relative_columns()
     return Request(

@@ -123,14 +123,14 @@ class Scenario(InNotebooks, Value):
         except ValueError:
             shapes = ", ".join(sorted({str(np.shape(v)) for v in values if np.ndim(v)}))
             raise InvalidInputError(
-                f"scenario: the shapes of the fields, {shapes}, do not broadcast with each other"
+                f"scenario: the shapes of the array arguments do not broadcast with each other: {shapes}"
             ) from None
         object.__setattr__(self, "shape", shape)
         if not (self.distance > 0 if shape == () else np.all(self.distance > 0)):
             least = float(np.min(self.distance))
             raise InvalidInputError(
-                f"obstacle position: the distance between obstacle and plant is {least:g} m, but must be "
-                "positive, because the encounter starts before contact"
+                f"obstacle position: the distance between obstacle and robot is {least:g} m, but must be "
+                "positive at the start of an encounter"
             )
 
     @property
@@ -275,8 +275,8 @@ def _admittance_with(admittance: Admittance, values: dict[str, Any]) -> Admittan
     if names & _OF_DAMPING:
         conflicting = ", ".join(sorted(names - {"admittance.mass"}))
         raise InvalidInputError(
-            f"inputs: found {conflicting}, expected either damping and stiffness, or natural frequency and "
-            "damping ratio"
+            f"inputs: the inputs {conflicting} conflict; give either damping and stiffness, or natural frequency "
+            "and damping ratio"
         )
     if "damping_ratio" in values:
         ratio = values["damping_ratio"]

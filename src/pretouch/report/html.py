@@ -77,7 +77,8 @@ def report_html(result: Any, *, calibration: CalibrationReport | None = None, so
     """
     if not isinstance(result, Described):
         raise InvalidInputError(
-            f"result: found {result!r}, expected a result of pretouch, such as the return value of design_gain(task)"
+            f"result: found {result!r}, expected a result that pretouch computed, such as the return value of "
+            "design_gain(task)"
         )
     page, file = page_of(result), _source(source)
     if calibration is not None:

@@ -38,7 +38,7 @@ def as_column(values: ArrayLike, name: str) -> FloatArray:
     if np.isinf(column).any():
         at = int(np.flatnonzero(np.isinf(column))[0])
         raise InvalidInputError(
-            f"{name}: the value at index {at} is {column[at]:g}, expected finite numbers; use NaN for a missing point"
+            f"{name}: the value at index {at} is {column[at]:g}, but values must be finite; use NaN for a missing point"
         )
     column.setflags(write=False)
     return column
@@ -58,14 +58,16 @@ def as_limits(limits: Any, name: str) -> tuple[float, float] | None:
         return None
     ends = finite(limits, name)
     if np.shape(ends) != (2,) or not ends[0] < ends[1]:
-        raise InvalidInputError(f"{name}: found {limits!r}, expected two numbers, the smaller one first")
+        raise InvalidInputError(f"{name}: found {limits!r}, expected two numbers, the smaller number first")
     return float(ends[0]), float(ends[1])
 
 
 def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
     """Check that all elements of a sequence are instances of one class, and return the elements."""
     if isinstance(values, kind):
-        raise InvalidInputError(f"{name}: found a single {kind.__name__}, expected a list; try [{kind.__name__}(...)]")
+        raise InvalidInputError(
+            f"{name}: found a single {kind.__name__}, expected a list of such objects; try [{kind.__name__}(...)]"
+        )
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
         raise InvalidInputError(f"{name}: found {short_repr(values)}, expected a list of {kind.__name__}s")
     every = tuple(values)
@@ -86,7 +88,7 @@ def check_ends(low: Any, high: Any, who: str) -> None:
     if (low is None) != (high is None):
         present, missing = ("high", "low") if low is None else ("low", "high")
         raise InvalidInputError(
-            f"{who}: the argument {present} is given without {missing}; give both arguments or neither"
+            f"{who}: the argument {present} is given without the argument {missing}; give both arguments or neither"
         )
     if low is not None and np.any(low > high):
         at = int(np.flatnonzero(low > high)[0])

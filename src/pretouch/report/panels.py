@@ -78,9 +78,11 @@ class Curve(Value):
         sizes = {name: len(column) for name, column in self.columns()}
         if len(set(sizes.values())) > 1:
             listed = ", ".join(f"{size} values of {name}" for name, size in sizes.items())
-            raise InvalidInputError(f"{who}: found {listed}, expected the same number of values in each")
+            raise InvalidInputError(
+                f"{who}: the columns of a curve must have the same number of values, but found {listed}"
+            )
         if not self.known.any():
-            raise InvalidInputError(f"{who}: this curve has no point with finite x and y; remove the curve")
+            raise InvalidInputError(f"{who}: this curve has no point with finite numbers x and y; remove the curve")
         check_ends(self.low, self.high, who)
         check_choice(self.kind, _KINDS, f"{who}: kind")
         check_types(self)
@@ -191,8 +193,8 @@ class Map(Value):
         if values.shape != (len(y), len(x)) or min(values.shape) < 2 or not np.isfinite(values).any():
             actual = f"{np.isfinite(values).sum()} finite values of shape {values.shape}"
             expected = (
-                f"the shape ({len(y)}, {len(x)}) of y and x, with at least 2 numbers each, and at least one finite "
-                "value"
+                f"an array of the shape ({len(y)}, {len(x)}), given by the lengths of y and x, with at least 2 "
+                "values along each and at least one finite value"
             )
             raise InvalidInputError(f"map: values: found {actual}, expected {expected}")
         across, up = np.argsort(x), np.argsort(y)
@@ -244,8 +246,8 @@ class Panel(Value):
         for name in ("x_label", "y_label", "title")[: 2 if self.map is None else 3]:
             if not _UNIT.search(getattr(self, name)):
                 raise InvalidInputError(
-                    f"{name}: found {getattr(self, name)!r}, expected a label with its unit in brackets, such as "
-                    "'distance l [mm]', or '[1]' for pure numbers"
+                    f"{name}: found {getattr(self, name)!r}, expected an axis label with its unit in brackets, "
+                    "such as 'distance l [mm]', or with '[1]' for pure numbers"
                 )
         for name, kind in (("curves", Curve), ("marks", Mark), ("spans", Span)):
             object.__setattr__(self, name, as_values(getattr(self, name), kind, name))
@@ -261,8 +263,8 @@ class Panel(Value):
         loud = [curve for curve in self.curves if not curve.quiet]
         if any(curve.style is None for curve in loud[len(CURVES) :]):
             raise InvalidInputError(
-                f"curves: found {len(loud)} curves, but there are only {len(CURVES)} styles; use quiet=True for "
-                "background curves, more panels, or style=0...4 for curves of the same style"
+                f"curves: found {len(loud)} curves in one panel, but there are only {len(CURVES)} line styles; "
+                "use quiet=True for background curves, more panels, or style=0...4 for curves of the same style"
             )
 
     def __repr__(self) -> str:

@@ -51,15 +51,15 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
     dims = [str(dim) for dim in flat["status"].dims]
     if len(dims) not in {1, 2}:
         raise InvalidInputError(
-            "dataset: a figure needs one or two axes with more than one value, but this dataset has "
-            f"{len(dims)}; select values of the other axes first, for example with dataset.sel({{'gain': -0.7}}, "
-            "method='nearest')"
+            "dataset: a figure shows one or two axes that have more than one value, but this dataset has "
+            f"{len(dims)} such axes; select values of the other axes first, for example with "
+            f"dataset.sel({{'gain': -0.7}}, method='nearest')"
         )
     for name in names:
         if not bool(np.isfinite(flat[name].values).any()):
             raise InvalidInputError(
-                f"{name}: no encounter of this sweep has a value, so there is nothing to draw; the variable status "
-                "says why"
+                f"{name}: no encounter of this sweep has a value of this result, so there is nothing to draw; "
+                "the variable `status` of the dataset gives the reasons"
             )
     if len(dims) == 1:
         return panel_figure(*(_panel(flat, name, dims[0], None) for name in names))

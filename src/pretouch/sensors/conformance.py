@@ -149,7 +149,7 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
     except TypeError:  # the curve cannot be hashed
         raise InvalidInputError(
             f"sensor: the class {type(innermost(sensor)).__name__} has a field that cannot be hashed, such as a "
-            "list; use a frozen dataclass of numbers, strings and tuples"
+            "list; use a frozen dataclass whose fields are numbers, strings and tuples"
         ) from None
     low, high = sensor.valid_range
     low, high = max(low, 0.0), min(farthest, high)
@@ -174,8 +174,8 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
     obstacle = _evaluation_obstacle(sensor, distance)
     if obstacle is not None:
         return (
-            f"found {obstacle}, but the functions of a curve must accept distances of any shape and return the same "
-            "shape"
+            f"found {obstacle}, but log_output and log_slope of a sensor curve must accept distances of any "
+            "shape and return the same shape"
         )
     log_output, slope = sensor.log_output(distance), sensor.log_slope(distance)
     functions = (("ln xi", "", log_output, sensor.log_output), ("a slope", " 1/m", slope, sensor.log_slope))
@@ -184,15 +184,16 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
         if len(wrong):
             i = wrong[0]
             return (
-                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, which must be finite; exclude this "
-                "distance by minimum_distance or maximum_distance"
+                f"found {what} of {values[i]:g}{unit} at a distance of {distance[i]:g} m, but this value must be "
+                "finite; exclude this distance by minimum_distance or maximum_distance"
             )
         again = function(distance)
         i = int(np.abs(again - values).argmax())
         if abs(again[i] - values[i]) > _ROUNDED * np.abs(values).max():
             return (
-                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, but {again[i]:g}{unit} in a second "
-                "call; a curve must always return the same number for the same distance"
+                f"found {what} of {values[i]:g}{unit} at a distance of {distance[i]:g} m in a first call, but "
+                f"{again[i]:g}{unit} in a second call; a sensor curve must always return the same number for the "
+                "same distance"
             )
     return _wrong_direction(sensor, distance, slope) or _contradiction(sensor, distance)
 
@@ -204,9 +205,9 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
         return "found a slope of 0 1/m at every distance, which must be negative: the output is constant"
     if slope[i] > _ROUNDED * steepest:
         return (
-            f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, which must not be positive, because the "
-            "output of a sensor falls with the distance. Limit the curve to its falling part by minimum_distance "
-            "or maximum_distance, or recess the sensor behind the surface by Recessed"
+            f"the slope is {slope[i]:g} 1/m at a distance of {distance[i]:g} m, but must not be positive, "
+            "because the output of a sensor falls with the distance. Limit the curve to its falling part by "
+            "minimum_distance or maximum_distance, or mount the sensor behind the contact surface with Recessed"
         )
     constant = sensor.constant_log_slope
     if constant is None:
@@ -215,8 +216,8 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
     if abs(slope[i] - constant) <= _ROUNDED * steepest:
         return None
     return (
-        f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, but the curve declares a constant_log_slope of "
-        f"{constant:g} 1/m"
+        f"the slope is {slope[i]:g} 1/m at a distance of {distance[i]:g} m, but the sensor curve declares a "
+        f"constant_log_slope of {constant:g} 1/m"
     )
 
 
@@ -242,9 +243,9 @@ def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
     i = int(np.abs(change - integral).argmax())
     width = right[i] - left[i]
     return (
-        f"found a slope of {integral[i] / width:.5g} 1/m on average from {left[i]:.5g} m to {right[i]:.5g} m, "
-        f"but ln xi changes by {change[i] / width:.5g} 1/m there; the slope must be the derivative of ln xi "
-        "within 0.1 %"
+        f"the average slope is {integral[i] / width:.5g} 1/m between {left[i]:.5g} m and {right[i]:.5g} m, but "
+        f"ln xi changes by {change[i] / width:.5g} 1/m there; the slope must be the derivative of ln xi within "
+        "0.1 %"
     )
 
 

@@ -191,9 +191,9 @@ class ExponentialSecondOrder(SensorModel):
         low, high = self.valid_range
         if not low < high:
             raise InvalidInputError(
-                f"minimum_distance: found {self.minimum_distance:g} m, expected a distance below the turning "
-                f"point of the curve at {self.turning_point:g} m, because the slope has the wrong sign beyond "
-                "this point"
+                f"minimum_distance: found {self.minimum_distance:g} m, expected less than {self.turning_point:g} "
+                "m, which is the turning point of the curve, because the slope has the wrong sign beyond the "
+                "turning point"
             )
 
     @property

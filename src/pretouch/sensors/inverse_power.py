@@ -110,9 +110,9 @@ class _InversePowerFamily(Family):
             return ()
         at, low = format_quantity(self.middle, "m"), parameters["exponent"].low
         return (
-            f"The readings determine only the slope in the middle of the usable range, n / (l_0 + {at}) = "
-            f"{-slope.value:.4g} 1/m. The exponent n and the distance l_0 can grow together without bound (n is "
-            f"above {low:.3g}), so an exponential curve fits equally well.",
+            "The readings determine only the slope of the curve in the middle of the usable range, n / (l_0 + "
+            f"{at}) = {-slope.value:.4g} 1/m. The exponent n and the distance l_0 can grow together without "
+            f"bound (n is above {low:.3g}), so an exponential curve fits equally well.",
         )
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002

@@ -58,7 +58,10 @@ def mittag_leffler(
         wrong = orders[~((orders > 0) & (orders <= 1))][0]
         raise InvalidInputError(f"order: found {wrong:g}, which must lie in (0, 1]")
     if not (z <= 0).all():
-        raise InvalidInputError(f"argument: found {float(z[~(z <= 0)].flat[0]):g}, expected 0 or a negative number")
+        raise InvalidInputError(
+            f"argument: found {float(z[~(z <= 0)].flat[0]):g}, but this function is defined only for 0 and negative "
+            "numbers"
+        )
     rows = z.reshape(len(orders), -1)
     value, derivative = np.empty_like(rows), np.empty_like(rows)
     count = max(1, _CHUNK // max(rows.shape[1], 1))
@@ -167,8 +170,8 @@ class _MittagLefflerFamily(Family):
         if order.high < 1:
             return ()
         return (
-            f"The order does not differ significantly from 1 (95 % interval from {order.low:.3g} to 1), and an "
-            "order of 1 is a first-order exponential curve.",
+            f"The fitted order does not differ significantly from 1 (95 % interval from {order.low:.3g} to 1), "
+            "and a curve of order 1 is a first-order exponential curve.",
         )
 
 
@@ -201,8 +204,8 @@ class MittagLeffler(SensorModel):
         SensorModel.__post_init__(self)
         if self.minimum_distance < 0:
             raise InvalidInputError(
-                f"minimum_distance: found {self.minimum_distance:g} m, but this curve cannot start at a negative "
-                "distance"
+                f"minimum_distance: found {self.minimum_distance:g} m, but the Mittag-Leffler curve cannot start "
+                "at a negative distance"
             )
 
     @property

@@ -56,8 +56,8 @@ class Recessed(SensorModel):
         object.__setattr__(self, "maximum_distance", min(farthest, high - recess))
         if not self.maximum_distance > 0:
             raise InvalidInputError(
-                f"recess: found {recess:g} m, but the {self.sensor.name} curve already ends at {high:g} m, so no "
-                "distance in front of the contact surface remains; choose a smaller recess"
+                f"recess: a recess of {recess:g} m is too large, because the {self.sensor.name} curve ends at "
+                f"{high:g} m and no distance in front of the contact surface remains; choose a smaller recess"
             )
         SensorModel.__post_init__(self)
 

@@ -107,5 +107,6 @@ def _by_differences(sensor: Any, name: str) -> SlopeSensitivity:
 
         return slope
     raise InvalidInputError(
-        f"{name}: the curve has no derivative at {value:g}, because nearby values are invalid: {error}"
+        f"{name}: the derivative of the sensor curve cannot be computed at {value:g}, because nearby values are "
+        f"invalid: {error}"
     )

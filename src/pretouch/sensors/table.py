@@ -125,9 +125,9 @@ class PiecewiseCubic(SensorModel):
         slopes = np.asarray(finite(self.slopes, "slopes", "1/m"))
         if len(levels) != len(distances) or slopes.shape != (len(distances) - 1, 2) or (np.diff(distances) <= 0).any():
             raise InvalidInputError(
-                f"distances: found {len(distances)} distances, {len(levels)} log_outputs, and slopes of shape "
-                f"{slopes.shape}; expected strictly increasing distances, one log_output per distance, and two "
-                "slopes per interval"
+                f"distances: found {len(distances)} distances, {len(levels)} log_outputs, and slopes of the "
+                f"shape {slopes.shape}; a table needs strictly increasing distances, one log_output per "
+                "distance, and two slopes per interval"
             )
         object.__setattr__(self, "distances", tuple(distances.tolist()))
         object.__setattr__(self, "log_outputs", tuple(levels.tolist()))

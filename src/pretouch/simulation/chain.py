@@ -99,11 +99,13 @@ class SensorChain:
             )
         if self.random_phase and self.phase:
             raise InvalidInputError(
-                f"phase: found {self.phase:g} s together with random_phase = true; remove one of these two arguments"
+                f"phase: the argument phase = {self.phase:g} s is given together with random_phase = true; "
+                "remove one of these two arguments"
             )
         if self.jitter > self.period / 4:
             raise InvalidInputError(
-                f"jitter: found {self.jitter:g} s, expected at most a quarter of the period of {self.period:g} s"
+                f"jitter: found {self.jitter:g} s, expected at most a quarter of the sensor's period of "
+                f"{self.period:g} s"
             )
         if not self.lowest < self.highest:
             raise InvalidInputError(
@@ -111,12 +113,12 @@ class SensorChain:
             )
         if not self.dropout < 1:
             raise InvalidInputError(
-                f"dropout: found {self.dropout:g}, expected a number below 1, because otherwise no reading arrives"
+                f"dropout: found {self.dropout:g}, expected a share below 1, because otherwise no reading arrives"
             )
         if self.misfit and not self.misfit_length:
             raise InvalidInputError(
-                f"misfit_length: a misfit of {self.misfit:g} needs its correlation length along the distance, "
-                'such as "5 mm", but found 0 m'
+                f"misfit_length: the misfit of {self.misfit:g} needs a correlation length above 0 m, along the "
+                'distance; set misfit_length, for example to "5 mm"'
             )
         if (self.distance_noise or self.distance_resolution) and not self.measures_distance:
             raise InvalidInputError(
@@ -344,8 +346,8 @@ def _sections(sections: Any) -> tuple[tuple[float, ...], ...]:
     for row in rows:
         if len(row) != 6 or not all(map(math.isfinite, row)) or row[3] == 0:
             raise InvalidInputError(
-                f"sections: found the row {row}, expected six finite numbers b0, b1, b2, a0, a1, a2 with a0 not "
-                "equal to 0"
+                f"sections: found the filter coefficients {row}, expected six finite numbers b0, b1, b2, a0, a1, "
+                "a2 with a0 not equal to 0"
             )
     return tuple(tuple(v / row[3] for v in row) for row in rows)
 

@@ -174,8 +174,8 @@ class ClosedLoop:
         law: Any = self.law
         if not isinstance(law, Controller):
             raise InvalidInputError(
-                f"stability: found a law of the class {type(law).__name__}, but stability limits need a "
-                "Controller, because its timing is known"
+                f"stability: found a control law of the class {type(law).__name__}, but stability limits can be "
+                "computed only for a Controller, whose timing is known"
             )
         continuous, assumed = continuous_law(law.law), law.law.value if value is None else value
         distance, velocity = passage(continuous, scenario, sensor, assumed, float(scenario.distance))
@@ -206,10 +206,10 @@ class ClosedLoop:
         low, high = max(bounds[0], -abs(strongest)), min(bounds[1], abs(strongest))
         if not low < high:
             raise InvalidInputError(
-                f"stability_margin: found {margin:g}, which at a sensor rate of {self.chain.rate:g} Hz allows "
-                f"{n.name}s up to {strongest:.4g} {n.unit}, but [gain] has bounds "
-                f"from {bounds[0]:g} to {bounds[1]:g} {n.unit}; choose a smaller margin, weaker "
-                f"{n.name}s, a faster sensor or a larger virtual mass"
+                f"stability_margin: a gain margin of {margin:g} at a sensor rate of {self.chain.rate:g} Hz "
+                f"allows {n.name}s only up to {strongest:.4g} {n.unit}, but [gain] has bounds from {bounds[0]:g} "
+                f"to {bounds[1]:g} {n.unit}; choose a smaller margin, weaker {n.name}s, a faster sensor or a "
+                "larger virtual mass"
             )
         return low, high
 
@@ -232,7 +232,7 @@ class ClosedLoop:
         except ValueError:
             shapes = f"{scenario.shape} and {len(sensors)} sensors" if each else f"{scenario.shape}"
             raise InvalidInputError(
-                f"gain: the shape {gains.shape} of the gains does not broadcast with the shape of the "
+                f"gain: the gains have the shape {gains.shape}, which does not broadcast with the shape of the "
                 f"encounters, {shapes}"
             ) from None
         first = () if runs is None else (runs_of(runs),)
@@ -276,8 +276,8 @@ class ClosedLoop:
                 )
             if in_law is not None and not math.isclose(in_scenario, in_law, rel_tol=1e-9):
                 raise InvalidInputError(
-                    f"admittance.{name}: found {in_scenario:g} in the scenario but {in_law:g} in the control law "
-                    "of the loop; use the same number in both"
+                    f"admittance.{name}: the scenario has the value {in_scenario:g}, but the control law of the "
+                    f"loop has {in_law:g}; use the same value in both"
                 )
 
 
@@ -299,7 +299,10 @@ def loop_section(loop: ClosedLoop, *first: Row) -> PageSection:
 
 def loop_sentences(loop: ClosedLoop) -> Iterator[str]:
     """Yield one sentence for each component of a sampled loop, such as the sensor and the robot."""
-    yield f"Sensor: {_joined(loop.chain.rows())}; noise is normal and independent between readings."
+    yield (
+        f"Sensor: {_joined(loop.chain.rows())}; the noise has a normal distribution and is independent between "
+        "readings."
+    )
     yield f"Controller: {_joined(law_rows(loop.law))}."
     extra = () if loop.contact is None else (("followed for", Measured(loop.follow_time, "s")),)
     for rows in (loop.plant.rows(), (*contact_rows(loop.contact), *extra)):

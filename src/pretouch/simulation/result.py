@@ -67,8 +67,8 @@ def refuse_too_many_runs(count: int) -> None:
     if count > MOST_RUNS:
         size = 8 * count * (len(RESULT_COLUMNS) + TOUCHES * len(CONTACT_COLUMNS))
         raise InvalidInputError(
-            f"runs: found {count:,}, which would need {size / 1e9:,.0f} GB, expected at most {MOST_RUNS:,}; for "
-            "more runs, call again with another seed"
+            f"runs: found {count:,} runs, which would need {size / 1e9:,.0f} GB of memory, expected at most "
+            f"{MOST_RUNS:,} runs; for more runs, call the function again with another seed"
         )
 
 
@@ -88,9 +88,9 @@ def _refuse_endless_runs(loop: Loop) -> None:
     waiting = chain.exposure + chain.delay + 16 * chain.jitter + period
     if waiting * chain.rate > _MOST_BUFFERED:
         raise InvalidInputError(
-            f"chain delay: up to {waiting * chain.rate:.3g} readings would wait for delivery, expected at most "
-            f"{_MOST_BUFFERED:,}; reduce the delay, the exposure or the jitter, or the rate of {chain.rate:g} "
-            "readings per second"
+            f"chain delay: up to {waiting * chain.rate:.3g} sensor readings would wait for delivery, but at most "
+            f"{_MOST_BUFFERED:,} are allowed; reduce the delay, the exposure or the jitter, or the rate of "
+            f"{chain.rate:g} readings per second"
         )
 
 
@@ -98,8 +98,8 @@ def _refuse(span: float, step: float, name: str, what: str) -> None:
     if not span / step <= _MOST_STEPS:
         raise InvalidInputError(
             f"{name}: found {_time(span)}, which is {span / step:.3g} steps of {what}, expected at most "
-            f"{_time(_MOST_STEPS * step)} ({_MOST_STEPS:,} steps); reduce it to the longest time that an "
-            "encounter may take"
+            f"{_time(_MOST_STEPS * step)} ({_MOST_STEPS:,} steps); reduce this time to the longest possible "
+            "duration of an encounter"
         )
 
 
@@ -245,12 +245,12 @@ class SimulationResult(Value):
             flat = np.arange(int(np.prod(self.shape))).reshape(self.shape)[index]
         except IndexError:
             raise InvalidInputError(
-                f"index: found {index}, expected an index into an array of runs of shape {self.shape}"
+                f"index: found {index}, which is not a valid index for an array of runs of the shape {self.shape}"
             ) from None
         if np.ndim(flat):
             raise InvalidInputError(
-                f"index: {index} selects several runs of the array of shape {self.shape}, expected the index of "
-                "a single run"
+                f"index: {index} selects several runs of an array of the shape {self.shape}; give the index of a "
+                "single run"
             )
         return self.trace_of(int(flat))
 

@@ -122,8 +122,8 @@ class ImpedancePlant(PlantModel):
         frequency = math.sqrt(self.stiffness / self.mass)
         if frequency > _FASTEST:
             raise InvalidInputError(
-                f"stiffness: found {self.stiffness:g} N/m for a mass of {self.mass:g} kg. Their natural "
-                f"frequency is {frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s; check the units of "
+                f"stiffness: found {self.stiffness:g} N/m for a mass of {self.mass:g} kg, which gives a natural "
+                f"frequency of {frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s; check the units of "
                 "stiffness and mass"
             )
 

@@ -114,7 +114,7 @@ class GainLimit(Value):
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
             raise InvalidInputError(
                 f"weakest: found {weakest:g} {unit}, expected a value between 0 and {strongest:g} {unit}, the "
-                f"strongest {n.name} with this gain margin; a faster sensor allows stronger {n.name}s"
+                f"strongest {n.name} with the required gain margin; a faster sensor allows stronger {n.name}s"
             )
         return min(strongest, weakest), max(strongest, weakest)
 
@@ -237,13 +237,13 @@ def _linearize(
     damping_of_one = np.abs(law.damping(1.0, -slope, velocity))
     if np.isnan(damping_of_one).any() and relative_velocity is None:
         raise InvalidInputError(
-            "relative_velocity: the relative velocity l' [m/s] at each distance is missing, but the damping of a "
-            f"{law.kind} depends on it"
+            "relative_velocity: give the relative velocity l' [m/s] at each distance, because the damping by the "
+            f"law {law.kind} depends on it"
         )
     if np.isnan(damping_of_one).any():
         raise InvalidInputError(
-            f"law: the damping of the {law.kind} is unknown (NaN) at some distances, expected a number at every "
-            "distance"
+            f"law: the damping by the law {law.kind} is unknown (NaN) at some distances, but must be a number at "
+            "every distance"
         )
     active = (
         replace(admittance, damping=0.0, stiffness=0.0) if getattr(law, "suspends_admittance", False) else admittance
@@ -301,7 +301,7 @@ def lowest_rate(
     if not finite(gain, "gain", number.unit) * number.sign > 0:
         raise InvalidInputError(
             f"gain: found {format_quantity(gain, number.unit)}, expected a {number.mitigating} value, because "
-            "other values do not mitigate the impact"
+            f"only {number.mitigating} values mitigate the impact"
         )
     _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     required = positive(margin, "margin") * abs(gain) * float(damping_of_one.max())

@@ -53,18 +53,20 @@ class StateSpace:
         for name, shape in (("a", (n, n)), ("b", (n, len(_INPUTS))), ("c", (n,))):
             matrix = np.asarray(finite(getattr(self, name), name))
             if matrix.shape != shape:
-                raise InvalidInputError(f"{name}: found the shape {matrix.shape}, expected {shape} for {n} states")
+                raise InvalidInputError(
+                    f"{name}: found a matrix of the shape {matrix.shape}, expected the shape {shape} for {n} states"
+                )
             object.__setattr__(self, name, _as_tuple(matrix))
         jumps = np.abs(self.arrays[2] @ self.arrays[1])
         if (jumps > _ERROR * np.abs(self.arrays[1]).max() * np.abs(self.arrays[2]).max()).any():
             raise InvalidInputError(
-                f"b: found an effect of the {_INPUTS[int(jumps.argmax())]} on the velocity itself, expected one on the "
-                "acceleration, C B = 0; add the lag of the drive"
+                f"b: the input {_INPUTS[int(jumps.argmax())]} acts directly on the velocity, but must act on the "
+                "acceleration (C B = 0); add the lag of the drive"
             )
         if not self.inverse_mass > 0:
             raise InvalidInputError(
-                f"b: found an acceleration of {self.inverse_mass:g} m/s^2 by a force of 1 N on the contact surface, "
-                "expected a positive one, C A B_F = 1 / mass"
+                f"b: a force of 1 N on the contact surface causes an acceleration of {self.inverse_mass:g} "
+                "m/s^2, but the acceleration must be positive (C A B_F = 1 / mass)"
             )
         _ = self.steady  # refuses a robot that does not follow
 
@@ -114,7 +116,7 @@ def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | Non
     found = np.linalg.lstsq(rows / scale[:, None], values / scale, rcond=None)[0]
     error = np.abs(rows @ found - values) / scale
     if error.max() > _ERROR * max(1.0, float(np.abs(found).max())):
-        raise InvalidInputError(f"a: found a robot that does not follow {what}; check the signs and units of A and B")
+        raise InvalidInputError(f"a: the robot model does not follow {what}; check the signs and units of A and B")
     return np.asarray(found)
 
 

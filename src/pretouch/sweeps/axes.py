@@ -112,7 +112,7 @@ def make_axes(axes: Axes, task: Task) -> tuple[Axis, ...]:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise InvalidInputError(
-            f"axes: the input {twice} occurs twice, but each input can have only one axis; remove one of the two"
+            f"axes: the input {twice} is given twice, but can have only one axis; remove one of the two axes"
         )
     return checked
 
@@ -122,14 +122,15 @@ def _axis(name: str, values: Any, units: Mapping[str, str]) -> Axis:
         return Axis(name=name, columns={name: _values(name, values, units)})
     if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in units:
         raise InvalidInputError(
-            f"axes: found the name {name!r} for an axis of paired inputs, expected a name of your own such as 'sample'"
+            f"axes: found {name!r} as the name of an axis of paired inputs, expected letters, digits and "
+            "underscores that are not the name of an input, such as 'sample'"
         )
     columns = {str(member): _values(str(member), column, units) for member, column in values.items()}
     lengths = {member: len(column) for member, column in columns.items()}
     if not columns or len(set(lengths.values())) > 1:
         listed = ", ".join(f"{n} values of {member}" for member, n in lengths.items()) or "no input"
         raise InvalidInputError(
-            f"axes: found {listed} along {name}, but all inputs of one axis need the same number of values"
+            f"axes: found {listed} along the axis {name}, but all inputs of one axis need the same number of values"
         )
     return Axis(name=name, columns=columns, zipped=True)
 

@@ -92,5 +92,6 @@ def _run(store: ZarrStore, block: int) -> BlockRecord:
 def _check_folder(path: Path) -> None:
     if not (path / "zarr.json").is_file():
         raise InvalidInputError(
-            f"{path}: a Dask worker cannot find this sweep; choose a folder that all workers can access at this path"
+            f"{path}: a Dask worker cannot find the files of this sweep; choose a folder that all workers can "
+            "access at the same path"
         )

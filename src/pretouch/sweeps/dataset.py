@@ -177,7 +177,7 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
     except OSError as error:
         raise InvalidInputError(
             f"{path}: the file cannot be written ({error.strerror or error}), but the computed results are kept; "
-            "run the same command again to resume"
+            "run the same command again to finish the sweep"
         ) from None
     finally:
         temporary.unlink(missing_ok=True)

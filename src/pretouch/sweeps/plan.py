@@ -119,14 +119,14 @@ def make_plan(
     if not designs and (task.gain is None) == (not gains):
         what = "a gain and an axis of gains" if gains else "neither gain nor objective"
         raise InvalidInputError(
-            f"gain: found {what}, but a sweep needs exactly one of gain=..., an axis 'gain', or objective=... "
-            "with bounds=..."
+            f"gain: found {what}, but a sweep needs exactly one source of gains: gain=..., an axis 'gain', or "
+            "objective=... with bounds=..."
         )
     names = check_results(results, designs=designs, impact=task.impact)
     clash = next((axis.name for axis in checked if axis.name in (*names, STATUS)), None)
     if clash is not None:
         raise InvalidInputError(
-            f"axes: the name {clash!r} is already the name of a result; choose another name for the axis"
+            f"axes: the axis name {clash!r} is already the name of a result; choose another name for the axis"
         )
     finite(0.0 if task.gain is None else task.gain, "gain", task.law.number.unit)
     positive(task.horizon, "horizon", "s")
@@ -189,8 +189,8 @@ def _check_values(plan: Plan) -> None:
     terms = plan.task.goal.terms if plan.designs else ()
     if not moving and any(term.scale == OBSTACLE_SPEED for term in terms):
         raise InvalidInputError(
-            f"scale: found {OBSTACLE_SPEED!r}, which cannot scale the speed of an obstacle at rest, because it "
-            "is 0; use a number in m/s"
+            f"scale: found {OBSTACLE_SPEED!r}, which cannot scale the speed of an obstacle at rest, because this "
+            "speed is 0; use a number in m/s"
         )
 
 

@@ -48,7 +48,8 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
     for name in names:
         if name in OF_DESIGNS and not designs:
             raise InvalidInputError(
-                f"results: the result {name!r} needs designs; add an objective and the bounds of the gain"
+                f"results: the result {name!r} needs an optimal gain for each encounter; add an objective and "
+                "the bounds of the gain"
             )
         if name not in {STATUS, *OF_DESIGNS, *ALWAYS, *ContactState.names()} and find_quantity(name) is None:
             of_contacts = (*ContactState.names(), *QUANTITY_UNITS, *QUANTITY_KINDS.installed(), *ALWAYS)
@@ -56,7 +57,7 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
             raise InvalidInputError(f"results: found {name!r}, expected one of {', '.join(allowed)}")
         if name != STATUS and QUANTITIES[name].needs_impact and impact is None:
             raise InvalidInputError(
-                f"results: the result {name!r} needs an impact model; add one with the robot's mass"
+                f"results: the result {name!r} needs an impact model; add an impact model with the robot's mass"
             )
     return tuple(dict.fromkeys(name for name in names if name != STATUS))
 

@@ -118,7 +118,7 @@ def sweep(
         return _to_netcdf(plan, target, overwrite=overwrite, dask=dask, progress=progress)
     if target.suffix != _ZARR:
         raise InvalidInputError(
-            f"output: found {str(target)!r}, expected a file name that ends in {_ZARR} or {_NETCDF[0]}"
+            f"output: found {str(target)!r}, expected a file name with the ending {_ZARR} or {_NETCDF[0]}"
         )
     return _to_zarr(plan, target, overwrite=overwrite, dask=dask, progress=progress).dataset()
 
@@ -139,8 +139,8 @@ def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
     moving = [name for name in names if name.startswith(_MOVE_THE_LIMIT)]
     if moving and task.stability_margin is not None:
         raise InvalidInputError(
-            f"stability_margin: this sweep varies {moving[0]}, which changes the stability limit, so it cannot "
-            "keep a gain margin; remove the margin, or sweep with a given gain"
+            f"stability_margin: a sweep over {moving[0]} cannot keep a gain margin, because this input changes "
+            "the stability limit; remove the margin, or sweep with a given gain"
         )
     return task.stable_bounds()
 
@@ -262,11 +262,12 @@ def _finished(plan: Plan, target: Path, *, overwrite: bool) -> xr.Dataset | None
     if not overwrite or dataset is None:
         if dataset is None:
             raise OutputExistsError(
-                f"{target}: this file is not a sweep and is not overwritten; choose another name with --output"
+                f"{target}: this file is not a sweep, and pretouch does not overwrite it; choose another name "
+                "with --output"
             )
         what = "is damaged" if equal else f"is a different sweep (different {differing_parts(dataset.attrs, plan)})"
         raise OutputExistsError(
-            f"{target}: this file {what} and is not overwritten; choose another name with --output, or replace the "
-            "file with --force (overwrite=True in Python)"
+            f"{target}: this file {what}, and pretouch does not overwrite it; choose another name with --output, "
+            "or replace the file with --force (overwrite=True in Python)"
         )
     return None

@@ -125,14 +125,14 @@ class ZarrStore(Store):
         attributes = _attributes(self.path)
         if attributes is None:
             raise OutputExistsError(
-                f"{path}: this path is not a sweep of pretouch and is not overwritten; choose another name for "
-                "the output"
+                f"{path}: this path is not a sweep of pretouch, so pretouch does not overwrite it; choose "
+                "another name for the output"
             )
         if attributes.get(DIGEST) != attributes_of(plan)[DIGEST]:
             raise OutputExistsError(
-                f"{path}: this folder holds a different sweep (different {differing_parts(attributes, plan)}) "
-                "and is not overwritten; choose another name with --output, or replace the sweep with --force "
-                "(overwrite=True in Python)"
+                f"{path}: this folder contains a different sweep (different "
+                f"{differing_parts(attributes, plan)}), and pretouch does not overwrite it; choose another name "
+                "with --output, or replace the sweep with --force (overwrite=True in Python)"
             )
         zarr = require("zarr")
         try:
@@ -150,8 +150,8 @@ class ZarrStore(Store):
             arrays[LEDGER][:]
         except Exception as error:  # the parsers of zarr raise many kinds of exceptions
             raise OutputExistsError(
-                f"{path}: this sweep is damaged ({' '.join(str(error).split())[:200]}); choose another name with "
-                "--output, or replace the sweep with --force (overwrite=True in Python)"
+                f"{path}: the files of this sweep are damaged ({' '.join(str(error).split())[:200]}); choose "
+                "another name with --output, or replace the sweep with --force (overwrite=True in Python)"
             ) from None
         super().__init__(plan, per_block, arrays)
 
@@ -198,8 +198,8 @@ class ZarrStore(Store):
             yield
         except OSError as error:
             raise InvalidInputError(
-                f"{self.path}: the folder cannot be written ({error.strerror or error}), but finished blocks are "
-                "kept; run the same command again to resume"
+                f"{self.path}: the folder cannot be written ({error.strerror or error}), but finished results "
+                "are kept; run the same command again to finish the sweep"
             ) from None
 
     @classmethod
@@ -286,11 +286,13 @@ def replace_sweep(path: Path) -> None:
     """Remove a stored sweep; raise an error if the path contains anything else or is being written to."""
     if not is_sweep(path):
         raise OutputExistsError(
-            f"{path}: this path is not a sweep of pretouch and is not removed; choose another name for the output"
+            f"{path}: this path is not a sweep of pretouch, so pretouch does not remove it; choose another name "
+            "for the output"
         )
     if not remove_unused(path):
         raise OutputExistsError(
-            f"{path}: another process is writing to this sweep; wait until it has finished, or choose another name"
+            f"{path}: another process is writing to this sweep; wait until the other process has finished, or "
+            "choose another name"
         )
 
 

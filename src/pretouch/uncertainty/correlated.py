@@ -55,8 +55,8 @@ class CorrelatedNormal(JointDistribution):
         count = len(self.names)
         if mean.shape != (count,) or covariance.shape != (count, count):
             raise InvalidInputError(
-                f"covariance: found a matrix of shape {covariance.shape} and {mean.shape[0]} means for {count} "
-                "names, expected one mean, one row and one column for each name"
+                f"covariance: found a matrix of the shape {covariance.shape} and {mean.shape[0]} means for "
+                f"{count} names, expected one mean, one row and one column for each name"
             )
         scale = np.sqrt(np.outer(np.diag(covariance).clip(0), np.diag(covariance).clip(0)))
         if np.abs(covariance - covariance.T).max(initial=0) > 1e-9 * scale.max(initial=0):
@@ -155,9 +155,9 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
     if open_ended or not np.isfinite(covariance).all():
         reason = f" {' '.join(fit.unidentifiable)}" if fit.unidentifiable else ""
         raise InvalidInputError(
-            f"fit: the readings do not bound {' and '.join(open_ended or names)}, so these parameters have no "
-            f"covariance.{reason} Fit a curve with fewer parameters, such as exponential-1, or specify the "
-            "distribution of each parameter"
+            f"fit: the readings do not bound the parameters {' and '.join(open_ended or names)}, so no "
+            f"covariance of these parameters can be given.{reason} Fit a curve with fewer parameters, such as "
+            "exponential-1, or specify the distribution of each parameter"
         )
     mean = np.array([fit.parameters[name].value for name in names])
     _check_tails(fit, names, mean, covariance)
@@ -181,9 +181,9 @@ def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance:
                 sensor_with(fit.sensor, values)
             except InvalidInputError as impossible:
                 raise InvalidInputError(
-                    f"fit: the parameter {name} is {mean[i]:.4g} with a standard error of {error:.2g}. A normal "
-                    f"distribution of this width includes impossible curves ({impossible}); calibrate with more "
-                    "readings, or specify the distribution of each parameter"
+                    f"fit: the fitted parameter {name} is {mean[i]:.4g} with a standard error of {error:.2g}. A "
+                    f"normal distribution of this width includes impossible curves ({impossible}); calibrate "
+                    "with more readings, or specify the distribution of each parameter"
                 ) from None
 
 

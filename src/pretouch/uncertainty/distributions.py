@@ -159,7 +159,9 @@ def normal_in_words(mean: float, deviation: float, unit: str) -> str:
 
 def _check_order(low: float, high: float) -> None:
     if not low < high:
-        raise InvalidInputError(f"low: found low = {low:g} and high = {high:g}, but low must be smaller than high")
+        raise InvalidInputError(
+            f"low: found a range from low = {low:g} to high = {high:g}, but low must be smaller than high"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -291,7 +293,7 @@ class TruncatedNormal(Distribution):
         if max(low - self.location, self.location - high) > 30 * self.deviation:
             raise InvalidInputError(
                 f"low: the range from {low:g} to {high:g} is more than 30 standard deviations away from the "
-                f"location {self.location:g}; choose a range nearer to the location"
+                f"location {self.location:g} of the distribution; choose a range nearer to the location"
             )
 
     @property

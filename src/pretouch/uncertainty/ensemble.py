@@ -38,15 +38,18 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
     for name, distribution in uncertainty.items():
         if not isinstance(distribution, JointDistribution):
             raise InvalidInputError(
-                f"uncertainty {name}: found {type(distribution).__name__}, expected a distribution, such as "
-                "Uniform, or a class that inherits from pt.robust.Distribution and defines support and _quantile"
+                f"uncertainty {name}: found {type(distribution).__name__}, expected a distribution such as "
+                "Uniform, or an object of a class that inherits from pt.robust.Distribution and defines support "
+                "and _quantile"
             )
     names = [member for name, distribution in uncertainty.items() for member in distribution.inputs(name)]
     if not names:
         raise InvalidInputError('uncertainty: found none, expected inputs such as {"obstacle.velocity": Uniform(...)}')
     for name in names:
         if names.count(name) > 1:
-            raise InvalidInputError(f"uncertainty: the input {name} has two distributions; remove one of the two")
+            raise InvalidInputError(
+                f"uncertainty: the input {name} has two distributions; remove one of the two distributions"
+            )
     return tuple(names)
 
 
@@ -83,8 +86,9 @@ def sample_inputs(
         values = np.asarray(distribution.draw(points[:, at : at + len(members)]))
         if values.shape != (count, len(members)):
             raise InvalidInputError(
-                f"uncertainty {name}: {type(distribution).__name__} returned samples of shape {values.shape}, "
-                f"expected {(count, len(members))} with one row for each sample and one column for each input"
+                f"uncertainty {name}: the distribution {type(distribution).__name__} returned samples of the "
+                f"shape {values.shape}, expected the shape {(count, len(members))} with one row for each sample "
+                "and one column for each input"
             )
         at += len(members)
         samples |= {member: np.ascontiguousarray(values[:, i]) for i, member in enumerate(members)}
@@ -99,8 +103,8 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
         raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number")
     if count > MOST_SAMPLES:
         raise InvalidInputError(
-            f"samples: found {count:,}, expected at most {MOST_SAMPLES:,}; more samples do not reduce the error "
-            "of the model"
+            f"samples: found {count:,}, expected at most {MOST_SAMPLES:,} samples, because more samples do not "
+            "reduce the error of the sensor and motion models"
         )
     if type(seed) is not int or seed < 0:
         raise InvalidInputError(f"seed: found {seed!r}, expected 0 or a positive whole number")
@@ -325,7 +329,7 @@ def make_ensemble(
     if (checked or count is None) and not equal_rows:
         shapes = ", ".join(f"{v.shape} for {name}" for name, v in checked.items()) or "none"
         raise InvalidInputError(
-            f"uncertainty: found values of different shapes ({shapes}), expected lists of equal length"
+            f"uncertainty: found input values of different shapes ({shapes}), expected lists of equal length"
         )
     size = len(next(iter(checked.values()))) if checked else count or 0
     parameters = {name.removeprefix("sensor."): v for name, v in checked.items() if _of_sensor(name)}

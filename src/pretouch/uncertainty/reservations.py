@@ -91,8 +91,8 @@ class Reservations(Value):
             return None
         if contradiction is not None and self._extension is None:
             parts.append(
-                f"Measure at more distances between {' and '.join(self._measured_span)}, several times at each "
-                "distance."
+                f"Measure the sensor output at more distances between {' and '.join(self._measured_span)}, "
+                "several times at each distance."
             )
         return " ".join(part for part in (self._receding, *parts) if part)
 
@@ -121,13 +121,14 @@ class Reservations(Value):
             parts.append(f"from {near}{nearest} to contact at 0 mm")
             advice = recess_advice(self.report.window.l_min, self.recess)
             remedies.append(
-                f"{advice}, or calibrate it down to contact, with a lower amplification if its output clips"
+                f"{advice}, or calibrate the sensor down to contact, with a lower amplification if its output clips"
             )
         if self.share_beyond > _DECISIVE:
             share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]}"
             parts.append(f"from the start at {start} to {far}{farthest}, which gives {share}")
             remedies.append(
-                f"calibrate out to {start} with more readings at each distance, or start the encounter at {far}"
+                f"calibrate the sensor out to {start} with more readings at each distance, or start the "
+                f"encounter at {far}"
             )
         if self.leaves_range:
             remedy = "; ".join(remedies) or "calibrate farther out"
@@ -152,18 +153,24 @@ class Reservations(Value):
 
     @property
     def _sensor_zero(self) -> str:
-        return f"the zero of the sensor, which is {format_quantity(self.recess, 'm')} behind the contact surface"
+        return (
+            f"the zero of the sensor's distance scale, which is {format_quantity(self.recess, 'm')} behind the "
+            "contact surface"
+        )
 
     def _without_force(self, near: str) -> str:
         """Compare the predicted contact speed with the contact speed if no force acts below the nearest reading."""
         if self.speed is None or self.speed_without_force is None:
             return ""
         speed, predicted = (format_quantity(v, "m/s") for v in (self.speed_without_force, self.speed))
-        text = f" Without a virtual force below {near}, the contact speed is {speed} instead of {predicted}."
+        text = (
+            f" If no virtual force acted at distances below {near}, the contact speed would be {speed} instead of "
+            f"{predicted}."
+        )
         unmitigated = self.speed_without_mitigation
         if unmitigated is None or self.speed_without_force <= _HARDER * unmitigated:
             return text
-        return f"{text} This contact is harder than without mitigation ({format_quantity(unmitigated, 'm/s')})."
+        return f"{text} Such a contact is harder than without mitigation ({format_quantity(unmitigated, 'm/s')})."
 
     @property
     def _model(self) -> str:
@@ -189,13 +196,14 @@ class Reservations(Value):
         lines = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
         if self.recess:
             lines.append(
-                "distances in brackets and distances of excluded readings are measured from "
-                f"{self._sensor_zero}; all other distances are measured from the contact surface"
+                f"distances in brackets and distances of excluded readings count from {self._sensor_zero}; all "
+                "other distances count from the contact surface"
             )
         for share, where in ((self.share_nearer, f"nearer than {near}"), (self.share_beyond, f"beyond {far}")):
             if share > _ROUNDING:
                 lines.append(
-                    f"{where}, the curve is extrapolated and gives {100 * share:.2g} % of the {_EFFECTS[self.degree]}"
+                    f"{where}, the sensor curve is extrapolated and contributes {100 * share:.2g} % of the "
+                    f"{_EFFECTS[self.degree]}"
                 )
         if self.witness is not None and self.witness.is_supported:
             lines.append(self.witness.text)

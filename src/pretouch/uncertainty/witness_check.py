@@ -85,13 +85,13 @@ class WitnessCheck(Value):
         of = f" (the worst of {self.unsupported} of {self.encounters} encounters)" if self.encounters > 1 else ""
         if self.harder_count:
             return (
-                f"Not supported by the readings: contact is harder than without mitigation ({free}) on "
-                f"{self.harder_count} of {self.curves} curves that fit the readings. The fitted curve predicts "
-                f"{predicted}{of}."
+                f"Not supported by the readings: on {self.harder_count} of {self.curves} sensor curves that fit "
+                f"the readings, contact is harder than without mitigation ({free}). The fitted curve predicts a "
+                f"contact speed of {predicted}{of}."
             )
         return (
-            f"Not supported by the readings: on other curves that fit the readings, the contact speed is {low} "
-            f"to {high}; the fitted curve predicts {predicted}{of}."
+            "Not supported by the readings: on other sensor curves that fit the readings, the contact speed is "
+            f"{low} to {high}, but the fitted curve predicts {predicted}{of}."
         )
 
     @property
@@ -101,10 +101,10 @@ class WitnessCheck(Value):
         outside = (
             ""
             if is_within(self.predicted, self.low, self.high)
-            else f", outside of this range; up to {100 * CLOSE:.0f} % apart counts as agreement"
+            else f", which is outside of this range; a difference of up to {100 * CLOSE:.0f} % counts as agreement"
         )
         fitted = f"{predicted} on the fitted curve{outside}"
-        return f"on {self.curves} curves that fit the readings, contact is at {low} to {high} ({fitted})"
+        return f"on {self.curves} sensor curves that fit the readings, the contact speed is {low} to {high} ({fitted})"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result of testing a gain on several sensor curves as a dictionary for JSON, in SI units."""

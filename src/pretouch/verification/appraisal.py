@@ -105,8 +105,8 @@ def draw_encounters(task: Task) -> Draws:
     certain = [name for name in values if name.startswith("admittance.")]
     if certain:
         raise InvalidInputError(
-            f"uncertainty: the input {certain[0]} is a number in the controller and therefore known exactly; "
-            "remove this input"
+            f"uncertainty: the input {certain[0]} is a setting of the controller and therefore known exactly; "
+            "remove this input from the uncertain inputs"
         )
     several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
     sensors = several.sensors() if any(name.startswith("sensor.") for name in values) else ()

@@ -42,19 +42,19 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
     if not moved > _STILL:
         return
     where, far, still = (format_quantity(x, "m", 3) for x in (worst, moved, _STILL))
-    text = f"Sensor noise alone moves a robot at rest by up to {far} in {_rest(law):g} s"
-    place = f"This is at a distance of {where}, the worst one, in 95 % of the runs ({_RESTS} runs, 95 % confidence)."
+    text = f"Sensor noise alone moves a robot at rest by up to {far} within {_rest(law):g} s"
+    place = f"These values hold at the worst distance, {where}, in 95 % of the runs ({_RESTS} runs, 95 % confidence)."
     quiet = _quiet_floor(task, gain, law, moved)
     if quiet is None:
         yield (
-            f"{text}: reduce the noise or use a law with a dead zone, since no floor that was tried keeps it within "
-            f"{still}. {place}"
+            f"{text}: reduce the noise or use a law with a dead zone, because no tried floor of the controller "
+            f"keeps this motion within {still}. {place}"
         )
         return
     sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)
     yield (
-        f"{text}: a controller floor of {quiet:g} (now {floor:g}, unit of the readings) keeps it within {still}, but "
-        f"objects are then detected only from {sees} on. {place}"
+        f"{text}: a controller floor of {quiet:g} instead of {floor:g} (unit of the readings) keeps this motion "
+        f"within {still}, but objects are then detected only from {sees} on. {place}"
     )
 
 

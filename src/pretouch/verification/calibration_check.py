@@ -77,15 +77,19 @@ class CalibrationCheck(Value):
         named = (
             (
                 self.harder_count,
-                f"contact is more than {100 * _HARDER:.0f} % harder than predicted on {self.harder_count}",
+                f"contact is more than {100 * _HARDER:.0f} % harder than predicted with {self.harder_count} of "
+                "these sensors",
             ),
-            (self.broken, f"a limit is missed on {self.broken}"),
-            (self.missing, f"there is no contact on {self.missing}"),
+            (self.broken, f"a limit is missed with {self.broken} of these sensors"),
+            (self.missing, f"there is no contact with {self.missing} of these sensors"),
         )
         counts = ", ".join(text for count, text in named if count)
         against = None if self.witness is None else self.witness.headline
         if counts:
-            return f"the calibration is not good enough: of {self.draws} sensors that agree with the readings, {counts}"
+            return (
+                f"the calibration is not good enough: pretouch simulated {self.draws} sensors that agree with the "
+                f"readings, and {counts}"
+            )
         return "the calibration is not good enough" + ("" if against is None else f": {_lower(against)}")
 
     @property
@@ -95,19 +99,24 @@ class CalibrationCheck(Value):
             kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
             wider = "" if self.witness is None else f", in continuous time: {self.witness.text}"
             return (
-                f"The calibration is good enough for this gain: {kept} drawn from fits to its readings agree with the "
-                f"fitted curve. {self._spread} Curves through the readings do not contradict it{wider}."
+                f"The calibration is good enough for this gain: {kept}, drawn from fits to the readings, agree "
+                f"with the fitted curve. {self._spread} Other curves through the readings do not contradict the "
+                f"result{wider}."
             )
         reason = f"{self.reason[:1].upper()}{self.reason[1:]}."
         against = None if self.witness is None else self.witness.headline
         second = "" if against is None or _lower(against) in self.reason else f" {against}"
-        return f"{reason} {self._spread}{second} The largest source of error is its {self.decisive}: {self.remedy}."
+        return (
+            f"{reason} {self._spread}{second} The largest source of error in the calibration is its {self.decisive}: "
+            f"{self.remedy}."
+        )
 
     @property
     def _spread(self) -> str:
         """A sentence on the contact speed with the fitted sensor curve and with the sampled curves, without noise."""
         text = (
-            f"On the loop without noise, contact is at {format_quantity(self.predicted, 'm/s', 3)} on the fitted curve"
+            "On the sampled loop without noise, the contact speed is "
+            f"{format_quantity(self.predicted, 'm/s', 3)} with the fitted curve"
         )
         if self.low is None or self.high is None:
             return f"{text}."
@@ -118,8 +127,8 @@ class CalibrationCheck(Value):
         softer = self.predicted < self.low
         accepted = f"; up to {100 * _HARDER:.0f} % harder counts as agreement" if softer else ""
         return (
-            f"{text} So the fitted curve gives a {'softer' if softer else 'harder'} contact than most of them, which "
-            f"differ from it in curve, offset or misfit{accepted}."
+            f"{text} So the fitted curve gives a {'softer' if softer else 'harder'} contact than most of these "
+            f"sensors, which have another curve, offset or misfit{accepted}."
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -207,7 +216,9 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
     limits = [limit for limit in task.limits if limit.name != "gain"]
     speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
     for i, drawn in enumerate(sensors):
-        note_work(f"simulating sensor {i + 1} of {len(sensors)} that agree with the calibration")
+        note_work(
+            f"simulating the encounter with sensor {i + 1} of {len(sensors)} sensors that agree with the calibration"
+        )
         there = replace(chain, offset=chain.offset + drawn.offset - own)
         loop = replace(task.loop.after(i), chain=there)
         result = loop.run(task.scenario, drawn.sensor, gain)
@@ -245,13 +256,15 @@ def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
     if decisive == "offset":
         again = "more " if report.offset is not None and report.offset.kind == "measured" else ""
         return (
-            f"record {again}readings without an object in range, and add these readings to the calibration as no_object"
+            f"record {again}readings without an object in range, and add these readings to the calibration as "
+            "its argument `no_object`"
         )
     if decisive == "misfit":
         apart = format_quantity(task.loop.chain.misfit_length, "m", 2)
         return (
-            f"check how the distances were set, and calibrate again at distances at most {apart} apart. If the "
-            "curve misses readings near contact, mount the sensor farther behind the contact surface"
+            f"check how the distances were set, and calibrate again with steps of at most {apart} between "
+            "distances. If the curve misses readings near contact, mount the sensor farther behind the contact "
+            "surface"
         )
     where = "" if report.slope is None else f" around {format_quantity(report.slope.worst_at, 'm', 3)}"
     parts = [f"record readings at more distances, and more readings at each distance{where}"]

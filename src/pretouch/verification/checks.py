@@ -136,7 +136,7 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
         *loop_sentences(loop),
         *_force(task),
         *(uncertain or ["Encounter: the nominal one in every run; nothing is uncertain."]),
-        f"Runs: {number}; all other gains and changes of the loop are simulated with the same noise{first}.",
+        f"Runs: {number}; other gains, and changes of the loop, are simulated with the same noise{first}.",
         "Prediction: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly.",
         "Stability: of the loop linearized at each distance of the nominal curve, without noise, misfit, jitter, "
         "limits and friction.",
@@ -155,8 +155,8 @@ def _force(task: Task) -> Iterator[str]:
     if task.impact is None:
         model = "the same contact stiffness without loss, and the mass of the robot"
     yield (
-        f"The impact force is predicted with {model}. Energy loss in the contact lowers the simulated force, but "
-        "the robot's drive and a driven obstacle raise it."
+        f"The predicted impact force is computed with {model}. Energy loss in the contact lowers the simulated "
+        "force, but the robot's drive and a driven obstacle raise it."
     )
 
 
@@ -194,9 +194,9 @@ def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
     if virtual is None or all(np.allclose(getattr(virtual, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
         return
     yield (
-        "The controller and the prediction use different virtual masses, dampings or stiffnesses: "
-        f"{virtual.mass:g} kg, {virtual.damping:g} N s/m and {virtual.stiffness:g} N/m in the controller, "
-        f"{a.mass:g} kg, {a.damping:g} N s/m and {a.stiffness:g} N/m in the prediction."
+        f"The controller and the prediction use different admittances: a virtual mass of {virtual.mass:g} kg, a "
+        f"damping of {virtual.damping:g} N s/m and a stiffness of {virtual.stiffness:g} N/m in the controller, "
+        f"but {a.mass:g} kg, {a.damping:g} N s/m and {a.stiffness:g} N/m in the prediction."
     )
 
 
@@ -231,7 +231,7 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
         near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
         yield (
             f"On average, the object is first detected {format_quantity(late, 's')} after the start, at a "
-            f"distance of {near} instead of {far}: {_why_late(loop, late)}."
+            f"distance of {near} instead of {far}, because {_why_late(loop, late)}."
         )
 
 
@@ -263,8 +263,9 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     pushing = "the driven obstacle and the robot's drive push" if driven else "the robot's drive pushes"
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
     yield (
-        f"After the impact, {pushing} with up to {newton[0]} on average (without mitigation {newton[1]}); the impact "
-        f"itself has {newton[2]} (without mitigation {newton[3]})."
+        f"After the impact, {pushing} with up to {newton[0]} on average, compared with {newton[1]} without "
+        f"mitigation. The force of the impact itself is {newton[2]}, compared with {newton[3]} without "
+        "mitigation."
     )
 
 
@@ -277,7 +278,7 @@ def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
         return
     pushed = "the robot's drive and the obstacle push while the bodies are in contact"
     why = pushed if times > 1 else "the contact loses energy, or the robot yields during it"
-    yield f"The simulated impact force is {times:.3g} times the predicted force of an elastic impact: {why}."
+    yield f"The simulated impact force is {times:.3g} times the predicted force of an elastic impact, because {why}."
 
 
 def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
@@ -290,8 +291,8 @@ def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
     stale = _stale(result)
     if stale > 0:
         yield (
-            f"In {_percent(stale)} of the controller steps with a detected object, the expected sensor reading was "
-            "missing."
+            f"After detection of the object, the expected sensor reading was missing in {_percent(stale)} of the "
+            "controller steps."
         )
 
 
@@ -314,6 +315,6 @@ def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
     if report is None or report.best is None or report.curves is not None:
         return
     yield (
-        f"The calibration has only {len(report.window.distances)} usable distances, too few to check whether it is "
-        "good enough: record more distances."
+        f"The calibration has only {len(report.window.distances)} usable distances, which are too few to check "
+        "whether the calibration is good enough: record more distances."
     )

@@ -170,8 +170,8 @@ def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: S
     speed, before = _speeds(run, free)
     if speed > before * (1 + _SHOWN):
         yield (
-            f"With this gain, contact is harder than without mitigation: {_text(speed)} instead of "
-            f"{_text(before) if free.touched else 'no contact'}."
+            f"With this gain, contact is harder than without mitigation: the contact speed is {_text(speed)} "
+            f"instead of {_text(before) if free.touched else 'no contact'}."
         )
 
 
@@ -180,8 +180,8 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
         yield (
-            f"The {number.name} has no effect in this run: the contact speed is {_text(speed)} with the "
-            f"{number.name}, and {_text(before)} without mitigation."
+            f"The {number.name} has no effect in this run: with the {number.name}, the contact speed is "
+            f"{_text(speed)}, and {_text(before)} without mitigation."
         )
 
 
@@ -224,8 +224,13 @@ class SensorSpeed(Value):
         """A sentence that says whether the sensor is fast enough."""
         enough = "fast enough" if self.is_fast_enough else "too slow"
         speed, fast = format_quantity(self.speed, "m/s", 3), format_quantity(self.fast, "m/s", 3)
-        text = f"The sensor is {enough}: with {self.rate:.6g} readings per second, contact is at {speed} on average; "
-        text += f"with an infinitely fast sensor at {fast} (both without noise). "
+        text = (
+            f"The sensor is {enough}: with {self.rate:.6g} readings per second, the average contact speed is {speed}. "
+        )
+        text += (
+            f"With an infinitely fast sensor, the average contact speed would be {fast} (sensor noise is excluded in "
+            "this comparison). "
+        )
         return f"{text}{self.excess_in_words[:1].upper()}{self.excess_in_words[1:]}."
 
     @property

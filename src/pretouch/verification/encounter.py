@@ -72,7 +72,7 @@ _COURSE: Final = (
     "lines: first detection, if it is not at the start, and first contact. Virtual force and reading are held over a "
     "controller period. The predicted reading is the sensor curve at the predicted distance, without delay and noise."
 )
-_NOTHING: Final = "nothing, since the continuous solution does not support an obstacle with a course"
+_NOTHING: Final = "none, because the continuous solution does not support an obstacle whose acceleration changes"
 _SEEN: Final = (
     "The controller responds to changes of ln \u03be after detection; changes before detection are ignored. If "
     "detection is too late, contact is as hard as without mitigation. The prediction assumes detection at the start."
@@ -225,13 +225,13 @@ class SimulatedEncounter(Described, Value):
         elif margin < 1:
             strongest = number.text(limit.strongest, 3)
             yield (
-                f"The loop is unstable at a distance of {place}, where the strongest stable {number.name} is "
-                f"{strongest}."
+                f"The sampled loop is unstable at a distance of {place}, where the strongest stable "
+                f"{number.name} is {strongest}."
             )
         else:
             yield (
-                f"The gain margin of the loop is only {margin:.3g} at a distance of {place}; a gain margin of 2 is "
-                "usual."
+                f"The gain margin of the sampled loop is only {margin:.3g} at a distance of {place}; a gain "
+                "margin of 2 is usual."
             )
 
     @property
@@ -344,9 +344,9 @@ def _comparison(e: SimulatedEncounter) -> PageSection:
     loop = e.loop
     robot, contact = (cell_as_text(next(iter(rows))[1]) for rows in (loop.plant.rows(), contact_rows(loop.contact)))
     method = (
-        f"On the loop: a controller step every {format_quantity(loop.law.period, 's', 3)}, readings at "
-        f"{loop.chain.rate:g} Hz, seed {loop.seed}. Robot: {robot}. Contact: {contact}. Predicted: "
-        f"{_NOTHING if e.prediction is None else e.prediction.method}."
+        f"The simulated loop has a controller step every {format_quantity(loop.law.period, 's', 3)} and sensor "
+        f"readings at {loop.chain.rate:g} Hz; its seed is {loop.seed}. Robot: {robot}. Contact: {contact}. "
+        f"Method of the prediction: {_NOTHING if e.prediction is None else e.prediction.method}."
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
     return PageSection(title="Loop and prediction", blocks=(table, Paragraph(text=method, brief=True), elastic))

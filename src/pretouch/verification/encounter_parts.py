@@ -148,7 +148,7 @@ class Detection(Value):
         if self.missed_share is None:
             return f"{text}."
         missed = f"{100 * self.missed_share:.2g} % of the change of ln xi until contact"
-        return f"{text}. Before this detection, {missed} had already happened."
+        return f"{text}. Before this detection, {missed} had already happened, so the controller did not use it."
 
 
 _MEANINGS: Final[dict[Status, str]] = {
@@ -307,15 +307,15 @@ def _loop_clause(run: SimulationResult, free: SimulationResult) -> str:
     if is_harder(run, free):
         speed = _speed(run.relative_velocity)
         return (
-            f"Contact is harder than without mitigation: the contact speed on the loop is {speed} instead of "
-            f"{_speed_or_none(free)}"
+            f"Contact is harder than without mitigation: the contact speed on the simulated loop is {speed} "
+            f"instead of {_speed_or_none(free)}"
         )
     if run.touched:
         return f"Contact on the loop at {_speed(run.relative_velocity)}"
     if run.status == ContactStatus.UNRESOLVED:
-        return f"The simulated loop diverges: its numbers exceed all bounds after {_time(run.end_time)}"
+        return f"The simulated loop diverges: its values exceed all bounds after {_time(run.end_time)}"
     nearest = format_quantity(run.closest_distance, "m", 3)
-    return f"There is no contact on the loop within {_time(run.end_time)}; the closest distance is {nearest}"
+    return f"There is no contact on the simulated loop within {_time(run.end_time)}; the smallest distance is {nearest}"
 
 
 def _speed_or_none(run: SimulationResult) -> str:
@@ -355,16 +355,16 @@ def cautions_in_words(
         yield "The object was never detected, so there was no virtual force: check floor, offset and sensor range."
     elif detection.missed_share is not None and detection.missed_share > _LATE:
         yield (
-            f"Late detection: {100 * detection.missed_share:.2g} % of the change of ln xi until contact had no effect, "
-            f"because the object was first detected at {format_quantity(detection.distance, 'm')}. The prediction "
-            f"assumes detection at {format_quantity(detection.start_distance, 'm')}."
+            f"The object is detected late: first at {format_quantity(detection.distance, 'm')}, so "
+            f"{100 * detection.missed_share:.2g} % of the change of the log output ln xi until contact had no "
+            f"effect. The prediction assumes detection at {format_quantity(detection.start_distance, 'm')}."
         )
     approach = run.time if run.touched else run.end_time
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
             yield (
-                f"Before contact, {flag.meaning}: first after "
-                f"{_time(flag.since)}, for {_time(flag.approach_duration)} in total."
+                f"Before contact, {flag.meaning}, first after {_time(flag.since)} and for "
+                f"{_time(flag.approach_duration)} in total."
             )
     if run.contacts > 1:
         hardest = max(contacts, key=lambda contact: -contact.relative_velocity)
@@ -385,8 +385,8 @@ def force_in_words(force: QuantityComparison) -> Iterator[str]:
     if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
         loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
         yield (
-            f"The virtual force on the loop reaches {loop}, predicted {predicted}: noise, slow readings or a loop "
-            "close to instability cause such peaks."
+            f"The virtual force reaches {loop} on the simulated loop, but only {predicted} is predicted: noise, "
+            "slow readings or a loop close to instability cause such peaks."
         )
 
 

@@ -227,7 +227,9 @@ class _Search:
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
             gains = self.axis.gain(np.array(list(new.values())))
-            note_work(f"searching the best gain on the loop; {len(self.tried)} gains were simulated")
+            note_work(
+                f"searching for the best gain on the simulated loop; {len(self.tried)} gains were simulated so far"
+            )
             for place, gain, o in zip(new, gains.tolist(), self.problem.appraise_each(gains), strict=True):
                 self.tried[place] = _Tried(gain, o.mean, o.standing, o.whole_share, o.is_kept)
         of = (self.tried[round(u, _DIGITS)] for u in coordinate.tolist())

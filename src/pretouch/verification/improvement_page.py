@@ -37,8 +37,8 @@ def best_change_section(v: Verdict) -> PageSection | None:
     best, rate = v.best_change, _rate_in_words(v)
     if best is None:
         text = (
-            "No change that was tried improves the status, or lowers the objective significantly and by at least "
-            f"1 %. {rate}"
+            "None of the tried changes improves the status of the verdict, or lowers the objective significantly "
+            f"and by at least 1 %. {rate}"
         ).strip()
         return PageSection(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
     open_reasons = _reasons_not_checked(v)
@@ -77,7 +77,10 @@ def _rate_in_words(v: Verdict) -> str:
     gain = v.law.number.equals(v.gain or 0.0)
     if math.isfinite(check.lowest_rate_for_margin_2):
         return f"With {gain}, a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
-    text = f"With {gain}, no sensor rate results in a gain margin of 2, because latency, filters or robot are too slow"
+    text = (
+        f"With {gain}, no sensor rate results in a gain margin of 2, because the latency, the filters or the robot "
+        "are too slow"
+    )
     if math.isfinite(check.lowest_rate):
         text += f"; stability needs {check.lowest_rate:.3g} Hz"
     return f"{text}."
@@ -119,7 +122,9 @@ def changes_section(v: Verdict) -> PageSection | None:
     n = v.compared_runs
     note = f"Each change was simulated on the same {n} run{'' if n == 1 else 's'}, with the same encounters and noise."
     if n < v.runs:
-        note += f" These are the first of all {v.runs} runs. Another gain was simulated on all {v.runs} runs."
+        note += (
+            f" These runs are the first of all {v.runs} runs. Changes of the gain were simulated on all {v.runs} runs."
+        )
     head = ("change", "objective", "limits met", "gain margin", "what to do")
     rows = (*_rows_as_it_is(v), *map(_change_row, v.changes))
     table = PageTable(head=head, rows=rows, note=note + _HELPS, wraps=True, brief=True)
@@ -221,7 +226,7 @@ def _best_gain_in_words(loss: Loss) -> str:
     if loss.sought_margin is None:
         return "best gain on this loop"
     if loss.sought_margin >= USUAL_MARGIN:
-        return f"best gain on this loop that has a gain margin of {loss.sought_margin:g}"
+        return f"best gain on the simulated loop that has a gain margin of {loss.sought_margin:g}"
     return "best stable gain on this loop (none within the bounds has a gain margin of 2)"
 
 

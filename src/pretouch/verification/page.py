@@ -121,7 +121,10 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
     least = (
         "none is enough" if math.isinf(check.lowest_rate_for_margin_2) else f"{check.lowest_rate_for_margin_2:.3g} Hz"
     )
-    name = f"lowest sensor rate for this gain; {least} for a gain margin of 2; the sensor has {check.rate:.3g} Hz"
+    name = (
+        f"sensor rate above which this gain is stable; for a gain margin of 2: {least}; the sensor of the loop has "
+        f"{check.rate:.3g} Hz"
+    )
     yield name, _rate(check.lowest_rate)
 
 
@@ -167,7 +170,10 @@ def _next_step_without_gain(v: Verdict) -> str:
         return "relax a limit, widen the bounds of the gain, or detect the object earlier"
     if math.isinf(v.needed_rate):
         return "shorten latency and filters, or relax a limit: no sensor rate gives the optimum its gain margin"
-    return f"read the sensor at {rounded_up(v.needed_rate):g} Hz instead of {v.loop.chain.rate:g} Hz, or relax a limit"
+    return (
+        f"read the sensor at {rounded_up(v.needed_rate):g} Hz instead of {v.loop.chain.rate:g} Hz, or relax one of "
+        "the limits"
+    )
 
 
 def _strongest(check: StabilityCheck, number: LawNumber) -> str:
@@ -253,7 +259,7 @@ def _reached(v: Verdict) -> str:
         return ""
     text = (
         f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and occurs in "
-        f"{share_in_words(v.reached.simulated)} of the {_runs(v)}"
+        f"{share_in_words(v.reached.simulated)} of the {_runs(v)} on the simulated loop"
     )
     text += f"; {v.reached.missing} end without the predicted contact." if v.reached.missing else "."
     if v.reached.low is not None:

@@ -35,10 +35,11 @@ def no_gain_with_margin(design: GainDesign, rate: float) -> str:
     if math.isinf(rate):
         needed = "no sensor rate gives it this margin, because latency, filters or robot are too slow"
     else:
-        needed = f"it has this margin from a sensor rate of {rounded_up(rate):g} Hz on"
+        needed = f"this gain has the required margin at a sensor rate of {rounded_up(rate):g} Hz or more"
     return (
-        f"at a sensor rate of {task.loop.chain.rate:g} Hz, no gain with a gain margin of {task.stability_margin:g} "
-        f"meets every limit; without this margin, {optimum} is optimal; {needed}"
+        f"at a sensor rate of {task.loop.chain.rate:g} Hz, no gain with a gain margin of "
+        f"{task.stability_margin:g} meets every limit; without the required margin, {optimum} is optimal; "
+        f"{needed}"
     )
 
 
@@ -52,7 +53,10 @@ def _failures(v: Verdict) -> Iterator[str]:
         else:
             strongest = format_quantity(stability.strongest, v.law.number.unit)
             place = format_quantity(stability.critical_distance, "m")
-            yield f"the loop is unstable, because the strongest stable gain is {strongest} at a distance of {place}"
+            yield (
+                f"the sampled loop is unstable with this gain, because the strongest stable gain is {strongest} at a "
+                f"distance of {place}"
+            )
     if reached is not None and reached.missing:
         yield f"{reached.missing} of {v.runs} runs end without contact, although contact was predicted"
     yield from _harm_reasons(v)
@@ -67,12 +71,11 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
     if effect is not None and effect.is_harder:
         yield f"contact is harder than without mitigation{_harder(effect)}"
     elif quiet is not None and quiet.is_harder:
-        yield f"even without sensor noise, contact is harder than without mitigation{_harder(quiet)}"
+        yield f"even in simulations without sensor noise, contact is harder than without mitigation{_harder(quiet)}"
     elif effect is not None and effect.is_absent:
         speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
         yield (
-            f"the gain has no effect: the contact speed is {speed} on average with the gain, and {free} without "
-            "mitigation"
+            f"the gain has no effect: the average contact speed is {speed} with the gain, and {free} without mitigation"
         )
     predicted, free_end = v.predicted, v.design.no_mitigation
     if predicted is None or not predicted.reached.all():
@@ -82,7 +85,7 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
         before = abs(float(free_end.end.relative_velocity))
     if own > before * (1 + _ROUNDING):
         yield (
-            "the prediction itself is harder than without mitigation: the contact speed is "
+            "contact is predicted to be harder than without mitigation: the predicted contact speed is "
             f"{format_quantity(own, 'm/s')} instead of "
             f"{format_quantity(before, 'm/s') if before else 'no contact'}"
         )
@@ -119,10 +122,15 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
         p = check.required.probability
         if _is_unshown(check):
             needed = _runs_to_show(check, v.confidence)
-            advice = "" if needed is None else f"; {needed} runs would show it if the share stays the same"
+            advice = (
+                ""
+                if needed is None
+                else f"; {needed} runs would be enough to show this probability if the share stays the same"
+            )
             yield (
-                f"{check.statement} is met in {share_in_words(check.held)} of {v.runs} runs; this shows only "
-                f"{share_in_words(check.low)} with {100 * v.confidence:g} % confidence ({100 * p:g} % required){advice}"
+                f"{check.statement} is met in {share_in_words(check.held)} of {v.runs} runs, which demonstrates "
+                f"a probability of only {share_in_words(check.low)} with {100 * v.confidence:g} % confidence "
+                f"({100 * p:g} % required){advice}"
             )
         # The gain itself is chosen, not drawn at random, so a gain exactly at its limit is no reason.
         elif check.name != "gain" and check.margin is not None and check.margin < ROOM * check.limit:
@@ -132,7 +140,7 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
         yield f"the calibration is {report.verdict}"
     if reached is not None and not reached.predicted:
         share = share_in_words(reached.simulated)
-        yield f"no contact is predicted with this gain, but {share} of the runs end in contact"
+        yield f"no contact is predicted with this gain, but contact occurs in {share} of the runs"
 
 
 def _is_unshown(check: LimitCheck) -> bool:
@@ -160,8 +168,8 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
     if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:
         reached, predicted = (format_quantity(x or 0.0, "m/s") for x in (effect.reached, effect.predicted))
         yield (
-            f"contact is {faster_in_words(effect.excess, 'predicted')}: {reached} on average instead of "
-            f"{predicted} ({allowed:.3g} % allowed)"
+            f"contact is {faster_in_words(effect.excess, 'predicted')}: the average contact speed is {reached} "
+            f"instead of {predicted} (a difference of {allowed:.3g} % is allowed)"
         )
     if sensor is not None and not sensor.is_fast_enough:
         yield f"the sensor is too slow: {sensor.excess_in_words}"
@@ -169,8 +177,8 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
         return
     if not effect.is_softer:
         yield (
-            "contact is not significantly softer than without mitigation: the difference is "
-            f"{effect.difference:.2g} +- {effect.standard_error:.1g} m/s over {effect.runs} runs"
+            "contact is not significantly softer than without mitigation: the difference of the contact speeds "
+            f"is {effect.difference:.2g} +- {effect.standard_error:.1g} m/s over {effect.runs} runs"
         )
     if effect.harder_count > OFTEN * effect.runs:
         share = share_in_words(effect.harder_count / effect.runs)

@@ -84,21 +84,24 @@ class StabilityCheck(Value):
         if math.isinf(self.margin) and math.isfinite(self.strongest):
             n = self.limit.law.number
             strongest = n.text(self.strongest)
-            return f"A {n.name} of 0 cannot make the loop oscillate; the strongest stable {n.name} is {strongest}."
+            return (
+                f"A {n.name} of 0 cannot make the sampled loop oscillate; the strongest stable {n.name} is {strongest}."
+            )
         if math.isinf(self.margin):
             return "No gain makes this loop unstable."
         if self.strongest == 0:
             return (
                 f"No gain is stable on this loop, however weak. The loop oscillates at {self.frequency:.3g} Hz "
-                "even without a virtual force, which acts too late to damp the oscillation."
+                "even without a virtual force, and the virtual force acts too late to damp this oscillation."
             )
         stable = "unstable" if self.margin < 1 else "stable, with a small margin" if self.margin < 2 else "stable"
         phase = ", at the worst phase between sensor and controller" if self.has_unknown_phase else ""
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
         return (
-            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. It oscillates{frequency} if "
-            f"the {self.limit.law.number.name} is stronger than {self.limit.law.number.text(self.strongest)}, "
-            f"first at a distance of {format_quantity(self.critical_distance, 'm')}. {self._rates}."
+            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. The loop "
+            f"oscillates{frequency} if the {self.limit.law.number.name} is stronger than "
+            f"{self.limit.law.number.text(self.strongest)}, first at a distance of "
+            f"{format_quantity(self.critical_distance, 'm')}. {self._rates}."
         )
 
     @property
@@ -291,7 +294,7 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
         text = (
             f"Calibrate again to reduce the misfit of the curve from {100 * chain.misfit:.3g} % to "
             f"{50 * chain.misfit:.3g} % of the signal: record more distances, set the distances more exactly, or "
-            "recess the sensor to where its curve fits better."
+            "mount the sensor farther behind the contact surface, where its curve fits better."
         )
         yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
 
@@ -343,8 +346,8 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
     rate = _ROOM * quickest + _DEVIATIONS * noise * loop.chain.rate
     if c.largest_rate is None and rate > 0:
         text = (
-            f"Set largest_rate to {format_quantity(rate, '1/s')}, which is twice the largest rate |d ln xi / dt| "
-            "of an approach"
+            f"Set the controller's largest_rate to {format_quantity(rate, '1/s')}, which is twice the largest "
+            "rate |d ln xi / dt| of an approach"
         )
         text += f"{' plus noise' if noisy else ''}."
         yield "largest-rate", text, partial(_with, loop, conditioning={"largest_rate": rate})

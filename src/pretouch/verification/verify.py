@@ -104,7 +104,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
     draws = draw_encounters(task)
-    note_work(f"simulating {task.verify.runs} encounters without and with the gain")
+    note_work(f"simulating {task.verify.runs} encounters, each without and with the gain")
     unmitigated = draws.run(loop, 0.0)
     foreseen = draws.predicted(gain)
     problem = LoopProblem(draws=draws, predicted=np.isfinite(foreseen), unmitigated=unmitigated)
@@ -162,7 +162,8 @@ def _check_task(task: Task) -> Task:
     law: Any = _loop_of(task).law
     if not isinstance(law, TunableLaw):
         raise InvalidInputError(
-            f"loop: the law {type(law).__name__} has no method with_value, which must return the law with another gain"
+            f"loop: the control law {type(law).__name__} has no method with_value; add this method, which must "
+            "return the law with another gain"
         )
     refuse_too_many_runs(task.verify.runs)
     if task.drag_effect is not None and (task.objective is None or task.bounds is None):
@@ -182,8 +183,8 @@ def _loop_of(task: Task) -> ClosedLoop:
     law = task.loop.continuous
     if law is not None and law != task.law:
         raise InvalidInputError(
-            f"law: the task has the law {task.law.kind}, but the controller of the loop has the law {law.kind}; use "
-            "the same law"
+            f"law: the task has the law {task.law.kind}, but the controller of the loop has the law {law.kind}; "
+            "use the same law in both"
         )
     return task.loop
 
@@ -200,7 +201,10 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
 def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
     """Return a sentence on why the stability of a gain cannot be assessed."""
     if known:
-        return f"Stability is not assessed, because {task.law.number.equals(gain)} does not mitigate the impact."
+        return (
+            f"The stability of the loop is not assessed, because {task.law.number.equals(gain)} does not mitigate "
+            "the impact."
+        )
     return f"The stability of the loop is unknown, because damping and timing of the law {task.law.kind} are unknown."
 
 

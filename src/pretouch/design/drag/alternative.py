@@ -52,11 +52,11 @@ def drag_alternative(design: GainDesign) -> PageSection | None:
     accelerations = [pretty_unit(format_quantity(float(r.end.largest_acceleration), "m/s^2")) for r in runs]
     text = (
         f"With a virtual drag {DRAG.number.equals(drag)}, the contact speed would be "
-        f"{format_quantity(after, 'm/s')} instead of {format_quantity(before, 'm/s')}, after the same excursion. "
+        f"{format_quantity(after, 'm/s')} instead of {format_quantity(before, 'm/s')}, at the same excursion. "
         f"The largest acceleration would be {accelerations[0]} instead of {accelerations[1]}."
     )
     if not push:
-        text += f" The drag reduces every approach speed to {100 * after / speed:.3g} % of its value."
+        text += f" The virtual drag reduces every approach speed to {100 * after / speed:.3g} % of its value."
     table = LazyBlock(make=lambda: _comparison(design, run, drag, with_drag))
     return PageSection(title="Comparison with the virtual drag", blocks=(Paragraph(text=text, brief=True), table))
 

@@ -66,7 +66,8 @@ class DragEffect(Value):
         value = positive(getattr(self, name), name, _UNITS[name])
         if name == "ratio" and np.max(value) > 1:
             raise InvalidInputError(
-                f"ratio: found {np.max(value):g}, expected a positive number up to 1, because a drag reduces the speed"
+                f"ratio: found {np.max(value):g}, expected a positive number up to 1, because a virtual drag "
+                "reduces the speed"
             )
         if self.largest_speed is not None:
             positive(self.largest_speed, "largest_speed", "m/s")
@@ -100,7 +101,8 @@ class DragEffect(Value):
             rho, speed = np.asarray(self.ratio), math.inf
         elif self.largest_speed is None:
             raise InvalidInputError(
-                f"largest_speed: the largest approach speed [m/s] is missing, which a design by {self.chosen[0]} needs"
+                "largest_speed: the largest approach speed [m/s] is missing, but designing a virtual drag for a "
+                f"limit of the {self.chosen[0]} needs this speed"
             )
         else:
             speed = self.largest_speed
@@ -209,8 +211,9 @@ def strongest_by_excursion(  # noqa: PLR0917
     while (over := excess(excursion(high))) <= 0:
         if high == strongest:
             raise InvalidInputError(
-                f"excursion: even the strongest searched drag (speed ratio {_STRONGEST:g}) stays below the limit "
-                f"of {limit:g} m; choose the drag by its speed ratio instead"
+                f"excursion: the limit of {limit:g} m is too large to choose a virtual drag, because even the "
+                f"strongest drag of the search (speed ratio {_STRONGEST:g}) stays below the limit; choose the "
+                "drag by its speed ratio instead"
             )
         low, under, high = high, over, min(2 * high, strongest)
     for _ in range(_PASSES):
@@ -261,8 +264,9 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
     excess, steepness = math.log(float(peaks(np.array([high]))[0]) / limit), 0.5
     if high == strongest < top and excess <= 0:
         raise InvalidInputError(
-            f"acceleration: even the strongest searched drag (speed ratio {_STRONGEST:g}) stays below the limit "
-            f"of {limit:g}/m times v^2; choose the drag by its speed ratio instead"
+            f"acceleration: the limit of {limit:g}/m times v^2 is too large to choose a virtual drag, because "
+            f"even the strongest drag of the search (speed ratio {_STRONGEST:g}) stays below the limit; choose "
+            "the drag by its speed ratio instead"
         )
     for _ in range(_PASSES):
         if excess <= _MET:
@@ -276,5 +280,6 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
         steepness = float(np.clip((excess - beyond[end]) / math.log(high / grid[end]), 0.0, 1.0))
         high, excess = float(grid[end]), float(beyond[end])
     raise InvalidInputError(
-        f"acceleration: the search for a drag failed for a limit of {limit:g}/m times v^2; change the limit slightly"
+        f"acceleration: the search for a virtual drag failed for a limit of {limit:g}/m times v^2; change the "
+        "limit slightly"
     )

@@ -61,14 +61,15 @@ def drag_page(design: DragDesign) -> Page:
     warnings = []
     if acceleration:
         warnings.append(
-            "the drag was chosen for an object in uniform motion, but this object accelerates "
+            "the virtual drag was designed for an object in uniform motion, but this object accelerates "
             f"{'toward' if acceleration > 0 else 'away from'} the robot by "
             f"{pretty_unit(format_quantity(abs(acceleration), 'm/s^2'))}"
         )
     if -float(design.scenario.relative_velocity) > design.largest_speed:
         warnings.append(
-            f"the drag was chosen for approach speeds up to {format_quantity(design.largest_speed, 'm/s')}, but "
-            f"this object approaches at {format_quantity(-float(design.scenario.relative_velocity), 'm/s')}"
+            "the virtual drag was designed for approach speeds up to "
+            f"{format_quantity(design.largest_speed, 'm/s')}, but this object approaches at "
+            f"{format_quantity(-float(design.scenario.relative_velocity), 'm/s')}"
         )
     return Page(
         kind="Drag of preemptive impact mitigation",

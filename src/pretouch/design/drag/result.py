@@ -123,8 +123,8 @@ class DragDesign(Described, Value):
         if np.shape(self.drag):
             return f"{np.size(self.drag)} drags"
         text = (
-            f"With the drag {DRAG.number.equals(self.drag)}, the contact speed is {100 * self.ratio:.3g} % of "
-            f"every approach speed, after an excursion of {format_quantity(self.excursion, 'm')}."
+            f"With the virtual drag {DRAG.number.equals(self.drag)}, the contact speed is {100 * self.ratio:.3g} "
+            f"% of every approach speed, after an excursion of {format_quantity(self.excursion, 'm')}."
         )
         if self.task is None:
             return text
@@ -225,8 +225,8 @@ class DragLimits(Value):
             )
         if not 0 < self.weak.drag <= self.strong.drag:
             raise InvalidInputError(
-                f"rails: found {self.weak.drag:g} N*s^2 for the weak and {self.strong.drag:g} N*s^2 for the "
-                "strong drag, expected two positive drags, the weak drag first"
+                f"rails: found {self.weak.drag:g} N*s^2 for the weak virtual drag and {self.strong.drag:g} N*s^2 "
+                "for the strong virtual drag, expected two positive numbers, the smaller number first"
             )
 
     @property
@@ -286,8 +286,8 @@ def predict_drag(
     """
     if sensor.valid_range[0] > 0:
         raise InvalidInputError(
-            f"sensor: the curve is valid only from {sensor.valid_range[0]:g} m on, but the contact speed depends "
-            "on the curve down to 0 m; mount the sensor behind the contact surface (recess)"
+            f"sensor: the sensor curve is valid only from {sensor.valid_range[0]:g} m on, but the contact speed "
+            "depends on the curve down to 0 m; mount the sensor behind the contact surface (recess)"
         )
     result = encounter(sensor, mass, distance, drag, 1.0, 0.0)
     end = result.contact

@@ -141,7 +141,7 @@ def _sentences(front: ParetoFront) -> Iterator[str]:
         limit = pretty_unit(format_quantity(float(front.bound.acceleration_limit), "m/s^2"))
         after = format_quantity(float(front.bound.excursion(least)), "m")
         yield (
-            f"With an acceleration limit of {limit}, the smallest contact speed of any robot is "
+            f"With an acceleration limit of {limit}, the smallest contact speed that any robot can reach is "
             f"{format_quantity(least, 'm/s')}, at an excursion of {after}."
         )
 
@@ -152,8 +152,8 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     if not choice.distance_to_front > _BEHIND:
         return "The choice lies on the Pareto front."
     text = (
-        f"In every quantity, the front is better than the choice by {100 * choice.distance_to_front:.2g} % of "
-        "the front's range."
+        "The front is better than the choice in every quantity, by at least "
+        f"{100 * choice.distance_to_front:.2g} % of the front's range."
     )
     if len(front.quantities) == 2:
         first, second = front.quantities
@@ -171,8 +171,8 @@ def _evidence(front: ParetoFront) -> PageSection:
         ("Pareto front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
         (
             "largest error",
-            f"{100 * front.approximation_error:.2g} % of the front's range: no searched design, and none between "
-            "the points, beats the front by more in every quantity",
+            f"the front is accurate to {100 * front.approximation_error:.2g} % of its range: no searched design, "
+            "and none between the points, is better by more in all quantities at once",
         ),
     )
     return PageSection(title="Evidence", titled=True, blocks=(PageTable(rows=rows, wraps=True, brief=True),))

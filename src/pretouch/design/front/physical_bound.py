@@ -66,7 +66,8 @@ class PhysicalBound(Value):
         positive(self.distance, "distance", "m")
         if not finite(self.velocity, "velocity", "m/s") < 0:
             raise InvalidInputError(
-                f"velocity: found {self.velocity:g} m/s, expected a negative number, because the obstacle must approach"
+                f"velocity: found {self.velocity:g} m/s, expected a negative number, because the obstacle must "
+                "approach the robot"
             )
         finite(self.acceleration, "acceleration", "m/s^2")
         object.__setattr__(self, "acceleration_limit", positive(self.acceleration_limit, "acceleration_limit", "m/s^2"))

@@ -159,7 +159,7 @@ class ParetoFront(Answer):
         traded = f"{', '.join(names[:-1])} and {names[-1]}"
         if self.status is FrontStatus.INFEASIBLE:
             return (
-                "Infeasible: nothing within the bounds meets every constraint, so there is no Pareto front of "
+                "Infeasible: no design within the bounds meets every constraint, so there is no Pareto front of "
                 f"{traded}."
             )
         if self.status is FrontStatus.NO_CONTACT:

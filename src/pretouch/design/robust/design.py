@@ -138,13 +138,12 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
             if limit.probability < 1:
                 raise InvalidInputError(
                     f"constraint {limit.constraint.name}: found a probability of {limit.probability:g}, but a "
-                    "worst-case design has no probabilities; pass the Constraint without a probability"
+                    "worst-case design does not use probabilities; pass the Constraint without a probability"
                 )
         return
     for name, distribution in task.uncertainty.items():
         if type(distribution) is Interval:
             raise InvalidInputError(
-                f"uncertainty {name}: found an interval, which has no probabilities, but the measure "
-                f"{measure.label!r} needs probabilities; use Uniform if all values are equally likely, or the "
-                "measure WorstCase"
+                f"uncertainty {name}: an interval has no probabilities, but the measure {measure.label!r} needs "
+                "probabilities; use Uniform if all values are equally likely, or the measure WorstCase"
             )

@@ -55,20 +55,20 @@ def checked_measure(measure: Any) -> Measure:
     """Return a risk measure after checking that its class defines the attributes value, label and estimate together."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
-            f"measure: found {measure!r}, but a measure must be Expected, Quantile, ConditionalValueAtRisk, "
-            "WorstCase or a class derived from Measure"
+            f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a "
+            "subclass of Measure"
         )
     home = {name: next(c for c in type(measure).__mro__ if name in vars(c)) for name in ("of", "label", "estimate")}
     for name in ("label", "estimate"):
         if not issubclass(home[name], home["of"]):
             raise InvalidInputError(
-                f"measure: the class {type(measure).__name__} overrides `of` but inherits `{name}` from "
-                f"{home[name].__name__}; override `{name}` as well"
+                f"measure: the class {type(measure).__name__} overrides the method `of`, but inherits `{name}` "
+                f"from {home[name].__name__}; override `{name}` as well"
             )
     if isinstance(measure, WorstCase) and home["of"] is not WorstCase:
         raise InvalidInputError(
-            f"measure: the class {type(measure).__name__} overrides `of` of WorstCase, but the worst encounter "
-            "is found by a search that ignores `of`; use WorstCase itself"
+            f"measure: the class {type(measure).__name__} overrides the method `of` of WorstCase, but the search "
+            "for the worst encounter ignores `of`; use WorstCase itself"
         )
     return measure
 

@@ -190,8 +190,9 @@ def _outcome(design: RobustDesign, v: Validation) -> PageSection:
     ideal = ", in continuous time and without noise" if design.on_evaluator else ""
     note = (
         f"The results come from {v.samples} fresh encounters that the design did not use. The "
-        f"{design.nominal_name} is optimal if every input has its given value{ideal}. Its loss compares both "
-        "gains in the same encounters. All numbers are predicted, not measured."
+        f"{design.nominal_name} is optimal if every input has its given value{ideal}. The loss compares the "
+        "objectives of the robust gain and this gain in the same encounters. All numbers are predicted, not "
+        "measured."
     )
     head = (f"on {v.samples} fresh samples ({100 * v.confidence:g} % confidence)", *design.compared)
     return _section("Results on fresh samples", head, _outcome_rows(design, v), note)
@@ -218,9 +219,9 @@ def _constraints(v: Validation) -> PageSection:
     note = (
         '"At least" is a lower bound of the probability that the limit is met, with a confidence of '
         f'{100 * v.confidence:g} % (Clopper and Pearson). "Demonstrated" means that this bound reaches the '
-        'required probability. "Within chance" means that the result is compatible with the required '
-        "probability. If an optimal design lies on a constraint, fresh samples often cannot demonstrate it: "
-        "require a slightly larger probability."
+        'required probability. "Within chance" means that the samples do not contradict the required '
+        "probability. If an optimal design lies on a constraint, fresh samples often cannot demonstrate the "
+        "required probability: require a slightly larger one."
     )
     head = ("constraint", "limit", "required in", "met in", "at least", "quantile at the required share", "state")
     return _section("Constraints", head, (_limit_row(o, v) for o in v.limits), note)
@@ -274,7 +275,7 @@ def _uncertain(design: RobustDesign) -> PageSection:
 def _measure(design: RobustDesign) -> PageSection:
     caption = (
         f"The left plot shows the {design.measure.label} of the objective, and the objective of the "
-        f"{'ideal' if design.on_evaluator else 'nominal'} encounter. Thin grey lines are gains that violate a "
+        f"{'ideal' if design.on_evaluator else 'nominal'} encounter. Thin gray lines are gains that violate a "
         "constraint. The right plot shows the cumulative distribution of the objective over the fresh encounters."
     )
     name = "Measure of the objective over the gain, and distribution of the objective"
@@ -312,7 +313,10 @@ def _evidence_rows(design: RobustDesign) -> Iterator[Row]:
     yield "scan", f"{design.scanned} gains, each over the same {design.samples} encounters"
     if design.on_evaluator:
         evaluator = "the sampled loop" if design.method == "loop" else f"{design.method}, by the user-defined evaluator"
-        text = f"{evaluator}, with the same noise for every gain. The ideal design assumes continuous time."
+        text = (
+            f"{evaluator}, with the same noise for every gain. The ideal design assumes a controller in continuous "
+            "time."
+        )
         yield "encounters solved by", text
     yield "local minima found and refined", str(len(design.local_minima))
     yield "seed", str(design.seed)

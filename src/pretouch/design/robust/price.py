@@ -60,7 +60,7 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
     # Inputs that were estimated together with this input take their likeliest values. The optimal gains ignore
     # constraints, so that the loss is never negative; constraints may cause part of the loss.
     if type(count) is not int or count < 2:
-        raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
+        raise InvalidInputError(f"count: found {count!r}, expected a whole number that is 2 or larger")
     if gain is None:
         raise ResultUnavailableError("price: there is no robust gain to compare; see the status, or pass a gain")
     task = problem.task.replace(constraints=())

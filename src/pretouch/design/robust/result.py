@@ -242,7 +242,7 @@ class RobustDesign(Answer):
         v = self.validation
         if self.gain is None:
             no_contact = (
-                "With every gain within the bounds, too few encounters end in contact to compute the "
+                "For every gain within the bounds, too few encounters end in contact to compute the "
                 f"{self.measure.label} of the objective."
             )
             return no_contact if self.status is DesignStatus.NO_CONTACT else f"Infeasible: {_conflict(self)}."
@@ -252,7 +252,9 @@ class RobustDesign(Answer):
             return text
         nominal = f"the {self.nominal_name} {self.number.text(self.nominal_gain)}"
         if not math.isfinite(v.nominal):
-            return f"{text} With {nominal}, too many encounters end without contact to compare the objectives."
+            return (
+                f"{text} With {nominal}, so many encounters end without contact that the objectives cannot be compared."
+            )
         change = 100 * (v.nominal / v.value - 1)
         worse, conjunction = ("worse", "and") if change >= 0 else ("better", "but")
         violated = " and ".join(v.nominal_breaks)
@@ -297,7 +299,7 @@ def _conflict(design: RobustDesign) -> str:
     if reasons:
         return "; ".join(reasons)
     names = " and ".join(required.constraint.name for required, *_ in design.reachable)
-    return f"{names} can each be met with the required probability, but no gain meets all of them"
+    return f"the limits of {names} can each be met with the required probability, but no gain meets all of these limits"
 
 
 def _warnings(design: RobustDesign) -> Iterator[str]:
@@ -307,14 +309,14 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
         return
     if v.reached < 1:
         yield (
-            f"{100 * (1 - v.reached):.3g} % of the fresh encounters end without contact, so the "
+            f"in {100 * (1 - v.reached):.3g} % of the fresh encounters there is no contact, so the "
             f"{design.measure.label} of the objective excludes these encounters or is infinite"
         )
     for o in v.limits:
         if not v.may_hold(o):
             yield (
                 f"the limit of the {o.required.constraint.name} is met in only {share_in_words(o.held)} of the "
-                f"fresh samples, but {100 * o.required.probability:g} % are required; use more samples, or "
+                f"fresh samples, but must be met in {100 * o.required.probability:g} %; use more samples, or "
                 "require a slightly larger probability"
             )
     if design.gain in design.bounds:

@@ -56,7 +56,7 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
     if len(uncertainty) > _MOST_INPUTS:
         raise InvalidInputError(
             f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}, "
-            "because the search evaluates 2^n corners"
+            "because the search evaluates 2^n combinations of n inputs"
         )
     box = {}
     for name, distribution in uncertainty.items():
@@ -64,7 +64,7 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
         if not np.isfinite(support).all():
             raise InvalidInputError(
                 f"uncertainty {name}: found {type(distribution).__name__}, which has no bounds, but a worst case "
-                "needs bounds; use an Interval, or a TruncatedNormal with two bounds"
+                "needs bounded inputs; use an Interval, or a TruncatedNormal with two bounds"
             )
         box[name] = support
     return box

@@ -123,7 +123,8 @@ def make_freedom(
     if law == DRAG and not (natural_frequency is None and damping_ratio is None):
         raise InvalidInputError(
             f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: remove these bounds, "
-            "because a virtual drag suspends the admittance: stiffness and damping do not affect the encounter"
+            "because a virtual drag suspends the admittance, whose stiffness and damping do not affect the "
+            "encounter"
         )
     if scenario.shape:
         raise InvalidInputError(
@@ -155,7 +156,7 @@ def _interval(bounds: Sequence[float] | None, name: str, unit: str) -> Range | N
     ends = np.asarray(nonnegative(bounds, name, unit))
     if ends.shape != (2,) or not ends[0] < ends[1]:
         raise InvalidInputError(
-            f"{name}: found {bounds!r}, expected two numbers in {unit or '1'}, the smaller one first"
+            f"{name}: found {bounds!r}, expected two numbers in the unit {unit or '1'}, the smaller number first"
         )
     return float(ends[0]), float(ends[1])
 

@@ -125,7 +125,7 @@ def test_another_sweep_is_refused_and_replaced_only_where_that_is_asked_for(
         pt.sweep(pt.Task(SCENARIO, CURVED), other, results=RESULTS, output=output)
     with pytest.raises(OutputExistsError, match="different sensor"):
         pt.sweep(pt.Task(SCENARIO, CONSTANT), AXES, results=RESULTS, output=output)
-    with pytest.raises(OutputExistsError, match="other seed"):
+    with pytest.raises(OutputExistsError, match="different seed"):
         sweep_to(output, seed=3)
     with sweep_to(output) as kept:
         xr.testing.assert_equal(kept.load(), sweep_to(None))

@@ -45,6 +45,20 @@ def cubic(value: float, output: float, rate: float) -> float:
     return -value * max(rate, 0.0) ** 3
 
 
+MATRICES = pt.simulation.StateSpacePlant(
+    states=("position", "velocity"),
+    a=[[0.0, 1.0], [-2000.0, -90.0]],
+    b=[[0.0] * 4, [2000.0, 90.0, 1.0, 0.5]],
+    c=[1.0, 0.0],
+)
+
+
+def energy(state: Any, impact: Any) -> Any:
+    """Return a quantity as a user may define it."""
+    return 0.5 * np.square(state.relative_velocity)
+
+
+ENERGY = pt.design.ContactQuantity("energy_of_1_kg", energy, unit="J")
 OWN_LAW = pt.motion.CustomLaw(kind="cubic", number=pt.motion.LawNumber("cube", "c", "N*s^3", 1), force=cubic)
 
 
@@ -176,6 +190,8 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "problem with a drag": lambda: pt.load_scenario(EXAMPLES / "drag.toml"),
     "encounters": lambda: SEVERAL,
     "laws": lambda: (pt.motion.DRAG, OWN_LAW),
+    "own quantity": lambda: (ENERGY, pt.Objective(terms=(pt.Term(quantity=ENERGY, scale=1.0),))),
+    "linear robot": lambda: (MATRICES, MATRICES.system()),
     "encounters with a course": lambda: replace(SEVERAL, obstacle=replace(SEVERAL.obstacle, course=STOPS)),
     "effect": lambda: pt.DragEffect(acceleration=2.0, largest_speed=0.5),
     "objective": lambda: pt.time_objective(time_scale=1.0, velocity_scale="obstacle speed"),

@@ -32,6 +32,10 @@ class Entry:
     needs_impact: bool = False
     is_magnitude: bool = True
 
+    def in_words(self) -> Entry:
+        """Return words, symbol and unit of the quantity, without its function, which results need not keep."""
+        return Entry(self.words, self.symbol, self.unit)
+
     @property
     def short(self) -> str:
         """The name of the quantity without the words "at contact", such as `relative velocity`."""

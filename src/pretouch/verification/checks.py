@@ -87,7 +87,7 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
         checks.append(
             LimitCheck(
                 required=required,
-                limited=task.law.number.entry(constraint.quantity),
+                limited=task.law.number.entry(constraint.quantity).in_words(),
                 predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, impact),
                 held=count / len(ratio),
                 low=least_probability(count, len(ratio), task.verify.confidence),

@@ -140,7 +140,7 @@ def _limit(required: Required, limited: Entry, ratio: FloatArray, confidence: fl
     count = int((ratio <= 1 + _ROUNDING).sum())
     return LimitOutcome(
         required=required,
-        limited=limited,
+        limited=limited.in_words(),
         held=count / len(ratio),
         low=least_probability(count, len(ratio), confidence),
         magnitude=float(required.share(ratio)) * required.constraint.limit,

@@ -32,9 +32,9 @@ def printed(command: str, folder: Path) -> list[str]:
     [
         ("fit EXAMPLES/sensor.csv", "sensor.csv: the readings are usable from 5 mm to 90 mm."),
         ("design EXAMPLES/approach.toml", "Optimal gain D_p = -0.7463 N s: contact at 0.07906 m/s instead of 0.3 m/s"),
-        ("design EXAMPLES/drag.toml", "Drag"),
+        ("design EXAMPLES/drag.toml", "With the virtual drag"),
         ("design EXAMPLES/fingertip.toml", "Optimal gain"),
-        ("design EXAMPLES/tradeoff.toml", "Optimal admittance"),
+        ("design EXAMPLES/tradeoff.toml", "The optimal admittance"),
         ("pareto EXAMPLES/tradeoff.toml", "The Pareto front"),
         ("robust EXAMPLES/robust.toml --samples 256", "Robust gain"),
         ("simulate EXAMPLES/loop.toml", "Contact on the loop at 0.078 m/s; predicted 0.0791 m/s"),
@@ -167,12 +167,18 @@ def with_floor(task: pt.Task, floor: float) -> pt.Task:
     ("warnings", "consequence", "remedy"),
     [
         (
-            lambda: pt.verify_gain(loop_task().replace(runs=2, gain=-0.7), changes=False).warnings,
+            lambda: (
+                pt.verify_gain(loop_task().replace(verify=pt.VerifyOptions(runs=2), gain=-0.7), changes=False).warnings
+            ),
             "moves a robot at rest by up to",
             "a controller floor of",
         ),
         (
-            lambda: pt.verify_gain(with_floor(loop_task(), 100.0).replace(runs=2, gain=-0.7), changes=False).warnings,
+            lambda: (
+                pt.verify_gain(
+                    with_floor(loop_task(), 100.0).replace(verify=pt.VerifyOptions(runs=2), gain=-0.7), changes=False
+                ).warnings
+            ),
             "makes the robot jump toward the object",
             "set largest_rate of the controller",
         ),

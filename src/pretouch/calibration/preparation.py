@@ -181,7 +181,7 @@ def _steep_end(
     good: BoolArray,
     ceilings: CeilingFits,
 ) -> tuple[NearEnd, bool]:
-    """Start the usable distances at the first reading that saturation does not flatten."""
+    """Set the smallest usable distance to the distance of the first reading without saturation."""
     # The second result is whether the start has moved.
     part, place = curve.part(good), np.flatnonzero(good)
     first = ceilings.first_steep(part.distance)

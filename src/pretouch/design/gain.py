@@ -229,7 +229,7 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 
 
 def _depends_on_noise(design: GainDesign) -> bool:
-    """Return True if other random sensor noise changes the predicted contact at the optimal gain."""
+    """Return True if another random draw of the sensor noise changes the contact at the optimal gain."""
     evaluator = design.problem.task.evaluate
     if design.result is None or not isinstance(evaluator, NoisyEvaluator):
         return False

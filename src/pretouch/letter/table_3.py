@@ -1,4 +1,4 @@
-"""Compare Table III of the published letter, which was measured on hardware, with computed motions."""
+"""Compare computed motions with the hardware measurements in Table III of the published letter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Describe an encounter of robot and obstacle, and replace its inputs by name."""
+"""Describe an encounter of robot and obstacle, and change inputs that are given by their names."""
 
 from __future__ import annotations
 

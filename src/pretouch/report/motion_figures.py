@@ -99,7 +99,7 @@ class DrawnMotion(NamedTuple):
 
 @check_arguments
 def motion(design: GainDesign) -> Figure:
-    """Draw the motion until contact with the designed gain and without mitigation.
+    """Draw two motions until contact: one with the designed gain, and one without mitigation.
 
     Args:
         design: a design of any status; without a gain, the nearest gain or a bound is drawn.

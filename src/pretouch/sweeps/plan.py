@@ -149,7 +149,7 @@ def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
 
 
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """Return the shape of the equal parts into which a grid is divided, each with a limited number of encounters.
+    """Return the shape of the blocks into which a grid is divided, so that no block has too many encounters.
 
     The last axes are taken whole, and the first axis that does not fit is divided.
 

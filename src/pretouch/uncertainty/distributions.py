@@ -148,7 +148,7 @@ class Distribution(JointDistribution):
 
     @final
     def others(self, index: int, values: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Return the given values, because the distribution has no other input."""
+        """Return the values as the only row, because this distribution has only one input."""
         return values[None]
 
 

@@ -71,7 +71,7 @@ class WitnessCheck(Value):
 
     @property
     def is_supported(self) -> bool:
-        """Whether the readings support the contact speed that the fitted sensor curve predicts."""
+        """Whether the readings support the contact speed that is predicted with the fitted sensor curve."""
         return not (self.is_contradicted or self.harder_count or self.share_outside > _DISAGREE)
 
     @property

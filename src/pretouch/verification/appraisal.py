@@ -63,7 +63,7 @@ class Draws:
 
     @property
     def compared(self) -> int:
-        """Number of runs in which other gains and changes of the loop are compared."""
+        """Number of simulated runs for each tried gain and each tried change of the loop."""
         return min(self.task.verify.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
 
     @property

@@ -235,7 +235,7 @@ class SensorSpeed(Value):
 
     @property
     def excess_in_words(self) -> str:
-        """A clause on the increase of the contact speed in 95 % of the runs, and on the allowed increase."""
+        """The increase of the contact speed that 95 % of the runs do not exceed, and the allowed increase, in words."""
         size, fast = "no faster than with an infinitely fast sensor", "with an infinitely fast sensor"
         if self.excess > _SHOWN_SHARE:
             size = f"up to {faster_in_words(self.excess, fast)}"

@@ -211,7 +211,7 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
 @check_arguments
 @with_file_location
 def simulate_encounter(task: Task) -> SimulatedEncounter:
-    """Simulate one encounter on the sampled loop, and compare it with the continuous solution of L(1) and L(2).
+    """Simulate one encounter on the sampled loop, and compare the motion with the solution in continuous time.
 
     The loop is run twice with the same noise: with the gain and with gain 0. Both encounters are also predicted.
 

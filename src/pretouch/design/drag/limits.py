@@ -74,7 +74,7 @@ class DragEffect(Value):
 
     @property
     def chosen(self) -> tuple[str, Any, str]:
-        """Name, value and SI unit of the required effect."""
+        """Name, value and SI unit of the quantity that the drag must reach, such as the excursion."""
         return next((f.name, v, _UNITS[f.name]) for f in fields(self) if (v := getattr(self, f.name)) is not None)
 
     def drag(

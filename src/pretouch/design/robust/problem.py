@@ -55,7 +55,7 @@ class RobustProblem(GainProblem):
         return limits_of(self.task.constraints)
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Compute the risk measure and the constraints at scaled gains of the search axis."""
+        """Compute the risk measure and the constraints at several gains, which are scaled for the search."""
         gains = self.axis.gain(coordinate)
         parts = list(self._parts(gains))
         return Landscape(

@@ -50,7 +50,7 @@ def test_brute_force_finds_nothing_better(letter_encounter: Scenario, name: str,
     gains = -np.geomspace(0.01, 10.0, 3001)
     everywhere = find_contact(letter_encounter, sensor, gains)
     values = np.where(everywhere.reached, objective.value(everywhere.end, 0.3), np.inf)
-    assert design.objective <= values.min() * (1 + 1e-12)
+    assert design.objective <= values.min() * (1 + 1e-10)  # contacts of different kernels agree to 1e-11
     # the grid's best gain lies beside ours: one grid step in ln D is 0.0023
     assert abs(math.log(design.gain / gains[values.argmin()])) < 0.005
     assert design.certificate.at == "bound" or design.certificate.stationarity < 1e-6
@@ -159,7 +159,7 @@ def test_a_limit_that_no_gain_meets_and_those_that_it_conflicts_with_are_named_a
     design = design_gain(Task(letter_encounter, CURVES["inverse-power"], F1, bounds=BOUNDS, constraints=limits))
     assert not design.constraints[0].achievable
     assert design.headline.count("D_p =") == 1
-    assert f"nearest, at {design.number.equals(float(design.nearest.gain))}:" in design.headline
+    assert f"the nearest choice is {design.number.equals(float(design.nearest.gain))}" in design.headline
     assert "excursion and relative_velocity cannot be met together" in design.headline
     assert "within the bounds, excursion alone is at least 0.95" in design.headline
     assert "time" not in design.headline
@@ -173,7 +173,9 @@ def test_no_contact_is_a_status(letter_first_order: ExponentialFirstOrder) -> No
     design = design_gain(Task(scenario, letter_first_order, F1, bounds=BOUNDS))
     assert design.status is DesignStatus.NO_CONTACT
     assert design.result is None
-    assert "every gain ended without contact. The distance never reaches zero" in " ".join(design.warnings)
+    assert "with every gain, the encounter ended without contact. The distance never reaches zero" in " ".join(
+        design.warnings
+    )
     assert json.loads(json.dumps(design.to_dict(), allow_nan=False))["status"] == "no-contact"
 
 
@@ -257,7 +259,10 @@ THROWN = Scenario(
         ),
         (
             {"scenario": THROWN, "bounds": (-2.0, -0.01)},
-            [" scanned gains ended without contact. The distance", "the optimum lies at the edge of contact"],
+            [
+                " scanned gains, the encounter ended without contact. The distance",
+                "the optimum lies at the edge of contact",
+            ],
         ),
         ({"scenario": THROWN, "bounds": (-0.1, -0.01)}, ["the optimum lies on the bound"]),
     ],
@@ -352,7 +357,7 @@ def test_the_peak_force_of_an_elastic_impact_has_one_formula() -> None:
 
 def test_forces_need_the_physical_mass(letter_encounter: Scenario, letter_power: InversePower) -> None:
     contact = find_contact(letter_encounter, letter_power, -1.0).contact
-    with pytest.raises(InvalidInputError, match="is not the virtual mass of the admittance"):
+    with pytest.raises(InvalidInputError, match="not the virtual mass of the admittance"):
         quantity_of("impact_force", contact)
 
 
@@ -399,7 +404,7 @@ def test_an_obstacle_at_rest_has_no_speed_to_scale_with(letter_first_order: Expo
         plant=Plant(position=-0.1),
     )
     objective = time_objective(time_scale=1.0, velocity_scale="obstacle speed")
-    with pytest.raises(InvalidInputError, match="obstacle at rest"):
+    with pytest.raises(InvalidInputError, match="if the obstacle is at rest and its speed is 0"):
         design_gain(Task(scenario, letter_first_order, objective, bounds=BOUNDS))
 
 

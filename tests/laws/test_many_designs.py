@@ -95,7 +95,7 @@ def test_an_array_says_how_to_get_the_evidence_of_one() -> None:
     found = design_gain(
         Task(approaching(np.array([0.2, 0.3])), SENSORS["first order"], OBJECTIVES["f_1"], bounds=(-10.0, -0.01))
     )
-    with pytest.raises(ResultUnavailableError, match=r"trade_off: .* select one with \.at\(index\)"):
+    with pytest.raises(ResultUnavailableError, match=r"trade_off: .* select one design with \.at\(index\)"):
         _ = found.trade_off
     assert set(found.to_dict()) == {"status", "gain", "objective"}
     assert found.at(1).certificate is not None

@@ -185,7 +185,7 @@ class GainEvidence(Answer):
     @_part
     def place(self) -> str:
         """The position of the optimum: inside the range of gains, on a bound, or at the edge of contact."""
-        if self.settled is not None or not self.minima or not self.minima[0].edge:
+        if self._is_settled_inside() or not self.minima or not self.minima[0].edge:
             return "interior"
         best = self.minima[0]
         active = next((o.name for o in self.constraints if o.active), None)
@@ -195,6 +195,12 @@ class GainEvidence(Answer):
             return "bound"
         reached = self.problem.landscape(np.array(best.bracket)).reached
         return "corner" if reached.all() else "edge of contact"
+
+    def _is_settled_inside(self) -> bool:
+        """Return True if a fast search has found a gain between the bounds of a task without limits."""
+        p = self.problem
+        free = self.settled is not None and self.gain is not None and not p.task.limits
+        return free and not p.axis.is_end(float(p.axis.coordinate(self.gain)))
 
     @_part
     def certificate(self) -> Certificate | None:

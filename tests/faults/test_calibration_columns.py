@@ -46,7 +46,7 @@ def test_a_wide_table_gives_the_same_readings_however_it_is_written(file, text):
     assert curve.distances.tolist() == [0, 0.01, 0.02] * 2
     assert curve.outputs.tolist() == [9, 5, 3, 8, 4, 2]
     assert (curve.no_object.tolist(), curve.unit, curve.label) == ([1, 1], "counts", "")
-    assert any("read as distances" in note for note in curve.source.notes)
+    assert any("interpreted as distances" in note for note in curve.source.notes)
 
 
 def test_a_wide_table_is_the_long_one_turned(file):
@@ -241,7 +241,7 @@ EQUAL = "distance [mm],output,output\n0,9,8\n1,8,6\n2,7,4\n3,6,2\n"
 
 
 def test_of_two_equal_headers_one_is_chosen_by_its_number(file):
-    with pytest.raises(CalibrationDataError, match=r"\(2: 'output', 3: 'output'\)") as error:
+    with pytest.raises(CalibrationDataError, match=r"the columns 2: 'output' and 3: 'output' may") as error:
         read_calibration(file(EQUAL))
     assert str(error.value).endswith(f' with --columns "output=2" {REMEDY}')
     for columns in (
@@ -292,7 +292,10 @@ def test_columns_are_chosen_by_header_number_and_unit(file, text, columns):
             "columns: found 'output' for the output, which is ambiguous, because columns 2 and 3 of sensor.csv have",
         ),
         ({"distance": "[V]"}, "columns: found the unit 'V' for the distance, expected a unit of length such as mm"),
-        ({"distance": "1 [cm]", "output": 2}, "but the header 'distance [mm]' gives 'mm'; give only one unit"),
+        (
+            {"distance": "1 [cm]", "output": 2},
+            "'cm' in the option, but 'mm' in the column header 'distance [mm]'; give only one unit",
+        ),
         ({"distance": 2, "output": 2}, "columns: column 2 is given as the distance and also as the output"),
     ],
 )
@@ -317,16 +320,19 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("0cm,1e99cm\n9,5\n", "line 1: found the distance '1e99 cm', expected a number of a magnitude"),
         ("0cm,1cm\n9,x\n", "line 2: found 'x' in column '1cm', expected a number"),
         ("0cm,0cm\n9,x\n", "line 2: found 'x' in column 2 ('0cm'), expected a number"),
-        ("0cm,1cm\n9,5,3\n", "line 2: the row has 3 cells, but the header has 2"),
+        ("0cm,1cm\n9,5,3\n", "line 2: this row has 3 cells, but the header has 2 cells"),
         ("0cm,inf\n,5\n", "every reading was taken without an object"),
         ("0cm,1cm\n", "has a header but no rows below the header"),
-        ("distance [mm] output [V]\n0 9\n5\n", "line 3: the row has 1 cells, but the header has 2"),
-        ("drive current [mA] distance [mm] output [V]\n20 0\n20 0 9\n20 1 8\n", "line 2: the row has 2 cells"),
-        ("day sensor distance [mm] sensor output [V]\n1 1 0 9\n1 1 5\n", 'line 2: the row has 4 cells'),
+        ("distance [mm] output [V]\n0 9\n5\n", "line 3: this row has 1 cells, but the header has 2 cells"),
+        ("drive current [mA] distance [mm] output [V]\n20 0\n20 0 9\n20 1 8\n",
+         "line 2: this row has 2 cells, but the header has 3 cells; if blanks"),
+        ("day sensor distance [mm] sensor output [V]\n1 1 0 9\n1 1 5\n",
+         "line 2: this row has 4 cells, but the header has 5 cells; if blanks"),
         ("distance [mm] output [V]\n0 9\n5 x\n", "line 3: found 'x' in column 'output [V]'"),
-        ("distance [mm],output [V]\n0,9\nend of file\n", "line 3: the row has 1 cells, but the header has 2; put #"),
+        ("distance [mm],output [V]\n0,9\nend of file\n",
+         "line 3: this row has 1 cells, but the header has 2 cells; put # before a line"),
         ("Bench 4\nSerial 5\na,b\n0,2\n5,1\n", "line 1: found 'Bench 4', but a header such as"),
-        ("Bench 4\nSerial 5\na,b\n0,2\n5,1\n", "The first row of numbers is in line 4: put # before every line above"),
+        ("Bench 4\nSerial 5\na,b\n0,2\n5,1\n", "The first row of numbers is in line 4. Put # before every line above"),
         ("Bench 4\nSerial 5\n0 2\n5 1\n", "line 1: found 'Bench 4', but a header such as"),
         ("1,2\n2,3\ndistance [mm],output [V]\n0,2\n", "line 1: there are numbers ('1,2') above the header"),
         ("Bench 4\ndistance,output [V]\n0,2\n", "line 2: found 'distance', a distance without a unit"),
@@ -346,10 +352,12 @@ def test_a_mistake_is_one_sentence_with_its_line(file, text, message):
 @pytest.mark.parametrize("part", ["x", "1", "[", "(a", "a b", "1 ", "a_", '"', "1,", "distance "])
 def test_lines_of_any_length_are_refused_in_one_sentence(file, part):
     """Patterns whose effort grows with the square of the length would take hours."""
+    starts = r"found '|this row has \d+ cells|the table has only one column \('|the first row contains numbers"
     long = part * (190_000 // len(part))  # longer lines are refused for their length
     for text in (f"distance [mm],output [V]\n0,1\n1,{long}\n", f"{long}\n0,1\n"):
         with pytest.raises(
-            CalibrationDataError, match=r"sensor\.csv, line \d+: (found|th(e|is) row has [\d,]+ cells)"
+            CalibrationDataError,
+            match=rf"sensor\.csv, line \d+: ({starts})",
         ) as error:
             read_calibration(file(text))
         assert len(str(error.value)) < 1000

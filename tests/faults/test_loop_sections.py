@@ -48,7 +48,7 @@ MISTAKES = [
     (IN_CHAIN, 'phase = "any"', "phase", "chain.phase", 'found "any", expected a quantity in s or "random"'),
     (IN_CHAIN, 'rate = "0 Hz"', "rate", "chain.rate", "expected a positive quantity in Hz"),
     (IN_CHAIN, "nois = 20", "nois", "chain.nois", 'found an unknown key, expected "noise"'),
-    (IN_CHAIN, 'rate = "2 kHz"', 'rate = "1', "controller.rate", 'expected at least 2000 Hz, the rate of the sensor'),
+    (IN_CHAIN, 'rate = "2 kHz"', 'rate = "1', "controller.rate", 'needs at least 2000 Hz, the rate of the sensor'),
     (IN_CHAIN, "noise = 0", "[controller]", "controller.floor", "of the noise, but the section [chain] has"),
     (IN_CONTROLLER, "", "[controller]", "controller", 'missing rate, expected one of rate = "1 kHz" and period'),
     (IN_CONTROLLER, 'rate = 1000\nperiod = "1 ms"', "period", "controller.period", "found both rate and period"),
@@ -57,7 +57,8 @@ MISTAKES = [
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = 0', "floor", "controller.floor", "expected a positive sensor output"),
     (IN_CONTROLLER, "rate = 1000\nfloor = 3e4", "scale", "sensor.scale", "below the controller's floor of 3e+04"),
     (IN_CONTROLLER, "rate = 1000\nsaturation = 50", "satur", "controller.saturation", "the sum of offset and"),
-    (IN_CONTROLLER, "rate = 1000\nmedian_window = 17", "median", "controller.median_window", "from 1 (no median)"),
+    (IN_CONTROLLER, "rate = 1000\nmedian_window = 17", "median", "controller.median_window",
+     "from 1 (no median filter) to 16"),
     (IN_CONTROLLER, "rate = 1000\nmedian_window = 3.0", "median", "controller.median_window", "a whole number of at l"),
     (IN_CONTROLLER, "rate = 1000\nlow_pass_order = 2", "[controller]", "controller.cutoff", "a low-pass filter of"),
     (IN_CONTROLLER, 'rate = 1000\nlow_pass_order = 2\ncutoff = "200 Hz"', "cutoff", "controller.cutoff",
@@ -78,7 +79,8 @@ MISTAKES = [
     ('"250 N*s/m"', "1\nfeedforward = 0", "feedforward", "robot.feedforward", "found 0, expected true or false"),
     ('"hunt-crossley"', '"hertz"', 'kind = "hertz"', "contact.kind", 'found "hertz", expected one of "hunt-crossley"'),
     (STIFF, 'stiffness = "1e6 N/m"', 'stiffness = "1e', "contact.stiffness", 'N/m^1.5, such as "1e6 N/m^1.5"'),
-    (STIFF, 'stiffness = "1e6 V/m^1.5"', 'stiffness = "1e', "contact.stiffness", "a positive quantity in N/m^1.5"),
+    (STIFF, 'stiffness = "1e6 V/m^1.5"', 'stiffness = "1e', "contact.stiffness",
+     "a positive quantity in the unit N/m^1.5"),
     (STIFF, "stiffness = -1", "stiffness = -1", "contact.stiffness", "a positive quantity in N/mⁿ"),
     (STIFF, "stiffness = 1e6\nexponent = 0.5", "exponent =", "contact.exponent", "found 0.5, which must be at least 1"),
     (STIFF, "stiffness = 1e6\ndamping = 1", "damping = 1", "contact.damping", 'belongs to "spring-damper", but not to'),
@@ -105,7 +107,7 @@ def test_a_mistake_is_named_with_line_and_key(message, old, new, start, key, say
     place, _, sentence = line.partition(f": {key}: ")
     assert place == f"approach.toml, line {first + line_of(start, rest)}", told
     assert says in sentence
-    assert re.search(r"\b(found|missing|only|needs|belongs to)\b", sentence)
+    assert re.search(r"\b(found|missing|only|needs|belongs to|but|expected)\b", sentence)
 
 
 ODD = [
@@ -232,7 +234,7 @@ def test_a_margin_that_leaves_no_gain_is_placed(write):
             verb()
         told = str(refused.value)
         assert told.startswith(
-            f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: found 1000, wh"
+            f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: a gain margin of 1000 at a"
         )
         assert "bounds from -10 to -0.01 N*s" in told
 

@@ -132,7 +132,13 @@ KEYS = [
     ),
     ('velocity_scale = "0.3 m/s"', "", "[objective]", "objective", "missing velocity_scale"),
     ("velocity_scale", "force_scale = 1\nvelocity_scale", "force_scale", "objective.force_scale", "found both"),
-    ("velocity_scale", "force_weight = 1\nvelocity_scale", "force_weight", "objective.force_weight", "without force"),
+    (
+        "velocity_scale",
+        "force_weight = 1\nvelocity_scale",
+        "force_weight",
+        "objective.force_weight",
+        "without the key force_scale",
+    ),
     (
         "velocity_scale",
         "time_scale = 1\nvelocity_scale",
@@ -150,7 +156,9 @@ def test_a_wrong_or_missing_key_is_named_with_its_line(message, old, new, start,
     place, _, sentence = first.partition(f": {key}: ")
     assert place == f"approach.toml, line {line_of(start, text)}"
     assert says in sentence
-    assert "expected" in sentence or "add, for example" in sentence
+    assert any(
+        remedy in sentence for remedy in ("expected", "add, for example", "give ", "belongs in", "allowed keys are")
+    )
 
 
 def test_a_misspelt_key_is_not_called_missing_as_well(message):
@@ -191,20 +199,25 @@ def test_an_empty_file_misses_every_required_section(message):
 @pytest.mark.parametrize(
     ("old", "new", "line", "says"),
     [
-        ('"1 kg"', "1 kg", 7, 'a quantity with a unit needs quotation marks: mass = "1 kg"'),
-        ('"1 kg"', "1,5", 7, "write a decimal point instead of the comma: mass = 1.5"),
-        ('"inverse-power"', "inverse-power # L(3)", 2, 'text needs quotes, expected model = "inverse-power"'),
+        ('"1 kg"', "1 kg", 7, 'not valid TOML: a quantity with a unit needs quotation marks: mass = "1 kg"'),
+        ('"1 kg"', "1,5", 7, "not valid TOML: write a decimal point instead of the comma: mass = 1.5"),
+        (
+            '"inverse-power"',
+            "inverse-power # L(3)",
+            2,
+            'not valid TOML: text needs quotes, expected model = "inverse-power"',
+        ),
         ('"1 kg"', '"1 kg', 7, "not valid TOML"),
-        ('mass = "1 kg"', 'mass = "1 kg"\nmass = 2', 8, "this key is given twice, expected once"),
-        ("[gain]", "[sensor]\n[gain]", 18, "this section is given twice, expected once"),
+        ('mass = "1 kg"', 'mass = "1 kg"\nmass = 2', 8, "not valid TOML: this key is given twice, expected once"),
+        ("[gain]", "[sensor]\n[gain]", 18, "not valid TOML: this section is given twice, expected once"),
         ('["-10 N*s", "-0.01 N*s"]', '["-10 N*s"', 20, "not valid TOML"),
-        ('"1 kg"', "[" * 5000, 1, "nested too deeply"),
+        ('"1 kg"', "[" * 5000, 1, "the lists are nested too deeply"),
         ('"1 kg"', "1" * 5000, 7, "not valid TOML"),
     ],
 )
 def test_what_is_no_toml_is_refused_with_its_line(message, old, new, line, says):
     told = message(replaced(old, new))
-    assert told.startswith(f"approach.toml, line {line}: found ")
+    assert told.startswith(tuple(f"approach.toml, line {line}: the {what}" for what in ("text '", "lists ")))
     assert says in told
     assert "\n" not in told
 

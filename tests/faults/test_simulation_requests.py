@@ -60,7 +60,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: simulate(runs=0), "runs: found 0, expected a whole number from 1"),
         (
             lambda: simulate(runs=10**12),
-            "runs: found 1,000,000,000,000, which would need 1,720,000 GB",
+            "runs: found 1,000,000,000,000 runs, which would need 1,720,000 GB",
         ),
         (lambda: simulate(seed=-1), "seed: found -1"),
         (
@@ -82,7 +82,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         ),
         (
             lambda: simulate(chain=pt.SensorChain(rate=1e5, delay=1e3)),
-            "chain delay: up to 1e+08 readings would wait for delivery",
+            "chain delay: up to 1e+08 sensor readings would wait for delivery",
         ),
         (lambda: simulate(horizon=0.0), "horizon: found 0 s"),
         (lambda: simulate(contact=pt.simulation.SpringDamper(stiffness=1e5)), "an ideal plant has no mass"),

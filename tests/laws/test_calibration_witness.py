@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -109,7 +110,9 @@ def test_a_curve_that_is_extended_over_saturated_readings_is_contradicted_first(
     assert told["calibration"]["witness"]["is_supported"] is False
     if left.witness.harder_count:
         assert left.is_refuted
-        assert left.headline.startswith("Not supported by the readings: contact is harder than without mitigation")
+        counted = f"on {left.witness.harder_count} of {left.witness.curves} sensor curves that fit the readings"
+        harder = f"{counted}, contact is harder than without mitigation ("
+        assert left.headline.startswith(f"Not supported by the readings: {harder}")
         assert (told["status"], told["status_on_fitted_curve"]) == ("not-supported", "optimal")
         assert "status: not supported by the readings" in report_html(design, calibration=report)
     distance = np.unique(calibration.distances)
@@ -152,8 +155,11 @@ bounds = ["-20 N*s", "-0.001 N*s"]
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 1
-    assert capsys.readouterr().out.startswith(
-        "Not supported by the readings: contact is harder than without mitigation"
+    told = " ".join(capsys.readouterr().out.split())
+    assert re.match(
+        r"Not supported by the readings: on [1-9]\d* of 100 sensor curves that fit the readings, "
+        r"contact is harder than without mitigation \(",
+        told,
     )
     monkeypatch.setattr("sys.argv", ["pretouch", "design", "seven.toml", "--json"])
     with pytest.raises(SystemExit) as ended:

@@ -104,12 +104,15 @@ def test_it_is_worth_it_where_reflectance_is_known() -> None:
     assert 0.25 < saved["10 %"] < 0.33
     for known in ("20 %", "10 %"):
         found = scheduled(known)
-        assert found.verdict.startswith("worthwhile:")
+        assert found.verdict.startswith("the drag schedule is worthwhile:")
         assert found.gap < 1e-5
-    assert "12 % less excursion (30.0 mm instead of 34.2 mm), but 2." in scheduled("20 %").verdict
+    assert (
+        "its excursion is 12 % smaller (30.0 mm instead of 34.2 mm), but its peak acceleration is 2."
+        in scheduled("20 %").verdict
+    )
     assert 1e3 * scheduled("20 %", rails=WIDE).largest_excursion == pytest.approx(28.3, abs=0.1)
     assert 1e3 * scheduled("10 %", rails=WIDE).largest_excursion == pytest.approx(15.4, abs=0.1)
-    assert scheduled("0.5-2", monotone=False).verdict.startswith("not worthwhile:")
+    assert scheduled("0.5-2", monotone=False).verdict.startswith("the drag schedule is not worthwhile:")
 
 
 @pytest.mark.parametrize("known", RANGES)
@@ -221,7 +224,7 @@ def test_known_exactly_and_one_step(steps: int) -> None:
     else:
         assert found.drag[0] == pytest.approx(found.rails.weak.drag, rel=1e-3)  # the search halves, to the gap
         assert found.drag[-1] == pytest.approx(found.rails.strong.drag, rel=1e-3)
-        assert found.verdict.startswith("worthwhile")
+        assert found.verdict.startswith("the drag schedule is worthwhile:")
 
 
 def test_of_an_exponential_the_known_one_is_a_switch() -> None:

@@ -188,9 +188,7 @@ def test_distances_count_from_the_contact_surface_and_those_in_brackets_from_the
     assert "from 3 mm (first measured distance) to contact at 0 mm. Distances in brackets count from" in found.headline
     assert f"Distances in brackets count from {zero}." in found.headline
     assert 'mount the sensor 8 mm (now 5 mm) behind the contact surface, with recess = "8 mm" (' in found.headline
-    assert any(
-        zero in line and "all other distances are measured from the contact surface" in line for line in found.lines
-    )
+    assert any(zero in line and "all other distances count from the contact surface" in line for line in found.lines)
     bare = answer(0.008, 0.06)
     assert zero not in str(bare)
     assert "Distances in brackets" not in bare.headline

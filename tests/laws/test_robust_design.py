@@ -351,12 +351,15 @@ def test_what_is_shown_is_what_was_designed() -> None:
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ({"uncertainty": {"obstacle.velocity": Interval(low=-0.4, high=-0.2)}}, "which has no probabilities"),
+        (
+            {"uncertainty": {"obstacle.velocity": Interval(low=-0.4, high=-0.2)}},
+            "an interval has no probabilities, but the measure",
+        ),
         ({"uncertainty": {}}, "uncertainty: found none"),
         ({"uncertainty": {"obstacle.speed": Uniform(low=0.1, high=0.2)}}, "which is no input; did you mean"),
         ({"uncertainty": {"admittance.mass": Normal(mean=0.3, deviation=0.2)}}, "by a truncated normal distribution"),
         ({"uncertainty": {"sensor.rate": Normal(mean=-10.0, deviation=9.0)}}, "by a truncated normal distribution"),
-        ({"bounds": (-1.0, -2.0)}, "expected the smaller gain first"),
+        ({"bounds": (-1.0, -2.0)}, "expected two gains, the smaller gain first"),
         ({"confidence": 1.0}, "confidence: found 1"),
         ({"samples": 0}, "samples: found 0"),
         ({"seed": -1}, "seed: found -1"),

@@ -295,7 +295,7 @@ class TestSecondOrder:
 
     def test_a_range_behind_the_turning_point_is_refused(self) -> None:
         with pytest.raises(
-            InvalidInputError, match=r"expected a distance below the turning point of the curve at 0\.0780591 m"
+            InvalidInputError, match=r"found 0\.08 m, expected less than 0\.0780591 m, which is the turning point"
         ):
             replace(TABLE_I, minimum_distance=0.08)
 
@@ -417,7 +417,7 @@ class TestMittagLeffler:
             (0.0, -1.0, "order: found 0, which must lie in"),
             (1.1, -1.0, "order: found 1.1, which must lie in"),
             (np.nan, -1.0, "order: found nan"),
-            (0.5, 1.0, "argument: found 1, expected 0 or a negative"),
+            (0.5, 1.0, "argument: found 1, but this function is defined only for 0 and negative numbers"),
             (0.5, [-1.0, np.nan], "argument: found nan"),
         ],
     )
@@ -444,7 +444,9 @@ class TestRecessed:
         assert bare.log_slope(0.03) == TABLE_I.log_slope(0.03)
 
     def test_a_recess_beyond_the_end_of_the_curve_is_refused(self) -> None:
-        with pytest.raises(InvalidInputError, match=r"recess: found 0\.1 m, but the .* so no distance"):
+        with pytest.raises(
+            InvalidInputError, match=r"recess: a recess of 0\.1 m is too large, because the .* no distance"
+        ):
             Recessed(sensor=TABLE_I, recess=0.1)
 
     def test_something_else_than_a_curve_is_refused(self) -> None:
@@ -545,7 +547,11 @@ FIRST = {"scale": 0.458, "rate": -61.0}
         (InversePower, POWER | {"minimum_distance": -np.inf}, "minimum_distance: found -inf m, which must be finite"),
         (InversePower, POWER | {"maximum_distance": np.nan}, "maximum_distance: found nan m, which must be finite"),
         (InversePower, POWER | {"maximum_distance": "far"}, "maximum_distance: found 'far', expected a number in m"),
-        (InversePower, POWER | {"maximum_distance": 0.0}, "maximum_distance: found 0 m, expected more than"),
+        (
+            InversePower,
+            POWER | {"maximum_distance": 0.0},
+            "maximum_distance: found 0 m, expected a distance above minimum_distance, which is 0 m",
+        ),
         (ExponentialFirstOrder, FIRST | {"rate": 61.0}, "rate: found 61 1/m, which must be negative"),
         (ExponentialFirstOrder, FIRST | {"rate": 0.0}, "rate: found 0 1/m, which must be negative"),
         (ExponentialSecondOrder, FIRST | {"curvature": np.nan}, "curvature: found nan 1/m², which must be finite"),
@@ -555,7 +561,7 @@ FIRST = {"scale": 0.458, "rate": -61.0}
         (
             MittagLeffler,
             FIRST | {"order": 0.5, "minimum_distance": -0.01},
-            "minimum_distance: found -0.01 m, but this curve cannot start",
+            "minimum_distance: found -0.01 m, but the Mittag-Leffler curve cannot start",
         ),
     ],
 )

@@ -84,7 +84,8 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
         (
             [velocity_limit(0.1, 0.99)],
             NARROWLY,
-            "60 runs; this shows only 95.12 % with 95 % confidence (99 % required); 299 runs would show it",
+            "60 runs, which demonstrates a probability of only 95.12 % with 95 % confidence (99 % required); "
+            "299 runs would be enough to show this probability",
         ),
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),
     ],
@@ -135,7 +136,7 @@ def test_a_sensor_too_slow_for_the_gain_does_not_hold_and_a_faster_one_would() -
     assert found.stability_text.startswith("The loop is unstable with a gain margin of ")
     assert found.sensor_speed is not None
     assert found.sensor_speed.text.startswith(
-        "The sensor is too slow: with 20 readings per second, contact is at 0.162 m/s"
+        "The sensor is too slow: with 20 readings per second, the average contact speed is 0.162 m/s"
     )
     best = found.best_change
     assert best is not None
@@ -223,7 +224,7 @@ def test_no_gain_is_a_verdict_without_numbers() -> None:
     assert found.gain is found.predicted is found.reached is found.mitigated is None
     assert found.comparisons == found.limits == found.changes == ()
     assert "relative_velocity cannot be limited to" in found.headline
-    assert found.headline.endswith(" N s.")
+    assert re.search(r", which D_p = -[\d.]+ N s reaches\.$", found.headline)
     assert as_json(found.to_dict())
 
 
@@ -232,7 +233,7 @@ def test_a_gain_is_verified_where_there_is_no_ideal_one() -> None:
     assert found.status is DOES_NOT
     assert found.design.gain is None
     (said,) = (text for text in found.warnings if "The ideal design has no gain (infeasible" in text)
-    assert said.endswith(" N s).")
+    assert re.search(r", which D_p = -[\d.]+ N s reaches\)\.$", said)
     assert "relative velocity at contact above 0.0001 m/s in 100 % of 2 runs (none allowed)" in found.headline
     limits = str(found)[str(found).index("required in") :]
     assert line(limits, "relative velocity at contact").startswith("0.0001 m/s every run 0 % ")
@@ -349,7 +350,7 @@ def test_an_objective_of_forces_is_that_of_the_runs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gain", "words"), [(0.0, "A gain of 0 cannot make the loop oscillate"), (0.3, "does not mitigate")]
+    ("gain", "words"), [(0.0, "A gain of 0 cannot make the sampled loop oscillate"), (0.3, "does not mitigate")]
 )
 def test_gains_that_do_not_mitigate_are_verified_as_they_are(gain: float, words: str) -> None:
     """Without any force the speed at contact is that of the approach; a gain that drives toward the object adds."""
@@ -373,7 +374,7 @@ def test_a_late_detection_is_laid_to_the_sensor_or_to_its_floor() -> None:
         return next(text for text in found.warnings if "first detected" in text)
 
     assert said(0.05, **slow).endswith("the sensor is too slow for an earlier reading.")
-    assert said(0.02).endswith(": at larger distances the reading is below the floor.")
+    assert said(0.02).endswith(", because at larger distances the reading is below the floor.")
     assert "a first reading takes 24.83 ms, and at larger distances" in said(0.02, **slow)
 
 
@@ -390,8 +391,8 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     task = task.replace(loop=replace(task.loop, seed=seed))
     (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if "robot at rest" in text)
     found = re.search(
-        r"by up to ([\d.]+) mm in 30 s: a controller floor of ([\d.]+) \(now 100, unit of the readings\) keeps it "
-        r"within 1 mm, but objects are then detected only from ([\d.]+) mm on\. ",
+        r"by up to ([\d.]+) mm within 30 s: a controller floor of ([\d.]+) instead of 100 \(unit of the readings\) "
+        r"keeps this motion within 1 mm, but objects are then detected only from ([\d.]+) mm on\. ",
         said,
     )
     assert found is not None

@@ -87,7 +87,8 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
     assert (check.decisive, check.draws) == ("offset", 100)
     assert (
         check.remedy
-        == "record readings without an object in range, and add these readings to the calibration as no_object"
+        == "record readings without an object in range, and add these readings to the calibration as its argument "
+        "`no_object`"
     )
     assert check.high > 1.15 * check.predicted
     page = report_html(found, calibration=problem.calibration)
@@ -188,7 +189,7 @@ def test_what_matters_most_is_what_is_open() -> None:
     assert offset.remedy.startswith("record more readings without an object in range")
     misfit = judged(fitted_one, chain={"misfit": 0.2, "misfit_length": 0.006}).calibration_check
     assert misfit.decisive == "misfit"
-    assert "at distances at most 6 mm apart" in misfit.remedy
+    assert "with steps of at most 6 mm between distances" in misfit.remedy
     for check in (curve, offset, misfit):
         assert check.failing >= max(check.harder_count, check.broken, check.missing) > 0
         assert check.failing <= check.harder_count + check.broken + check.missing
@@ -202,7 +203,7 @@ def test_a_limit_counts_as_missed_only_where_the_calibration_moves_it() -> None:
     assert near.calibration_check.broken == 0
     far = judged(lambda rng: drawn(exponent=rng.normal(3.32, 0.5)), **little)
     assert far.calibration_check.broken > 5
-    assert any("a limit is missed on " in reason for reason in far.reasons)
+    assert any("a limit is missed with " in reason for reason in far.reasons)
 
 
 def test_drawn_curves_are_sunk_and_extended_as_the_fitted_one() -> None:
@@ -226,7 +227,8 @@ def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> Non
     found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, calibration=few, **given), changes=False)
     assert found.calibration_check is None
     assert any(
-        "too few to check whether it is good enough: record more distances" in warning for warning in found.warnings
+        "too few to check whether the calibration is good enough: record more distances" in warning
+        for warning in found.warnings
     )
     assert found.to_dict()["calibration_check"] is None
 
@@ -238,9 +240,11 @@ def test_a_prediction_outside_of_the_range_of_the_sensors_is_explained(exponent:
     assert check is not None
     assert check.is_good_enough
     on_loop, in_time = (format_quantity(v, "m/s", 3) for v in (check.predicted, check.witness.predicted))
-    assert f"On the loop without noise, contact is at {on_loop} on the fitted curve" in check.text
-    assert "in continuous time: on 100 curves that fit the readings, contact is at " in check.text
+    assert f"On the sampled loop without noise, the contact speed is {on_loop} with the fitted curve" in check.text
+    assert "in continuous time: on 100 sensor curves that fit the readings, the contact speed is " in check.text
     assert f"({in_time} on the fitted curve" in check.text
-    assert (f"the fitted curve gives a {way} contact than most of them" in check.text) is bool(way)
-    assert (", outside of this range; up to 15 % apart counts as agreement)" in check.text) is bool(way)
+    assert (f"the fitted curve gives a {way} contact than most of these sensors" in check.text) is bool(way)
+    assert (", which is outside of this range; a difference of up to 15 % counts as agreement)" in check.text) is bool(
+        way
+    )
     assert ("; up to 15 % harder counts as agreement" in check.text) is (way == "softer")

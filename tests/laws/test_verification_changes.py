@@ -143,7 +143,7 @@ def test_the_loop_as_it_is_stands_beside_its_changes_over_the_same_runs() -> Non
 def test_more_runs_without_noise_are_one_run_and_nothing_helps_a_perfect_loop() -> None:
     found = verdict(QUICK, runs=3)
     assert found.best_change is None
-    assert "No change that was tried" in str(found)
+    assert "None of the tried changes improves the status of the verdict" in str(found)
     assert all(not change.helps for change in found.changes)
     assert {change.name for change in found.changes}.isdisjoint({"noise", "delay", "median", "low-pass", "offset"})
 
@@ -167,8 +167,8 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
         "damping to 254.6 N s/m.",
         "offset": "Subtract the exact offset of the sensor, 0.12 (unit of the readings) instead of 0.1, and "
         "track its drift.",
-        "largest-rate": "Set largest_rate to 48 1/s, which is twice the largest rate |d ln xi / dt| of an approach "
-        "plus noise.",
+        "largest-rate": "Set the controller's largest_rate to 48 1/s, which is twice the largest rate |d ln xi / dt| "
+        "of an approach plus noise.",
     }
 
 
@@ -178,7 +178,7 @@ def test_no_noise_is_halved_that_is_not_there_and_a_misfit_is_calibrated_away() 
     assert said["calibration"].sentence == (
         "Calibrate again to reduce the misfit of the curve from 3 % to 1.5 % of the signal: record more distances, "
         "set the "
-        "distances more exactly, or recess the sensor to where its curve fits better."
+        "distances more exactly, or mount the sensor farther behind the contact surface, where its curve fits better."
     )
     chain = said["calibration"].loop.chain
     assert (chain.misfit, chain.misfit_length) == (0.015, 0.005)

@@ -94,7 +94,9 @@ def test_a_gain_of_the_wrong_sign_does_not_hold_whatever_the_limits(gain: float)
     assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
     assert found.reasons[0] == f"D_p = {gain:g} N s makes the robot chase the object: mitigating gains are negative"
     assert found.reasons[1].startswith("contact is harder than without mitigation: ")
-    assert found.reasons[2].startswith("the prediction itself is harder than without mitigation: the contact speed is ")
+    assert found.reasons[2].startswith(
+        "contact is predicted to be harder than without mitigation: the predicted contact speed is "
+    )
     assert "chase the object" in found.headline
     soft = verdict(QUICK, gain=-0.7463, runs=1, changes=False).effect
     assert soft is not None
@@ -198,16 +200,14 @@ def test_a_loop_without_effect_does_not_hold() -> None:
     assert found.stability is not None
     assert found.stability.margin > 1
     assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
-    assert found.reasons[0].startswith(
-        "the gain has no effect: the contact speed is 0.5 m/s on average with the gain, "
-    )
+    assert found.reasons[0].startswith("the gain has no effect: the average contact speed is 0.5 m/s with the gain, ")
     assert found.sensor_speed is not None
     assert "The sensor is too slow" in found.sensor_speed.text
     assert "The sensor is too slow" in " ".join(str(found).split())
     assert verdict(QUICK, gain=0.0, runs=1, changes=False).status is pt.VerdictStatus.DOES_NOT_HOLD
     one = pt.simulate_encounter(task)
     assert one.warnings[-1].startswith(
-        "The gain has no effect in this run: the contact speed is 0.5 m/s with the gain, "
+        "The gain has no effect in this run: with the gain, the contact speed is 0.5 m/s, "
     )
 
 
@@ -243,10 +243,14 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
 def test_simulate_warns_first_of_a_gain_that_makes_contact_harder() -> None:
     found = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=0.3))
     assert found.warnings[0] == "D_p = 0.3 N s makes the robot chase the object: mitigating gains are negative."
-    assert found.warnings[1].startswith("With this gain, contact is harder than without mitigation: 0.81")
+    assert found.warnings[1].startswith(
+        "With this gain, contact is harder than without mitigation: the contact speed is 0.81"
+    )
     shown = str(found).split("\n\n")
     assert "makes the robot chase the object" in shown[1]
-    assert found.headline.startswith("Contact is harder than without mitigation: the contact speed on the loop is 0.81")
+    assert found.headline.startswith(
+        "Contact is harder than without mitigation: the contact speed on the simulated loop is 0.81"
+    )
     assert not pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=-0.7463)).warnings
 
 
@@ -260,12 +264,14 @@ def test_simulate_warns_of_a_loop_that_is_unstable_or_nearly_and_of_a_force_far_
 
     strongest = f"{limit.strongest:.3g} N s"
     assert f"where the strongest stable gain is {strongest}" in warnings(1.05 * limit.strongest)
-    assert "The gain margin of the loop is only 1.05 at" in warnings(limit.strongest / 1.05)
+    assert "The gain margin of the sampled loop is only 1.05 at" in warnings(limit.strongest / 1.05)
     assert "gain margin" not in warnings(limit.strongest / 2.1)
     wild = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=loop_of(relative_noise=0.1), gain=-0.7463))
     force = wild.comparison("largest_virtual_force")
     assert abs(force.loop) > 1.5 * abs(force.predicted)
-    assert any(text.startswith(f"The virtual force on the loop reaches {force.loop:.3g} N") for text in wild.warnings)
+    assert any(
+        text.startswith(f"The virtual force reaches {force.loop:.3g} N on the simulated loop") for text in wild.warnings
+    )
 
 
 def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:

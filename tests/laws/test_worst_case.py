@@ -180,12 +180,12 @@ def test_slopes_of_an_ensemble_are_differences_of_it(sensor: SensorModel) -> Non
     [
         ({"obstacle.velocity": Normal(mean=-0.3, deviation=0.1)}, WorstCase(), [], "which has no bounds"),
         ({"obstacle.velocity": TruncatedNormal(location=-0.3, deviation=0.1, high=0)}, WorstCase(), [], "no bounds"),
-        (BOX, Expected(), [], "found an interval, which has no probabilities"),
+        (BOX, Expected(), [], "an interval has no probabilities, but the measure"),
         (
             BOX,
             WorstCase(),
             [Required(constraint=Constraint(name="time", limit=1.0), probability=0.9)],
-            "but a worst-case design has no probabilities",
+            "found a probability of 0.9, but a worst-case design does not use probabilities",
         ),
     ],
 )

@@ -154,9 +154,10 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
     open_ended = [n for n in names if not np.isfinite(fit.parameters[n].standard_error)]
     if open_ended or not np.isfinite(covariance).all():
         reason = f" {' '.join(fit.unidentifiable)}" if fit.unidentifiable else ""
+        unbounded = open_ended or names
         raise InvalidInputError(
-            f"fit: the readings do not bound the parameters {' and '.join(open_ended or names)}, so no "
-            f"covariance of these parameters can be given.{reason} Fit a curve with fewer parameters, such as "
+            f"fit: the readings do not bound the parameter{'s' * (len(unbounded) > 1)} {' and '.join(unbounded)}, so "
+            f"no covariance of the parameters can be given.{reason} Fit a curve with fewer parameters, such as "
             "exponential-1, or specify the distribution of each parameter"
         )
     mean = np.array([fit.parameters[name].value for name in names])

@@ -121,7 +121,7 @@ class CalibrationCheck(Value):
         if self.low is None or self.high is None:
             return f"{text}."
         low, high = format_quantity(self.low, "m/s", 3), format_quantity(self.high, "m/s", 3)
-        text = f"{text}, and at {low} to {high} on 90 % of these sensors."
+        text = f"{text}, and {low} to {high} on 90 % of these sensors."
         if is_within(self.predicted, self.low, self.high):
             return text
         softer = self.predicted < self.low

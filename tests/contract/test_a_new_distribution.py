@@ -139,7 +139,7 @@ class Scipys:
 def test_what_is_none_is_told_what_it_lacks() -> None:
     with pytest.raises(
         pt.errors.InvalidInputError,
-        match=r"uncertainty obstacle.velocity: found Scipys, expected a distribution, .*quantile",
+        match=r"uncertainty obstacle.velocity: found Scipys, expected a distribution such as .* support and _quantile",
     ):
         designed({"obstacle.velocity": Scipys()})
 

@@ -96,7 +96,8 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     assert f"{UNSUPPORTED}{near} ({reason}) to contact at 0 mm." in first
     assert "Not supported by the readings: " in first  # they are flat near contact, and the extended curve is not
     assert f"To fix this, mount the sensor {near} behind the contact surface, with recess =" in first
-    assert (f"Without a virtual force below {near}, the contact speed is " in first) == (verb != "pareto")
+    without_force = f"If no virtual force acted at distances below {near}, the contact speed would be "
+    assert (without_force in first) == (verb != "pareto")
     if verb != "sweep":
         brief = run(verb, file, *VERBS[verb], "--no-report")[1]
         assert " ".join(brief.split()).startswith(first), "the summary begins with it, too"
@@ -222,7 +223,9 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
 def test_the_mounting_of_a_sensor_is_named_by_its_fit_and_assumed_by_design_and_verdict(run):
     near, _ = near_end()
     _, out, _ = run("fit", "clipped.csv", "--no-report")
-    mounting = f'with recess = "{near}" for a sensor that is mounted {near} behind the contact surface.'
+    mounting = (
+        f'and the line recess = "{near}", which means that the sensor is mounted {near} behind the contact surface.'
+    )
     assert mounting in " ".join(out.split())
     _, whole, _ = run("fit", "sensor.csv", "--no-report")
     assert "Next: add calibration" in whole

@@ -93,7 +93,7 @@ def test_one_of_several_curves_is_selected_and_has_a_report_of_its_own(run, page
         (["--labels", "side"], "labels: found 'side', expected one of 'unit', 'distance [mm]', 'output [V]'"),
         (["--select", "unit=c"], "select: the file has no curve with the labels unit=c; available in two.csv: unit=a"),
         (["--offset", "much"], "--offset: found 'much', expected a number, or a text such as"),
-        (["--offset", "3 counts"], "offset: found 3 counts, expected a value in the unit of the calibration, V"),
+        (["--offset", "3 counts"], "offset: found 3 counts, expected a value in the unit of the calibration (V)"),
         (
             ["--saturation", "3 m"],
             "--saturation: found '3 m', expected a number, or a text such as",
@@ -251,7 +251,7 @@ def test_a_scenario_chooses_columns_and_labels(run):
         (['calibration = "two.csv"', 'labels = "unit"'], 3, "sensor.labels", "expected a list of headers or numbers"),
         (['calibration = "two.csv"', 'labels = ["side"]'], 3, "sensor.labels", "found 'side', expected one of 'unit'"),
         (['calibration = "two.csv"', "select = 3"], 3, "sensor.select", "expected a table of label columns"),
-        (['calibration = "sensor.csv"', 'offset = "3 counts"'], 3, "sensor.offset", "the unit of the calibration, V"),
+        (['calibration = "sensor.csv"', 'offset = "3 counts"'], 3, "sensor.offset", "the unit of the calibration (V)"),
         (['calibration = "sensor.csv"', 'offset = "much"'], 3, "sensor.offset", 'or "auto" or "fit" or "zero"'),
         (['calibration = "sensor.csv"', 'no_object = "x"'], 3, "sensor.no_object", 'or a file such as "dark.csv"'),
         (['calibration = "sensor.csv"', 'model = "exponential"'], 3, "sensor.model", 'did you mean "exponential-'),

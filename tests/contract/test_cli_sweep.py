@@ -125,7 +125,10 @@ def test_the_dataset_goes_where_it_is_asked_for_and_stays(run: Any, name: str) -
     code, out, err = run(*other)
     assert (code, out) == (2, "")
     assert err.startswith(f"pretouch: {name}: this ")
-    assert "a different sweep (different gain) and is not overwritten; choose another name with --output" in err
+    assert (
+        "a different sweep (different gain), and pretouch does not overwrite it; choose another name with --output"
+        in err
+    )
     assert run(*other, "--force")[0] == 0
     if name.endswith(".nc"):
         with xr.open_dataset(name, engine="h5netcdf") as found:

@@ -185,7 +185,7 @@ def test_pages_and_figures_are_sound_whatever_was_asked(name: str) -> None:
     found = pt.design_drag(OTHERS[name])
     assert_sound(report_html(found))
     assert_legible(plots.drag(found))
-    assert str(found).startswith("With the drag φ = ")
+    assert str(found).startswith("With the virtual drag φ = ")
 
 
 def test_the_weakest_by_force_shows_its_force() -> None:
@@ -386,6 +386,6 @@ def test_the_command_shows_the_drag_of_a_file_with_an_effect(
             main()
         assert ended.value.code == code
         told = capsys.readouterr().out
-        assert told.startswith("With the drag φ = ")
+        assert told.startswith("With the virtual drag φ = ")
         assert "Optimal gain" not in told
         assert Path("drag-design.html").exists()

@@ -82,7 +82,7 @@ def test_a_crash_while_writing_leaves_the_old_file_and_no_half_one(tmp_path, mon
 def test_a_missing_folder_and_a_folder_in_the_way_are_refused(tmp_path):
     with pytest.raises(InvalidInputError, match="does not exist; create it first"):
         write_text(tmp_path / "none" / "a.txt", "")
-    with pytest.raises(OutputExistsError, match="this folder exists"):
+    with pytest.raises(OutputExistsError, match="this folder already exists, and pretouch does not overwrite it"):
         write_text(tmp_path, "")
     with pytest.raises(InvalidInputError, match="cannot be written"):
         write_text(tmp_path, "", overwrite=True)
@@ -109,7 +109,7 @@ def test_what_a_killed_write_left_is_removed_by_a_later_one_of_the_same_name(tmp
 def test_a_device_a_pipe_and_a_file_that_is_too_large_are_not_read(tmp_path):
     """Each of them would never end: the pipe waits for somebody who writes."""
     os.mkfifo(tmp_path / "pipe")
-    for path, what in ((tmp_path / "pipe", "found a pipe"), ("/dev/zero", "found a device or a socket")):
+    for path, what in ((tmp_path / "pipe", "this path is a pipe"), ("/dev/zero", "this path is a device or a socket")):
         with pytest.raises(
             InvalidInputError, match=f"{what}, but pretouch needs a regular file; save the content as a regular file"
         ):

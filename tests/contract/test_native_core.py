@@ -178,7 +178,9 @@ def test_a_library_that_is_not_as_it_was_built_is_refused_in_one_sentence(tmp_pa
         command, env=os.environ | {"PRETOUCH_LIBRARY": str(library)}, capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"pretouch: pretouch's compiled core, {library.name} in {tmp_path}, {what}")
+    assert done.stderr.startswith(
+        f"pretouch: pretouch's compiled core cannot be used: {library.name} in {tmp_path} {what}"
+    )
     assert done.stderr.endswith("run python native/build.py\n")
     assert done.stderr.count("\n") == 1
 

@@ -296,7 +296,10 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         lambda: panel(line(), x_label="time"),
         r"^x_label: found 'time', expected an axis label with its unit in brackets",
     ),
-    "lengths": (lambda: line(x=[0, 1], y=[1], label="a"), r"^curve 'a': found 2 values of x, 1 values of y"),
+    "lengths": (
+        lambda: line(x=[0, 1], y=[1], label="a"),
+        r"^curve 'a': .*same number of values, but found 2 values of x, 1 values of y",
+    ),
     "length of low": (lambda: line(low=[1], high=[1]), r"200 values of y, 1 values of low"),
     "no values": (lambda: line(x=[], y=[]), r"curve: x: found "),
     "all missing": (lambda: line(y=np.full(200, np.nan)), r"this curve has no point with finite numbers x and y"),
@@ -306,8 +309,8 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "two rows": (lambda: line(x=[[0, 1]], y=[0, 1]), r"of shape \(1, 2\), expected a list"),
     "kind": (lambda: line(kind="dots"), r"kind: found 'dots', expected one of line, points, both"),
     "style": (lambda: line(style=5), r"found the style 5, expected an index"),
-    "low alone": (lambda: line(low=X), r"the argument low is given without high"),
-    "high alone": (lambda: line(high=X), r"the argument high is given without low"),
+    "low alone": (lambda: line(low=X), r"the argument low is given without the argument high; give both"),
+    "high alone": (lambda: line(high=X), r"the argument high is given without the argument low; give both"),
     "low above": (lambda: line(low=X + 1, high=X), r"low = 1 above high = 0 at index 0"),
     "mark": (lambda: Mark(x=np.nan, y=0.0, label="m"), r"^mark 'm': x: found nan"),
     "mark of two": (lambda: Mark(x=[0.0, 1.0], y=0.0), r"shape \(2,\), expected a single number"),
@@ -342,7 +345,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "map of a row": (lambda: Map(x=[0, 1], y=[0], values=[[0, 1]]), r"^map: values: found 2 finite values of shape"),
     "map turned": (
         lambda: Map(x=[0, 1], y=[0, 1, 2], values=np.ones((2, 3))),
-        r"expected the shape \(3, 2\) of y and x",
+        r"found .* of shape \(2, 3\), expected an array of the shape \(3, 2\), given by the lengths of y and x",
     ),
     "map of nothing": (lambda: Map(x=[0, 1], y=[0, 1], values=np.full((2, 2), np.nan)), r"found 0 finite values"),
     "map on log": (
@@ -351,7 +354,10 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "no panels": (panel_figure, r"^panels: found none"),
     "columns": (lambda: panel_figure(tiny(), columns=0), r"^columns: found 0"),
-    "height": (lambda: panel_figure(tiny(), height=0.2), r"^height: found 0.2 inch"),
+    "height": (
+        lambda: panel_figure(tiny(), height=0.2),
+        r"^height: found a figure height of 0.2 inch, but .* at least 1 inch",
+    ),
 }
 
 

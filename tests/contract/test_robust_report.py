@@ -227,7 +227,7 @@ def test_what_fresh_samples_refuse_is_a_warning(one: RobustDesign) -> None:
     missed = replace(v.limits[0], held=0.5)
     warned = replace(one, validation=replace(v, limits=(missed,), reached=0.75))
     assert [text[:30] for text in warned.warnings] == [
-        "25 % of the fresh encounters e",
+        "in 25 % of the fresh encounter",
         "the limit of the relative_velo",
     ]
     assert all(f"warning: {text}\n" in str(warned) for text in warned.warnings)

@@ -121,7 +121,7 @@ def test_another_sweep_is_refused_and_replaced_only_where_that_is_asked_for(
     output = tmp_path / f"out{suffix}"
     sweep_to(output).close()
     other = {**AXES, "gain": np.linspace(-3.0, -0.05, 10)}
-    with pytest.raises(OutputExistsError, match=r"different axes.* not overwritten.* --output.* --force"):
+    with pytest.raises(OutputExistsError, match=r"different axes.* does not overwrite it.* --output.* --force"):
         pt.sweep(pt.Task(SCENARIO, CURVED), other, results=RESULTS, output=output)
     with pytest.raises(OutputExistsError, match="different sensor"):
         pt.sweep(pt.Task(SCENARIO, CONSTANT), AXES, results=RESULTS, output=output)
@@ -359,7 +359,7 @@ def test_a_damaged_netcdf_file_is_refused_or_replaced(small: Path, tmp_path: Pat
     with h5py.File(output, "r+") as file:
         file["status"][3, 3] = 77  # no status has this number
     if not overwrite:
-        with pytest.raises(OutputExistsError, match=r"out\.nc: .*damaged .* --force"):
+        with pytest.raises(OutputExistsError, match=r"out\.nc: .*damaged.* does not overwrite it.* --force"):
             sweep_to(output)
         return
     with sweep_to(output, overwrite=True) as found:

@@ -132,7 +132,7 @@ def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hol
     assert wild.best_change.standing == 1
     title = "What would help most (not fully checked)"  # of the sensor, which is too slow, too
     assert row(page, "contact harder than without mitigation", title) == ["yes", "no"]
-    best = row(page, "best gain on this loop that has a gain margin of 2, mean of the runs")
+    best = row(page, "best gain on the simulated loop that has a gain margin of 2, mean of the runs")
     assert best[0] == f"{wild.loss.loop_gain:.4g} N s"
     assert row(page, "largest excursion", "Limits")[:2] == ["300 mm", "every run"]
 

@@ -153,7 +153,7 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
         return "The choice lies on the Pareto front."
     text = (
         "The front is better than the choice in every quantity, by at least "
-        f"{100 * choice.distance_to_front:.2g} % of the front's range."
+        f"{100 * choice.distance_to_front:.2g} % of its range."
     )
     if len(front.quantities) == 2:
         first, second = front.quantities

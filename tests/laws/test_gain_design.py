@@ -173,9 +173,7 @@ def test_no_contact_is_a_status(letter_first_order: ExponentialFirstOrder) -> No
     design = design_gain(Task(scenario, letter_first_order, F1, bounds=BOUNDS))
     assert design.status is DesignStatus.NO_CONTACT
     assert design.result is None
-    assert "the encounter ended without contact. The distance never reaches zero" in " ".join(
-        design.warnings
-    )
+    assert "the encounter ended without contact. The distance never reaches zero" in " ".join(design.warnings)
     assert json.loads(json.dumps(design.to_dict(), allow_nan=False))["status"] == "no-contact"
 
 

@@ -115,7 +115,7 @@ def test_a_misspelled_option_is_explained() -> None:
         ),
         (
             lambda: pt.ParetoOptions(quantities=["time", "xi"]),
-            "quantities: found 'xi', expected some of time, position",
+            "quantities: found 'xi', expected one of time, position",
         ),
         (lambda: TASK.replace(robust=512), "robust: found 512, expected options such as RobustOptions(samples=512)"),
     ],

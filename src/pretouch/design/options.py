@@ -13,7 +13,7 @@ from pretouch._core.numbers import checked_probability
 from pretouch._core.values import Value
 from pretouch.motion import Scenario
 
-from .quantities import QUANTITY_UNITS
+from .quantities import check_quantity
 
 if TYPE_CHECKING:
     from .robust.measures import Measure
@@ -81,8 +81,7 @@ class ParetoOptions(ExplainsNames, Value):
         check_types(self)
         names = tuple(self.quantities)
         for name in names:
-            if name not in QUANTITY_UNITS:
-                raise InvalidInputError(f"quantities: found {name!r}, expected some of {', '.join(QUANTITY_UNITS)}")
+            check_quantity(name, "quantities")
         if len(names) not in {2, 3} or len(set(names)) < len(names):
             listed = ", ".join(names) or "none"
             raise InvalidInputError(f"quantities: found {listed}, expected two or three different names of quantities")

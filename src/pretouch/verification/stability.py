@@ -94,7 +94,7 @@ class StabilityCheck(Value):
                 f"No gain is stable on this loop, however weak. The loop oscillates at {self.frequency:.3g} Hz "
                 "even without a virtual force, and the virtual force acts too late to damp this oscillation."
             )
-        stable = "unstable" if self.margin < 1 else "stable, with a small margin" if self.margin < 2 else "stable"
+        stable = "unstable" if self.margin < 1 else "stable, but close to its limit," if self.margin < 2 else "stable"
         phase = ", at the worst phase between sensor and controller" if self.has_unknown_phase else ""
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
         return (

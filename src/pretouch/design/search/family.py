@@ -47,7 +47,7 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or supported_terms(problem) is None:
         return None
     within = [replace(c, limit=c.limit * _WITHIN) for c in problem.task.limits]
-    family = _family(problem.changed(constraints=within), *varied[0])
+    family = _family(problem.changed(constraints=within) if within else problem, *varied[0])
     out = np.full((2, family.place.size), np.nan)
     _cover(family, float(family.place.min()), float(family.place.max()), None, out)
     gain, value = out
@@ -84,12 +84,16 @@ def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArr
 
 def _is_confirmed(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
     """Compute encounters with interpolated gains, and return for which of them the interpolation is accurate."""
-    shape, size = problem.task.scenario.shape, gain.size
-    found = problem.landscape(problem.axis.coordinate(gain.reshape(shape)))
-    solved, ratio = found.objective.reshape(size), np.asarray(found.worst_ratio).reshape(size)
-    allowed = np.where(ratio > _BINDING, _AT_LIMIT, _VALUE)  # at a limit the objective is not stationary
-    with np.errstate(invalid="ignore"):
-        return np.asarray((np.abs(solved - value) <= allowed * solved) & (ratio <= HELD))
+    task, result = problem.task, problem.run(gain.reshape(problem.task.scenario.shape))
+    solved = task.goal.value(result.end, abs(task.scenario.obstacle.velocity), task.impact).reshape(-1)
+    if not task.limits:
+        confirmed = np.abs(solved - value) <= _VALUE * solved
+    else:
+        ratio = np.max([c.magnitude(result.end, task.impact).reshape(-1) / c.limit for c in task.limits], axis=0)
+        allowed = np.where(ratio > _BINDING, _AT_LIMIT, _VALUE)  # at a limit the objective is not stationary
+        confirmed = (np.abs(solved - value) <= allowed * solved) & (ratio <= HELD)
+    reached = result.reached
+    return np.asarray(confirmed if reached.all() else confirmed & reached.reshape(-1))
 
 
 @dataclass(frozen=True, slots=True)

@@ -313,9 +313,16 @@ struct Scan {
         return true;
     }
 
+    // Whether no gain is feasible, by far: a narrow range of feasible gains may hide where a ratio nearly meets its limit.
     bool is_infeasible() const {
-        for (int i = 0; i + 1 < used; i++)
-            if (kind_of(i) != Kind::INFEASIBLE) return false;
+        for (int i = 0; i + 1 < used; i++) {
+            bool far = false;
+            for (int64_t j = 0; j < encounter.limit_count; j++) {
+                const double *r = at.r[j], low = fmin(r[i], r[i + 1]);
+                far = far || fmin(gap_of(r, i, used).least, low - 0.5 * fabs(r[i + 1] - r[i])) > 1.0;
+            }
+            if (!far) return false;
+        }
         return true;
     }
 

@@ -191,3 +191,14 @@ def test_a_wrong_design_with_limits_is_noticed(monkeypatch: pytest.MonkeyPatch) 
     search = limits.search_compiled
     monkeypatch.setattr(limits, "search_compiled", lambda problem: search(problem) * [[1.0], [1.001], [1.0]])
     assert limits.check(6, 7) > 0
+
+
+def test_a_narrow_range_of_feasible_gains_is_not_called_infeasible() -> None:
+    """One of 20,000 random tasks: the smallest contact speed of all gains is just below its limit."""
+    from benchmarks import limits  # noqa: PLC0415 - only for this test
+
+    problem = limits.random_problem(np.random.default_rng([6, 14721]))
+    found, known = limits.search_compiled(problem), limits.GainEvidence(problem=problem, settled=None)
+    assert known.status.value == "optimal"
+    assert found is not None
+    assert found[2, 0] != limits.INFEASIBLE

@@ -195,7 +195,7 @@ def test_a_wrong_design_with_limits_is_noticed(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_narrow_range_of_feasible_gains_is_not_called_infeasible() -> None:
     """One of 20,000 random tasks: the smallest contact speed of all gains is just below its limit."""
-    from benchmarks import limits  # noqa: PLC0415 - only for this test
+    from benchmarks import limits
 
     problem = limits.random_problem(np.random.default_rng([6, 14721]))
     found, known = limits.search_compiled(problem), limits.GainEvidence(problem=problem, settled=None)

@@ -5,8 +5,8 @@
 // objective is interpolated at eight nodes close to it.
 //
 // With limits, each gap between neighboring gains is feasible, infeasible, crossed once by a limit, or open. The second
-// differences of a ratio |quantity| / limit bound how far it can leave the range of its two ends inside a gap; this holds
-// for corners as well, where another peak becomes the largest. The edge of a crossed gap is found as a root. If the
+// differences of a ratio |quantity| / limit estimate how far it leaves the range of its two ends inside a gap, also at
+// corners, where another peak becomes the largest. The edge of a crossed gap is found as a root. If the
 // objective falls toward an edge or toward an end of the axis, the optimum lies there.
 //
 // When a scan may end: if g < 0, D^2 >= 4 M K, v < 0, a <= 0 and -D v - K x_0 >= sigma (u_0 - v) > 0, with sigma the
@@ -170,7 +170,7 @@ struct Encounter {
     int64_t appraise(const double *gains, int64_t n, Values &values, int to) {
         const int64_t proved = solve(gains, n);
         for (int64_t i = 0; i < proved; i++) {
-            // solve filled what is weighed: NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage)
+            // solve has filled the states: NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage)
             values.f[to + i] = weigh(i, gains[i], false);
             double sum = values.f[to + i];
             for (int64_t j = 0; j < limit_count; j++) {
@@ -472,6 +472,11 @@ Optimum decide(const Scan &scan) {
         found = polish(scan.encounter, axis, u, fmin(one, other), fmax(one, other), HALF);
     }
     if (found.outcome != 1.0) return UNCERTAIN;
+    if (scan.encounter.limit_count > 0) {  // the bounds inside gaps are estimates: the optimum itself must meet the limits
+        Values there;
+        if (scan.encounter.appraise(&found.gain, 1, there, 0) < 1) return UNCERTAIN;
+        if (scan.encounter.worst(there, 0) > HELD + CLOSE) return UNCERTAIN;
+    }
     for (int i = 0; i + 1 < scan.used; i++) {
         if (i == best || i == best - 1) continue;
         const Kind kind = scan.kind_of(i);

@@ -35,7 +35,7 @@ static inline real within(real value, real limit) { return larger(smaller(value,
 
 static void fill_median(int32_t length, real value, pretouch_median_state *s) {
     for (int32_t i = 0; i < PRETOUCH_MEDIAN; i++) s->arrived[i] = value;
-    for (int32_t i = 0; i <= PRETOUCH_MEDIAN; i++) s->ordered[i] = i < length ? value : INFINITY;
+    for (int32_t i = 0; i <= PRETOUCH_MEDIAN; i++) s->ordered[i] = i < length ? value : (real)INFINITY;
     s->oldest = 0;
 }
 
@@ -44,7 +44,7 @@ static void fill_median(int32_t length, real value, pretouch_median_state *s) {
  * The loop always visits all elements, so a step takes the same time for every reading. */
 static real advance_median(int32_t length, pretouch_median_state *s, real value) {
     const real oldest = s->arrived[s->oldest];
-    real before = -INFINITY;
+    real before = -(real)INFINITY;
     if (length == 1) return value;
     for (int32_t i = 0; i < length; i++) {
         const real here = s->ordered[i + (s->ordered[i] >= oldest)];
@@ -140,7 +140,7 @@ void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state 
                       pretouch_observation *seen) {
     const real quiet = s->quiet + p->period, measured = s->measured + p->period;
     const real above = sample->reading - p->offset;
-    const real level = p->floor < above && above < INFINITY ? above : p->floor; /* NaN becomes the floor, too */
+    const real level = p->floor < above && above < (real)INFINITY ? above : p->floor; /* NaN becomes the floor, too */
     const int32_t fault = fault_of(p, s, sample, level, measured);
     if (sample->fresh && fault == 0) {
         take_in(p, s, sample->age, level, measured, seen);

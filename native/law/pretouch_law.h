@@ -94,8 +94,8 @@ typedef struct {
     pretouch_real timeout;       /* time without a usable reading after which the sensor is lost [s] */
     pretouch_real largest_rate;  /* largest plausible |d ln xi/dt| [1/s] */
     int32_t median_length;       /* readings of the running median, 1 to PRETOUCH_MEDIAN */
-    int32_t sections;            /* of the low-pass, 0 to PRETOUCH_SECTIONS */
-    pretouch_section low_pass[PRETOUCH_SECTIONS];
+    int32_t sections;            /* sections of the low-pass, 0 to PRETOUCH_SECTIONS */
+    pretouch_section low_pass[PRETOUCH_SECTIONS]; /* coefficients b0, b1, b2, a1, a2 of each section */
 } pretouch_sensing_numbers;
 
 /* The last readings in order of arrival (`oldest` is the index of the next one), and sorted, padded with infinity. */
@@ -147,18 +147,20 @@ typedef struct {
 
 typedef struct {
     pretouch_real drag;                 /* phi [N s^2] */
-    pretouch_real variance;             /* of the noise of a reading that is independent of xi [its unit^2] */
-    pretouch_real relative_variance;    /* of the noise in proportion to xi */
+    pretouch_real variance;             /* variance of the noise of a reading that is independent of xi [its unit^2] */
+    pretouch_real relative_variance;    /* variance of the noise in proportion to xi */
     pretouch_real level_share;          /* share of the prediction error of ln xi that corrects the level */
     pretouch_real rate_share;           /* share that corrects the rate */
-    pretouch_real width;                /* of the dead zone, in standard deviations of ln xi of a reading */
+    pretouch_real width;                /* width of the dead zone, in standard deviations of ln xi of a reading */
     pretouch_real still;                /* rate that counts as zero, per standard deviation of ln xi [1/s] */
     pretouch_real sensor_period;        /* nominal time between two readings [s] */
     pretouch_real hold;                 /* how long an approach lasts after the last rise of ln xi [s] */
     pretouch_real own_advance;          /* D_b <= 0: gain against the robot's own motion toward the object [N s] */
-    pretouch_real known_acceleration;   /* of the object [m/s^2] */
+    pretouch_real known_acceleration;   /* acceleration of the object [m/s^2] */
     pretouch_real period;               /* T of the loop [s] */
-    pretouch_real mass, damping, stiffness; /* of the admittance */
+    pretouch_real mass;                 /* M_a of the admittance [kg] */
+    pretouch_real damping;              /* D_a of the admittance [N s/m] */
+    pretouch_real stiffness;            /* K_a of the admittance [N/m] */
 } pretouch_drag_numbers;
 
 typedef struct {
@@ -174,22 +176,28 @@ typedef struct {
 
 /* ---- from the impulse to the motion ---- */
 
-/* Exact discretization of L(1) with a constant force per period: rows of the transition matrix, and input vector. */
+/* Exact discretization of L(1) with a constant force per period: how x~ and x~' after a period depend on x~, x~' and
+ * the force at its start. */
 typedef struct {
-    pretouch_real position_from_position, position_from_velocity;
-    pretouch_real velocity_from_position, velocity_from_velocity;
-    pretouch_real position_from_force, velocity_from_force;
+    pretouch_real position_from_position; /* [1] */
+    pretouch_real position_from_velocity; /* [s] */
+    pretouch_real velocity_from_position; /* [1/s] */
+    pretouch_real velocity_from_velocity; /* [1] */
+    pretouch_real position_from_force;    /* [m/N] */
+    pretouch_real velocity_from_force;    /* [m/(s N)] */
 } pretouch_admittance_numbers;
 
-/* Largest |x~'| [m/s], |x~''| [m/s^2] and |x~| [m]. */
 typedef struct {
-    pretouch_real period, speed, acceleration, excursion;
+    pretouch_real period;       /* T of the loop [s] */
+    pretouch_real speed;        /* largest |x~'| [m/s] */
+    pretouch_real acceleration; /* largest |x~''| [m/s^2], mean over a period */
+    pretouch_real excursion;    /* largest |x~| [m] */
 } pretouch_motion_limits;
 
 typedef struct {
     pretouch_real hold;              /* one sensor period [s], in which an impulse is delivered */
     pretouch_real fade_step;         /* share of the force that fades per period when a reading is late */
-    pretouch_real largest_force;     /* |F_p| [N] */
+    pretouch_real largest_force;     /* largest |F_p| [N] */
     pretouch_real contact_gain;      /* share of the contact force that acts in the admittance */
     pretouch_real contact_threshold; /* contact force [N] from which a contact is reported */
     pretouch_admittance_numbers admittance;

@@ -1,6 +1,7 @@
 from . import control as control
 from . import design as design
 from . import errors as errors
+from . import export as export
 from . import fields as fields
 from . import letter as letter
 from . import motion as motion

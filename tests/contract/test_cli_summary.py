@@ -101,7 +101,9 @@ def test_a_number_stays_with_its_unit() -> None:
         assert "12.5 N s." in text
 
 
-@pytest.mark.parametrize("verb", ["fit", "design", "sweep", "pareto", "robust", "simulate", "verify", "reproduce"])
+@pytest.mark.parametrize(
+    "verb", ["fit", "design", "sweep", "pareto", "robust", "simulate", "verify", "export", "reproduce"]
+)
 def test_the_help_of_a_verb_has_two_examples_that_run_and_a_page(verb: str, tmp_path: Path) -> None:
     help_text = printed(f"{verb} --help", tmp_path)
     start = help_text.index("  Examples:")

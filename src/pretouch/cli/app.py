@@ -5,10 +5,12 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from collections.abc import Callable
 from typing import Annotated, Final
 
 import typer
 
+from .export import export
 from .fit import fit
 from .sweep import sweep
 from .terminal import guard_output
@@ -21,7 +23,9 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-_EXAMPLES: Final = {  # in the order of the help: two commands for each verb, and the page of the documentation
+_EXAMPLES: Final[
+    dict[Callable[..., None], tuple[str, str, str]]
+] = {  # in the order of the help: two commands for each verb, and the page of the documentation
     fit: ("fit sensor.csv", 'fit sensor.csv --offset "61 counts" --model inverse-power', "calibration.md"),
     design: ("design approach.toml", "design approach.toml --json", "design.md"),
     sweep: (
@@ -33,6 +37,11 @@ _EXAMPLES: Final = {  # in the order of the help: two commands for each verb, an
     robust: ("robust robust.toml", "robust robust.toml --samples 1024 --seed 1", "robust.md"),
     simulate: ("simulate loop.toml", 'simulate loop.toml --gain "-0.86 N*s" --seed 2', "simulation.md"),
     verify: ("verify loop.toml", 'verify loop.toml --gain "-0.86 N*s" --runs 2000', "verification.md"),
+    export: (
+        'export c loop.toml --gain "-0.86 N*s" --output law',
+        "export c loop.toml --unverified --output draft",
+        "export.md",
+    ),
     reproduce: ("reproduce", "reproduce table-2 figure-4", "letter.md"),
 }
 

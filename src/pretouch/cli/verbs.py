@@ -36,7 +36,7 @@ def _load(file: Path, activity: str) -> Task:
     return task
 
 
-def _load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> Task:
+def load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> Task:
     """Load a scenario file with a sampled loop; the options --gain and --seed override values in the file."""
     task = _load(file, activity)
     number = read_gain(gain, task.law)
@@ -129,7 +129,7 @@ def simulate(shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed
     """
     from pretouch.verification import simulate_encounter  # noqa: PLC0415
 
-    task = _load_loop(file, "simulating the loop", gain, seed)
+    task = load_loop(file, "simulating the loop", gain, seed)
     encounter = simulate_encounter(task)
     shown.show(encounter, f"{file.stem}-simulate.html", task, good=encounter.is_mitigated)
 
@@ -160,7 +160,7 @@ def verify(
     """
     from pretouch.verification import verify_gain  # noqa: PLC0415
 
-    task = _load_loop(file, "simulating encounters on the loop", gain, seed)
+    task = load_loop(file, "simulating encounters on the loop", gain, seed)
     if runs is not None:
         task = task.replace(verify=replace(task.verify, runs=runs))
     verdict = verify_gain(task, changes=changes)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 from enum import IntFlag
 from functools import partial
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from pretouch._core.native import Structure, numbers
 
@@ -37,6 +37,25 @@ class Status(IntFlag):
     MOTION_LIMITED = 128
     IN_CONTACT = 256
     INPUT_FAULT = 512
+
+    @property
+    def meaning(self) -> str:
+        """What a single flag reports, in words."""
+        return _MEANINGS[self]
+
+
+_MEANINGS: Final = {
+    Status.DETECTING: "an object is detected",
+    Status.STALE: "the expected reading did not arrive, or could not be used",
+    Status.SATURATED: "readings of a saturated sensor were ignored",
+    Status.INVALID: "readings that are not finite, too old or out of order were ignored",
+    Status.IMPLAUSIBLE: "readings that changed faster than largest_rate were ignored",
+    Status.LOST: "there was no usable reading for longer than the timeout",
+    Status.FORCE_LIMITED: "the virtual force was limited",
+    Status.MOTION_LIMITED: "excursion, speed or acceleration was limited",
+    Status.IN_CONTACT: "the contact force exceeds its threshold",
+    Status.INPUT_FAULT: "contact force or reference was not finite",
+}
 
 
 class Sample(NamedTuple):

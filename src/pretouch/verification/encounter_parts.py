@@ -151,20 +151,8 @@ class Detection(Value):
         return f"{text}. Before this detection, {missed} had already happened, so the controller did not use it."
 
 
-_MEANINGS: Final[dict[Status, str]] = {
-    Status.DETECTING: "an object is detected",
-    Status.STALE: "the expected reading did not arrive, or could not be used",
-    Status.SATURATED: "readings of a saturated sensor were ignored",
-    Status.INVALID: "readings that are not finite, too old or out of order were ignored",
-    Status.IMPLAUSIBLE: "readings that changed faster than largest_rate were ignored",
-    Status.LOST: "there was no usable reading for longer than the timeout",
-    Status.FORCE_LIMITED: "the virtual force was limited",
-    Status.MOTION_LIMITED: "excursion, speed or acceleration was limited",
-    Status.IN_CONTACT: "the contact force exceeds its threshold",
-    Status.INPUT_FAULT: "contact force or reference was not finite",
-}
 _OWN: Final = "a user-defined flag"
-_NO_TROUBLE: Final = frozenset({_MEANINGS[Status.DETECTING], _MEANINGS[Status.IN_CONTACT], _OWN})
+_NO_TROUBLE: Final = frozenset({Status.DETECTING.meaning, Status.IN_CONTACT.meaning, _OWN})
 
 
 def percent(share: float) -> str:
@@ -241,10 +229,10 @@ def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[Repo
         if not on.any():
             continue
         status = (
-            Status(bit) if bit in _MEANINGS else None
+            Status(bit) if bit in list(Status) else None
         )  # a flag that `Status` does not define is named by its number
         name = f"flag-{bit}" if status is None else str(status.name).lower().replace("_", "-")
-        meaning = _OWN if status is None else _MEANINGS[status]
+        meaning = _OWN if status is None else status.meaning
         since, lasts = float(trace.time[on.argmax()]), (float(part.sum() * period) for part in (on, on & before))
         found.append(ReportedFlag(name, meaning, since, *lasts))
     return tuple(sorted(found, key=lambda flag: flag.since))

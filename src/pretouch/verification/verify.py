@@ -248,7 +248,7 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
             f"scenario: found an array of encounters of shape {scenario.shape}, expected a single encounter; use "
             "ClosedLoop.run for many encounters"
         )
-    gain = finite(_gain_of(task), "gain", task.law.number.unit)
+    gain = finite(chosen_gain(task), "gain", task.law.number.unit)
     if not isinstance(gain, float):
         raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
     same = ("scenario", "sensor", "loop", "impact", "method", "horizon", "law")
@@ -263,7 +263,7 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
     )
 
 
-def _gain_of(task: Task) -> float:
+def chosen_gain(task: Task) -> float:
     """Return the gain that the task prescribes; if the task prescribes none, return the optimal gain."""
     if task.gain is not None:
         return task.gain

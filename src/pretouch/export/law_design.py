@@ -1,0 +1,108 @@
+"""Collect what an export needs: the controller with its gain, its origin, and the verdict on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.values import Value
+from pretouch.control import Controller, VirtualDamper, VirtualDrag
+from pretouch.design import Task
+from pretouch.design.task import with_file_location
+from pretouch.simulation import ClosedLoop
+from pretouch.verification import Verdict, VerdictStatus, verify_gain
+from pretouch.verification.verify import chosen_gain
+
+from .vectors import Case, make_cases
+
+HOLDS: Final = (VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawDesign(Value):
+    """A controller with the gain that is exported, with its origin and the verdict on it.
+
+    Args:
+        controller: the controller, whose law has the exported gain or drag.
+        law_text: the law and its number in words, such as "virtual damper, gain D_p = -0.7463 N s".
+        cases: test vectors.
+        origin: name of the scenario file, or "a Task in Python".
+        digest: SHA-256 of the scenario file; None without a file.
+        date: date of the verification as text; None if unknown.
+        verdict: the verdict; None if the gain was not verified.
+    """
+
+    controller: Controller
+    law_text: str
+    cases: tuple[Case, ...]
+    origin: str
+    digest: str | None
+    date: str | None
+    verdict: Verdict | None
+
+    @property
+    def is_supported(self) -> bool:
+        """True if the verification found that the gain holds, at least narrowly."""
+        return self.verdict is not None and self.verdict.status in HOLDS
+
+    @property
+    def is_drag(self) -> bool:
+        """True for the virtual drag, false for the virtual damper."""
+        return isinstance(self.controller.law, VirtualDrag)
+
+    @property
+    def verdict_text(self) -> str:
+        """A sentence on what the verification found and when, or that there was none."""
+        if self.verdict is None:
+            return "Not verified: this law was exported without a verification."
+        when = f" ({self.date})" if self.date else ""
+        return f"pretouch verify{when}: {self.verdict.headline}"
+
+
+@with_file_location
+def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> LawDesign:
+    """Verify the gain of a task, and collect what an export needs.
+
+    Args:
+        task: the encounter with its sampled loop; the gain as for `verify_gain`.
+        verify: whether to verify the gain by simulation.
+        date: date that the exported files state for the verification.
+
+    Returns:
+        The design.
+
+    Raises:
+        InvalidInputError: the loop has no controller with a law in C, or there is no gain.
+    """
+    loop = task.loop
+    if not isinstance(loop, ClosedLoop) or not isinstance(loop.law, Controller):
+        raise InvalidInputError(
+            "loop: an export needs the controller of a sampled loop, but this task has none; add [chain] and "
+            "[controller] to the scenario file"
+        )
+    if type(loop.law.law) not in {VirtualDamper, VirtualDrag}:
+        raise InvalidInputError(
+            f"law: found {type(loop.law.law).__name__}, but only the virtual damper and the virtual drag exist in C; "
+            "write the step of a custom law in C yourself, between pretouch_observe and pretouch_drive "
+            "(docs/own-law.md)"
+        )
+    verdict = verify_gain(task, changes=False) if verify else None
+    gain = chosen_gain(task) if verdict is None else verdict.gain
+    if gain is None:
+        reasons = "" if verdict is None else f": {'; '.join(verdict.reasons)}"
+        raise InvalidInputError(
+            f"{task.law.number.name}: there is nothing to export{reasons}. Change the limits or the bounds, or give "
+            f"the {task.law.number.name} with --gain"
+        )
+    controller = loop.law.with_value(gain)
+    source: Any = task.source
+    return LawDesign(
+        controller=controller,
+        law_text=f"{task.law.kind.replace('-', ' ')}, {task.law.number.name} {task.law.number.equals(gain)}",
+        cases=make_cases(loop, controller, (task.scenario, task.sensor)),
+        origin="a Task in Python" if source is None else source.path.name,
+        digest=None if source is None else source.sha256,
+        date=date,
+        verdict=verdict,
+    )

@@ -1,0 +1,195 @@
+"""Create test vectors for an exported law: samples of a simulated approach with faults, and the expected outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.values import Value
+from pretouch.control import Controller, Output, Sample
+from pretouch.control.laws import as_step
+from pretouch.simulation import ClosedLoop, simulate
+
+MOST_STEPS: Final = 4000
+"""The largest number of steps of one case; of a longer simulation, the last steps are taken."""
+
+_SEED: Final = 20_26
+_DROPPED: Final = 0.3  # share of readings that the dropout case removes
+_SPIKE: Final = 100.0  # factor of a single wrong reading
+_ANY_READING: Final = 2e12  # above the highest saturation level that a controller can have
+
+SAMPLE_COLUMNS: Final = (
+    *("reading", "age", "contact_force", "reference_position", "reference_velocity", "reference_acceleration"),
+    "fresh",
+)
+"""The inputs of a step, in the order of the C structure `pretouch_sample`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case(Value):
+    """One sequence of samples, which starts from a fresh state of the controller, with the outputs of the law.
+
+    Args:
+        name: short name, such as "dropouts".
+        about: what happens in this case, in words.
+        samples: the samples.
+        outputs: the output of the law for each sample, computed in double precision.
+    """
+
+    name: str
+    about: str
+    samples: tuple[Sample, ...]
+    outputs: tuple[Output, ...]
+
+
+def make_cases(loop: ClosedLoop, controller: Controller, encounter: tuple[Any, Any]) -> tuple[Case, ...]:
+    """Simulate an encounter, add faults to its samples, and compute the output of the law for each sample.
+
+    Args:
+        loop: the loop, whose sensor chain, robot and contact deliver the samples.
+        controller: the controller with the gain that is exported.
+        encounter: scenario and sensor curve.
+
+    Returns:
+        A case without faults, and one for each kind of fault.
+    """
+    plain = _approach(loop, controller, encounter)
+    return tuple(
+        Case(name=name, about=about, samples=samples, outputs=_outputs(controller, samples))
+        for name, about, edit in _CASES
+        for samples in [tuple(edit(plain, controller, np.random.default_rng(_SEED)))]
+    )
+
+
+@dataclass(frozen=True)
+class _Recorder:
+    """A control law that records its samples while another law runs."""
+
+    controller: Controller
+    samples: list[Sample] = field(default_factory=list)
+
+    @property
+    def period(self) -> float:
+        return self.controller.period
+
+    @property
+    def admittance(self) -> Any:
+        return self.controller.admittance
+
+    def parameters(self) -> Any:
+        return self.controller.parameters()
+
+    def start(self, *, position: float, velocity: float) -> Any:
+        return self.controller.start(position, velocity)
+
+    @property
+    def step(self) -> Callable[[Any, Any, Sample], Any]:
+        original = as_step(self.controller.step)
+
+        def recorded(parameters: Any, state: Any, sample: Sample) -> Any:
+            self.samples.append(sample)
+            return original(parameters, state, sample)
+
+        return recorded
+
+
+def _approach(loop: ClosedLoop, controller: Controller, encounter: tuple[Any, Any]) -> tuple[Sample, ...]:
+    """Return the samples that the controller gets in one simulated encounter."""
+    recorder = _Recorder(controller)
+    options = {name: getattr(loop, name) for name in ("chain", "plant", "contact", "seed", "horizon", "follow_time")}
+    simulate(*encounter, recorder, **options)
+    return tuple(recorder.samples[-MOST_STEPS:])
+
+
+def _outputs(controller: Controller, samples: tuple[Sample, ...]) -> tuple[Output, ...]:
+    """Return the output of the law for each sample, starting from the state without a detected object."""
+    run = controller.begin()
+    return tuple(run.step(s.reading, s.fresh, s.age, **_inputs(s)) for s in samples)
+
+
+def _inputs(sample: Sample) -> dict[str, float]:
+    return {name: getattr(sample, name) for name in SAMPLE_COLUMNS[2:6]}
+
+
+Edited = Iterator[Sample]
+
+
+def _same(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
+    yield from samples
+
+
+def _dropouts(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
+    for sample, chance in zip(samples, rng.random(len(samples)), strict=True):
+        yield sample._replace(fresh=False) if chance < _DROPPED else sample
+
+
+def _gap(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
+    """Remove all readings for one and a half timeouts in the last third of the approach."""
+    first = 2 * len(samples) // 3
+    steps = int(1.5 * controller.conditioning.numbers(controller.period).timeout / controller.period) + 1
+    for i, sample in enumerate(samples):
+        yield sample._replace(fresh=False) if first <= i < first + steps else sample
+
+
+def _saturation(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
+    """Replace the readings of the last third by the saturation level, and then let them return."""
+    level = controller.conditioning.saturation or _ANY_READING
+    for i, sample in enumerate(samples):
+        yield sample._replace(reading=level) if 2 * len(samples) <= 3 * i < 5 * len(samples) // 2 else sample
+
+
+def _contact(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:
+    """Add contact forces around the threshold, and a few that are no numbers."""
+    forces = 3 * controller.contact_threshold * rng.standard_normal(len(samples))
+    for i, (sample, force) in enumerate(zip(samples, forces, strict=True)):
+        pressed = 2 * i >= len(samples)
+        value = np.nan if pressed and i % 97 == 0 else float(force)
+        yield sample._replace(contact_force=value) if pressed else sample
+
+
+def _garbage(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:
+    """Replace one input in every seventh sample by a value that no sensor or robot can deliver."""
+    timeout = controller.conditioning.numbers(controller.period).timeout
+    wrong = (
+        *(("reading", value) for value in (np.nan, np.inf, -np.inf, -1e30, 0.0)),
+        *(("age", value) for value in (np.nan, -1.0, 2 * timeout)),
+        *((name, value) for name in SAMPLE_COLUMNS[3:6] for value in (np.nan, 1e30)),
+    )
+    for i, sample in enumerate(samples):
+        name, value = wrong[int(rng.integers(len(wrong)))]
+        fields: dict[str, Any] = {name: value}
+        yield sample._replace(**fields) if i % 7 == 6 else sample
+
+
+def _spikes(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
+    for i, sample in enumerate(samples):
+        yield sample._replace(reading=_SPIKE * sample.reading) if i % 41 == 40 else sample
+
+
+_CASES: Final = (
+    ("approach", "a simulated approach, with its contact if the robot has a contact model", _same),
+    ("dropouts", "the approach, in which 30 % of the readings are missing at random", _dropouts),
+    ("gap", "the approach, without readings for longer than the timeout", _gap),
+    ("saturation", "the approach with a saturated sensor for a while", _saturation),
+    ("contact", "the approach with contact forces, some of which are not a number", _contact),
+    ("garbage", "the approach with readings, ages and references that are impossible", _garbage),
+    ("spikes", "the approach with single readings that are 100 times too large", _spikes),
+)
+
+
+def cases_as_csv(cases: tuple[Case, ...]) -> str:
+    """Return test vectors as a CSV table: one row per step, with case, inputs and expected outputs.
+
+    Numbers have as many digits as needed to restore them exactly. A comment line names each case.
+    """
+    lines = [f"# case {i}, {case.name}: {case.about}" for i, case in enumerate(cases)]
+    lines.append(",".join(("case", *SAMPLE_COLUMNS, *Output._fields)))
+    for i, case in enumerate(cases):
+        for sample, output in zip(case.samples, case.outputs, strict=True):
+            inputs = [repr(float(getattr(sample, name))) for name in SAMPLE_COLUMNS[:-1]]
+            outputs = [repr(float(value)) for value in output[:-1]]
+            lines.append(",".join((str(i), *inputs, str(int(sample.fresh)), *outputs, str(int(output.status)))))
+    return "\n".join(lines) + "\n"

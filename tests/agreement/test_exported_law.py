@@ -1,0 +1,171 @@
+"""An exported law, compiled by the compilers at hand, computes what the package computes."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from pretouch.control import Status
+from pretouch.export import export_c
+from pretouch.export.law_source import structures
+from pretouch.verification.verify import chosen_gain
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+WARNINGS = "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
+DESIGNS = {"damper": ("loop.toml", -0.86), "drag": ("drag.toml", None), "course": ("course.toml", -0.7)}
+COMPILERS = [
+    pytest.param(name, marks=pytest.mark.skipif(shutil.which(name) is None, reason=f"{name} is not installed"))
+    for name in ("gcc", "clang")
+]
+
+
+def export(design: str, folder: Path) -> pt.Task:
+    """Export an example without its verification, which other tests run."""
+    name, gain = DESIGNS[design]
+    task = pt.load_scenario(EXAMPLES / name)
+    task = task if gain is None else task.replace(gain=gain)
+    assert export_c(task, folder, verify=False).is_written
+    return task
+
+
+def replayed(folder: Path, compiler: str, flags: str) -> dict[str, float]:
+    """The differences that the exported test prints, by the name of the output."""
+    if shutil.which("make") is None:
+        pytest.skip("make is not installed")
+    command = ["make", "-B", "-s", "-C", str(folder), "test", f"CC={compiler}", f"CFLAGS=-O2 {WARNINGS} {flags}"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
+    *lines, last = run.stdout.splitlines()
+    assert last.endswith("0 with other status flags; passed")
+    return {line[:14].strip(): float(line[14:]) for line in lines}
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("design", DESIGNS)
+def test_in_double_precision_every_bit_is_the_same(design: str, compiler: str, tmp_path: Path) -> None:
+    export(design, tmp_path / "law")
+    differences = replayed(tmp_path / "law", compiler, "")
+    assert differences == dict.fromkeys(("position", "velocity", "acceleration", "virtual force", "log level"), 0.0)
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+def test_in_single_precision_outputs_agree_within_1e_4(design: str, tmp_path: Path) -> None:
+    export(design, tmp_path / "law")
+    differences = replayed(tmp_path / "law", "cc", "-DPRETOUCH_FLOAT") if shutil.which("cc") else pytest.skip("no cc")
+    assert all(0 < value < 1e-4 for value in differences.values())  # 0 would mean double precision
+
+
+def test_sanitizers_find_nothing(tmp_path: Path) -> None:
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    export("drag", tmp_path / "law")
+    replayed(tmp_path / "law", "gcc", "-fsanitize=address,undefined -fno-sanitize-recover=all")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("PRETOUCH_R(-0.86)", "PRETOUCH_R(-0.8600001)"), ("PRETOUCH_R(0.04),", "PRETOUCH_R(0.05),")],
+    ids=["gain", "timeout"],
+)
+def test_the_exported_test_notices_a_changed_constant(old: str, new: str, tmp_path: Path) -> None:
+    export("damper", tmp_path / "law")
+    header = tmp_path / "law/pretouch_design.h"
+    text = header.read_text()
+    assert text.count(old) == 1
+    header.write_text(text.replace(old, new))
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    run = subprocess.run(
+        ["make", "-s", "-C", str(tmp_path / "law"), "test"], capture_output=True, text=True, check=False
+    )
+    assert run.returncode != 0
+    assert "FAILED" in run.stdout
+
+
+def test_the_header_compiles_in_c_plus_plus(tmp_path: Path) -> None:
+    if shutil.which("g++") is None:
+        pytest.skip("g++ is not installed")
+    export("drag", tmp_path / "law")
+    source = tmp_path / "use.cpp"
+    source.write_text(
+        '#include "pretouch_design.h"\n'
+        "double use(const pretouch_sample &sample) {\n"
+        "    pretouch_design_state state; pretouch_output out;\n"
+        "    pretouch_design_start(&state); pretouch_design_step(&state, &sample, &out);\n"
+        "    return out.position;\n}\n"
+    )
+    flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", f"-I{tmp_path / 'law'}", "-c", "-o", str(tmp_path / "use.o")]
+    subprocess.run(["g++", *flags, str(source)], check=True)
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+def test_vectors_restore_every_number_and_start_from_the_simulation(design: str, tmp_path: Path) -> None:
+    """The vectors repeat the outputs of the controller, and their first case repeats the closed loop itself."""
+    task = export(design, tmp_path / "law")
+    lines = [line for line in (tmp_path / "law/vectors.csv").read_text().splitlines() if not line.startswith("#")]
+    rows = list(csv.DictReader(lines))
+    names = ("position", "velocity", "acceleration", "virtual_force", "log_level")
+    controller = task.loop.law.with_value(chosen_gain(task))
+    run, case, seen = controller.begin(), "0", set()
+    for row in rows:
+        if row["case"] != case:
+            run, case = controller.begin(), row["case"]
+        inputs = {k: float(row[k]) for k in ("contact_force", *(f"reference_{n}" for n in names[:3]))}
+        out = run.step(float(row["reading"]), row["fresh"] == "1", float(row["age"]), **inputs)
+        assert [getattr(out, n) for n in names] == [float(row[n]) for n in names]
+        assert out.status == int(row["status"])
+        seen |= {flag for flag in Status if out.status & flag}
+    assert case == "6"
+    # every fault of the cases is really met; LOST follows from the gap
+    assert seen >= {Status.DETECTING, Status.STALE, Status.LOST, Status.INVALID, Status.SATURATED, Status.INPUT_FAULT}
+    trace = task.loop.run(task.scenario, task.sensor, controller.law.value).trace()
+    first = [float(row["virtual_force"]) for row in rows if row["case"] == "0"]
+    np.testing.assert_array_equal(first[: len(trace.virtual_force)], trace.virtual_force[: len(first)])
+
+
+def test_every_constant_has_its_comment_from_the_c_header(tmp_path: Path) -> None:
+    export("drag", tmp_path / "law")
+    text = (tmp_path / "law/pretouch_design.h").read_text()
+    for kind in ("sensing", "drive", "drag", "admittance"):
+        for field in structures()[f"pretouch_{kind}_numbers"]:
+            assert f"/* {field.name}" in text
+            is_part = field.type.startswith("pretouch_") and field.type != "pretouch_real"
+            assert field.comment or is_part, f"{kind}: {field.name} has no comment in pretouch_law.h"
+
+
+def test_parameters_in_the_header_are_those_of_the_controller(tmp_path: Path) -> None:
+    """Every number of the initializer, in its order, restores the memory of the parameters."""
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    task = export("damper", tmp_path / "law")
+    program = tmp_path / "show.c"
+    program.write_text(
+        '#include "pretouch_design.h"\n#include <stdio.h>\n'
+        "int main(void) { fwrite(&pretouch_design, sizeof pretouch_design, 1, stdout); return 0; }\n"
+    )
+    command = ["gcc", "-std=c99", f"-I{tmp_path / 'law'}", str(program), "-o", str(tmp_path / "show")]
+    subprocess.run(command, check=True)
+    found = subprocess.run([str(tmp_path / "show")], capture_output=True, check=True).stdout
+    parameters: Any = task.loop.law.with_value(-0.86).parameters()
+    assert found == bytes(parameters)
+
+
+def test_a_hostile_file_name_cannot_end_the_comment(tmp_path: Path) -> None:
+    name = "x*/ int evil; /*.toml"
+    (tmp_path / name.replace("/", "_")).touch()
+    task = pt.load_scenario(EXAMPLES / "loop.toml").replace(gain=-0.86)
+    path = tmp_path / "a" / name
+    source = dataclasses.replace(task.source, path=path)
+    result = export_c(task.replace(source=source), tmp_path / "law", verify=False)
+    assert result.is_written
+    if shutil.which("gcc"):
+        replayed(tmp_path / "law", "gcc", "")

@@ -1,0 +1,172 @@
+"""`pretouch export`: what it writes, what it refuses, and that a folder is complete or absent."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import pretouch as pt
+from pretouch.control import VirtualDamper
+from pretouch.errors import InvalidInputError, OutputExistsError
+from pretouch.export import export_c
+from pretouch.export.folder import MANIFEST, write_folder
+
+ROOT = Path(__file__).parents[2]
+LOOP = ROOT / "examples/loop.toml"
+PAGE = (ROOT / "docs/export.md").read_text(encoding="utf-8")
+
+
+def run(*words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pretouch", *words]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=folder, env={**os.environ, **environment}
+    )
+
+
+def test_a_verified_law_is_written_with_its_verdict_and_date(tmp_path: Path) -> None:
+    gain = ["--gain", "-0.86 N*s", "--json"]
+    answer = run("export", "c", str(LOOP), "-o", "law", *gain, folder=tmp_path, SOURCE_DATE_EPOCH="1700000000")
+    assert answer.returncode == 0, answer.stderr
+    told = json.loads(answer.stdout)
+    assert (told["status"], told["verdict"]) == ("exported", "holds")
+    assert {Path(name).name for name in told["files"]} == {p.name for p in (tmp_path / "law").iterdir()} - {MANIFEST}
+    header = (tmp_path / "law/pretouch_design.h").read_text()
+    assert "(2023-11-14): Holds" in header
+    assert "loop.toml, SHA-256 " in header
+    assert "D_p = -0.86 N s" in header
+
+
+def test_a_law_that_does_not_hold_is_not_written(tmp_path: Path) -> None:
+    answer = run("export", "c", str(LOOP), "-o", "law", folder=tmp_path)
+    assert answer.returncode == 1
+    assert answer.stdout.startswith("Nothing was exported")
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_verification_the_files_say_so(tmp_path: Path) -> None:
+    answer = run("export", "c", str(LOOP), "-o", "law", "--unverified", folder=tmp_path)
+    assert answer.returncode == 0
+    assert "not verified" in answer.stdout.splitlines()[0]
+    for name in ("pretouch_design.h", "README.md"):
+        assert "Not verified" in (tmp_path / "law" / name).read_text()
+
+
+def test_the_same_design_gives_the_same_files(tmp_path: Path) -> None:
+    task = pt.load_scenario(LOOP).replace(gain=-0.86)
+    for name in ("a", "b"):
+        export_c(task, tmp_path / name, verify=False)
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["c", "no.toml", "-o", "law"], "no.toml"),
+        (["c", "LOOP", "-o", "no/law"], "does not exist"),
+        (["c", "LOOP", "-o", "file"], "is no folder"),
+        (["c", "LOOP", "-o", "full"], "already exists"),
+        (["c", "LOOP", "-o", "full", "--force"], "notes.txt"),
+        (["c", "LOOP", "-o", "law", "--gain", "-0.86 m"], "--gain"),
+        (["c", "APPROACH", "-o", "law"], "[controller]"),
+    ],
+    ids=["missing file", "missing parent", "file", "full", "foreign file", "wrong unit", "no loop"],
+)
+def test_a_mistake_is_one_sentence_and_writes_nothing(words: list[str], told: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    write_folder(tmp_path / "full", {"law.c": b"int x;"})
+    (tmp_path / "full/notes.txt").write_text("mine")
+    before = sorted(tmp_path.rglob("*"))
+    places = {"LOOP": str(LOOP), "APPROACH": str(LOOP.with_name("approach.toml"))}
+    answer = run("export", *[places.get(word, word) for word in words], folder=tmp_path)
+    assert answer.returncode == 2
+    assert answer.stdout == ""
+    assert answer.stderr.startswith("pretouch: ")
+    assert told in answer.stderr
+    assert "Traceback" not in answer.stderr
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_an_earlier_export_is_replaced_only_on_demand_and_only_unchanged(tmp_path: Path) -> None:
+    target = tmp_path / "law"
+    write_folder(target, {"law.c": b"old", "a/b.c": b"old"})
+    with pytest.raises(OutputExistsError, match="already exists"):
+        write_folder(target, {"law.c": b"new"})
+    (target / "build").mkdir()
+    (target / "build/test_law").write_bytes(b"compiled")
+    write_folder(target, {"law.c": b"new"}, overwrite=True)
+    assert sorted(p.name for p in target.iterdir()) == ["law.c", MANIFEST]
+    (target / "law.c").write_bytes(b"edited")
+    with pytest.raises(OutputExistsError, match=r"contains law\.c"):
+        write_folder(target, {"law.c": b"newer"}, overwrite=True)
+    assert (target / "law.c").read_bytes() == b"edited"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["law"]
+
+
+def test_an_export_that_cannot_be_finished_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written = Path.write_bytes
+
+    def full(path: Path, content: bytes) -> int:
+        if path.name == "second":
+            raise OSError(28, "No space left on device")
+        return written(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(InvalidInputError, match="No space left"):
+        write_folder(tmp_path / "law", {"first": b"1", "second": b"2"})
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_empty_folder_is_used(tmp_path: Path) -> None:
+    (tmp_path / "law").mkdir()
+    write_folder(tmp_path / "law", {"law.c": b"new"})
+    assert (tmp_path / "law/law.c").read_bytes() == b"new"
+
+
+def test_a_custom_law_has_no_c_source(tmp_path: Path) -> None:
+    class Own(VirtualDamper):
+        """A law that could compute anything in its own step."""
+
+    task = pt.load_scenario(LOOP)
+    loop = replace(task.loop, law=replace(task.loop.law, law=Own(gain=-0.86)))
+    with pytest.raises(InvalidInputError, match="Own"):
+        export_c(task.replace(loop=loop), tmp_path / "law")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("session", re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL), ids=["export", "make"])
+def test_the_sessions_of_the_page_run(session: str, tmp_path: Path) -> None:
+    if "make" in session and (shutil.which("make") is None or shutil.which("cc") is None):
+        pytest.skip("no make or no compiler")
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    command, _, expected = session.partition("\n")
+    words = shlex.split(command)[1:]
+    if words[0] == "make":
+        task = pt.load_scenario(LOOP).replace(gain=-0.86)
+        export_c(task, tmp_path / "law", verify=False)
+        done = subprocess.run([*words, "-s"], capture_output=True, text=True, check=True, cwd=tmp_path).stdout
+        expected = f"{expected}"
+    else:
+        done = run(*words[1:], folder=tmp_path).stdout
+    pattern = re.escape(expected).replace(r"\.\.\.", r"\S+")
+    shown = "\n".join(line for line in done.splitlines() if not line.startswith("make")) + "\n"
+    assert re.fullmatch(pattern, shown), shown
+
+
+def test_the_c_example_of_the_page_compiles(tmp_path: Path) -> None:
+    if shutil.which("cc") is None:
+        pytest.skip("no compiler")
+    export_c(pt.load_scenario(LOOP).replace(gain=-0.86), tmp_path / "law", verify=False)
+    (source,) = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "use.c").write_text(source)
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{tmp_path / 'law'}", "-c", "-o", str(tmp_path / "use.o")]
+    subprocess.run(["cc", *flags, str(tmp_path / "use.c")], check=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import json
 import shutil
 import subprocess
 from pathlib import Path
@@ -13,15 +14,13 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+from exported_designs import DESIGNS
 from pretouch.control import Status
-from pretouch.export import export_c
+from pretouch.export import export_c, export_json
 from pretouch.export.law_source import structures
 from pretouch.verification.verify import chosen_gain
 
-ROOT = Path(__file__).parents[2]
-EXAMPLES = ROOT / "examples"
 WARNINGS = "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
-DESIGNS = {"damper": ("loop.toml", -0.86), "drag": ("drag.toml", None), "course": ("course.toml", -0.7)}
 COMPILERS = [
     pytest.param(name, marks=pytest.mark.skipif(shutil.which(name) is None, reason=f"{name} is not installed"))
     for name in ("gcc", "clang")
@@ -30,9 +29,7 @@ COMPILERS = [
 
 def export(design: str, folder: Path) -> pt.Task:
     """Export an example without its verification, which other tests run."""
-    name, gain = DESIGNS[design]
-    task = pt.load_scenario(EXAMPLES / name)
-    task = task if gain is None else task.replace(gain=gain)
+    task = DESIGNS[design]()
     assert export_c(task, folder, verify=False).is_written
     return task
 
@@ -61,7 +58,8 @@ def test_in_double_precision_every_bit_is_the_same(design: str, compiler: str, t
 def test_in_single_precision_outputs_agree_within_1e_4(design: str, tmp_path: Path) -> None:
     export(design, tmp_path / "law")
     differences = replayed(tmp_path / "law", "cc", "-DPRETOUCH_FLOAT") if shutil.which("cc") else pytest.skip("no cc")
-    assert all(0 < value < 1e-4 for value in differences.values())  # 0 would mean double precision
+    limited = {"velocity", "acceleration"} if design == "filters" else set()  # see test_law.c
+    assert all(0 < value < 1e-4 for name, value in differences.items() if name not in limited)  # 0: double precision
 
 
 def test_sanitizers_find_nothing(tmp_path: Path) -> None:
@@ -161,11 +159,40 @@ def test_parameters_in_the_header_are_those_of_the_controller(tmp_path: Path) ->
 
 def test_a_hostile_file_name_cannot_end_the_comment(tmp_path: Path) -> None:
     name = "x*/ int evil; /*.toml"
-    (tmp_path / name.replace("/", "_")).touch()
-    task = pt.load_scenario(EXAMPLES / "loop.toml").replace(gain=-0.86)
+    task = DESIGNS["damper"]()
     path = tmp_path / "a" / name
     source = dataclasses.replace(task.source, path=path)
     result = export_c(task.replace(source=source), tmp_path / "law", verify=False)
     assert result.is_written
     if shutil.which("gcc"):
         replayed(tmp_path / "law", "gcc", "")
+
+
+@pytest.mark.skipif(shutil.which("octave") is None, reason="octave is not installed")
+@pytest.mark.parametrize("design", DESIGNS)
+def test_the_difference_equations_in_matlab_code_agree(design: str, tmp_path: Path) -> None:
+    """They share no code with the C law: the same equations, written again."""
+    assert export_json(DESIGNS[design](), tmp_path / "law", verify=False).is_written
+    command = ["octave", "--no-gui", "--norc", "--eval", "test_law"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path / "law")
+    *lines, last = run.stdout.splitlines()
+    assert last.endswith(" 0 with other status flags"), run.stdout + run.stderr
+    assert max(float(line[14:]) for line in lines) < 1e-10  # rounding of some thousand steps
+
+
+def test_the_json_has_every_parameter_with_its_meaning(tmp_path: Path) -> None:
+    task = DESIGNS["filters"]()
+    assert export_json(task, tmp_path / "law", verify=False).is_written
+    content = json.loads((tmp_path / "law/design.json").read_text())
+    assert content["parameters"]["law"]["gain"] == -0.86
+    assert content["parameters"]["drive"]["limits"]["excursion"] == 0.04
+    assert [s["b0"] > 0 for s in content["parameters"]["sensing"]["low_pass"]] == [True, True, True, False]
+    assert content["meanings"]["law.gain"] == "D_p [N s]"
+
+    def paths(values: dict[str, Any], before: str = "") -> set[str]:
+        inner = {k: v for k, v in values.items() if isinstance(v, dict)}
+        return {before + k for k in set(values) - set(inner)}.union(
+            *(paths(v, f"{before}{k}.") for k, v in inner.items())
+        )
+
+    assert paths(content["parameters"]) == set(content["meanings"])

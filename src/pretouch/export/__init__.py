@@ -2,5 +2,6 @@
 
 from .c import export_c
 from .export import Export
+from .json import export_json
 
-__all__ = ["Export", "export_c"]
+__all__ = ["Export", "export_c", "export_json"]

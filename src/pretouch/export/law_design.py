@@ -52,6 +52,11 @@ class LawDesign(Value):
         return isinstance(self.controller.law, VirtualDrag)
 
     @property
+    def structure(self) -> str:
+        """Name of the C structure that holds the parameters of the controller."""
+        return "pretouch_parameters_drag" if self.is_drag else "pretouch_parameters"
+
+    @property
     def verdict_text(self) -> str:
         """A sentence on what the verification found and when, or that there was none."""
         if self.verdict is None:

@@ -1,5 +1,7 @@
 /* Replays vectors.csv through the law and prints the largest difference of each output, relative to its largest value.
- * The differences are 0 in double precision on the processor and with the C library that wrote the vectors. */
+ * The differences are 0 in double precision on the processor and with the C library that wrote the vectors. In single
+ * precision, while a limit of the motion acts, the rounding of a position x changes the velocity by about 1e-7 x / T, and
+ * the acceleration by 1e-7 x / T^2. */
 #include "pretouch_design.h"
 
 #include <math.h>
@@ -7,7 +9,7 @@
 
 int main(int argc, char **argv) {
     static const char *const names[5] = {"position", "velocity", "acceleration", "virtual force", "log level"};
-    const double allowed = sizeof(pretouch_real) == sizeof(double) ? 1e-9 : 1e-4;
+    static const double single_precision[5] = {1e-4, 1e-3, 1e-2, 1e-4, 1e-4};
     double in[6], want[5], largest[5] = {0}, difference[5] = {0};
     int run, last = -1, fresh, status, steps = 0, flags = 0, bad = 0;
     char line[1024];
@@ -36,7 +38,7 @@ int main(int argc, char **argv) {
     for (int i = 0; i < 5; i++) {
         const double relative = difference[i] > 0 ? difference[i] / largest[i] : 0;
         printf("%-14s %.3g\n", names[i], relative);
-        bad += !(relative <= allowed);
+        bad += !(relative <= (sizeof(pretouch_real) == sizeof(double) ? 1e-9 : single_precision[i]));
     }
     printf("%d steps, %d with other status flags; %s\n", steps, flags, bad || flags || !steps ? "FAILED" : "passed");
     return bad || flags || !steps;

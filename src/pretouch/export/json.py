@@ -1,0 +1,88 @@
+"""Export a verified control law as parameters and difference equations, for MATLAB, Octave, PLCs and others."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Iterator
+from importlib.metadata import version
+from typing import Any, Final
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.files import as_json
+from pretouch.design import Task
+
+from .c import filled
+from .export import Export, export_files
+from .law_design import LawDesign
+from .law_source import structures
+from .vectors import cases_as_csv
+
+FORMAT: Final = "pretouch-law-1"
+"""Version of the structure of `design.json`."""
+
+
+@check_arguments
+def export_json(
+    task: Task,
+    folder: str | os.PathLike[str],
+    *,
+    verify: bool = True,
+    date: str | None = None,
+    overwrite: bool = False,
+) -> Export:
+    """Write the control law of a task as parameters in JSON and difference equations for MATLAB and Octave.
+
+    The folder also has the test vectors of `export_c`, and a program that replays them.
+
+    Args:
+        task: the encounter with its sampled loop; the gain as for `verify_gain`.
+        folder: the new folder; it is complete or does not exist.
+        verify: whether to verify the gain first. Without it, the files say that the gain was not verified.
+        date: date of the verification as text, which the files state.
+        overwrite: whether an unchanged folder of an earlier export may be replaced.
+
+    Returns:
+        The result: what was written, or why nothing was written.
+    """
+    return export_files(task, folder, json_files, kind="JSON", verify=verify, date=date, overwrite=overwrite)
+
+
+def json_files(design: LawDesign) -> dict[str, str]:
+    """Return the text of every file of a JSON export by its name."""
+    kind = design.structure
+    content = {
+        "format": FORMAT,
+        "pretouch": version("pretouch"),
+        "law": design.law_text,
+        "scenario": {"file": design.origin, "sha256": design.digest},
+        "verification": {"text": design.verdict_text, "date": design.date},
+        "parameters": _parameters(design.controller.parameters()),
+        "meanings": dict(_meanings(kind)),
+    }
+    programs = ("pretouch_start.m", "pretouch_steady_low_pass.m", "pretouch_step.m", "test_law.m")
+    return {
+        "design.json": as_json(content) + "\n",
+        "vectors.csv": cases_as_csv(design.cases),
+        **{name: filled(f"json/{name}") for name in programs},
+        "README.md": filled("json/README.md", design),
+    }
+
+
+def _parameters(values: Any) -> Any:
+    """Convert a C structure of parameters to dictionaries, lists and numbers."""
+    if isinstance(values, ctypes.Structure):
+        return {name: _parameters(getattr(values, name)) for name, *_ in values._fields_}
+    if isinstance(values, ctypes.Array):
+        return [_parameters(item) for item in values]
+    return values
+
+
+def _meanings(kind: str, before: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the path of every parameter in a C structure, such as `law.gain`, with its meaning and unit."""
+    for field in structures()[kind]:
+        path = f"{before}{field.name}"
+        if field.comment:
+            yield path, field.comment
+        elif field.type in structures():
+            yield from _meanings(field.type, f"{path}.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -196,3 +197,69 @@ def test_the_json_has_every_parameter_with_its_meaning(tmp_path: Path) -> None:
         )
 
     assert paths(content["parameters"]) == set(content["meanings"])
+
+
+def adversarial(folder: Path, flags: str = "") -> Path:
+    """The program that drives an exported law with impossible samples."""
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    source, program = Path(__file__).parents[1] / "embedded/adversarial.c", folder / "adversarial"
+    options = f"-std=c99 -O2 -ffp-contract=off {WARNINGS} {flags}".split()
+    sources = [str(source), str(folder / "pretouch_law.c")]
+    subprocess.run(["gcc", *options, f"-I{folder}", *sources, "-lm", "-o", str(program)], check=True)
+    return program
+
+
+@pytest.mark.parametrize("design", ["filters", "drag"])
+def test_a_million_adversarial_steps_give_the_same_bits_as_the_package(design: str, tmp_path: Path) -> None:
+    task = export(design, tmp_path / "law")
+    rng, count = np.random.default_rng(26), 500_000
+    level = 100 * np.exp(8 * rng.random(count // 100)).repeat(100)
+    samples = np.column_stack([rng.random((count, 1)) * level[:, None], rng.normal(size=(count, 5))])
+    samples[:, 1] = rng.choice([0.0, 1e-3, 3e-3, 0.039, 0.05, -1e-9], count)
+    special = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e300, -1e300, 5e-324, 1e6, 1e9])
+    replaced = rng.random(samples.shape) < 0.02
+    samples[replaced] = rng.choice(special, int(replaced.sum()))
+    fresh = rng.random(count) < 0.6
+    given = np.column_stack([samples, fresh.astype(float)])
+    program = adversarial(tmp_path / "law")
+    said = subprocess.run([str(program), "replay"], input=given.tobytes(), capture_output=True, check=True).stdout
+    found = np.frombuffer(said).reshape(count, 6)
+    run = task.loop.law.with_value(chosen_gain(task)).begin()
+    names = ("contact_force", "reference_position", "reference_velocity", "reference_acceleration")
+    expected = np.array(
+        [
+            run.step(s[0], bool(f), s[1], **dict(zip(names, s[2:], strict=True)))
+            for s, f in zip(samples.tolist(), fresh, strict=True)
+        ]
+    )
+    np.testing.assert_array_equal(found.view(np.int64), expected.astype(np.float64).view(np.int64))
+    assert 0.2 < (found[:, 3] != 0).mean() < 0.99
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+@pytest.mark.parametrize("design", DESIGNS)
+def test_outputs_stay_finite_and_within_limits_for_any_sample(design: str, precision: str, tmp_path: Path) -> None:
+    """A million samples here; docs/export.md has the number that was run once."""
+    export(design, tmp_path / "law")
+    flags = "-DPRETOUCH_FLOAT -Wno-float-conversion" if precision == "float" else ""
+    program = adversarial(tmp_path / "law", flags)
+    run = subprocess.run([str(program), "1000000", "1"], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout
+    steps, forces = map(int, re.findall(r"\d+", run.stdout))
+    assert steps == 1_000_000
+    assert forces > 30_000
+
+
+def test_the_search_for_outputs_beyond_a_limit_finds_one(tmp_path: Path) -> None:
+    """A law that exceeds its excursion by a millionth is noticed."""
+    export("filters", tmp_path / "law")
+    source = tmp_path / "law/pretouch_law.c"
+    text = source.read_text()
+    old = "p->period * wanted->velocity / 2, p->excursion);"
+    assert text.count(old) == 1
+    source.write_text(text.replace(old, "p->period * wanted->velocity / 2, p->excursion * (1 + 1e-6));"))
+    run = subprocess.run(
+        [str(adversarial(tmp_path / "law")), "1000000", "1"], capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 1

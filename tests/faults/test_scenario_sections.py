@@ -77,7 +77,7 @@ def test_a_sensor_that_is_none_is_refused_at_its_key(message, sensor, key, says)
 def test_a_sensor_that_does_not_reach_contact_is_refused_with_the_way_out(message):
     table = 'model = "table"\ndistances = ["5 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'
     told = message("[sensor]\n" + table + WHOLE.replace(SENSOR, ""))
-    assert "line 1: sensor: the sensor curve starts 5 mm from contact, but is needed down to contact" in told
+    assert "line 1: sensor: the sensor curve starts 5 mm from contact, but the encounter needs" in told
     assert 'recess = "5 mm"' in told
 
 
@@ -212,7 +212,7 @@ def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, 
     """60 is 60 m; who means that says it. The largest number without a unit is 5."""
     text = message(replaced('"42.2 mm"', "60"))
     assert (
-        "obstacle.position: found 60, expected a quantity with its unit, because the number is implausibly large in m"
+        "obstacle.position: found 60, expected a quantity with its unit, because the number is implausibly large in the default unit m"
         in text
     )
     assert 'did you mean "60 mm"? Otherwise write "60 m"' in text

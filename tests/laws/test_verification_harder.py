@@ -14,7 +14,7 @@ from pretouch.motion import DAMPER
 from pretouch.simulation.stability import passage
 from pretouch.verification import Effect
 from pretouch.verification.effect import SensorSpeed, chase_in_words
-from pretouch.verification.encounter_parts import faster_in_words
+from pretouch.verification.encounter_parts import higher_in_words
 from pretouch.verification.stability import limit_of
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, verdict
 
@@ -221,7 +221,7 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
     excess = speed.mean() / predicted - 1
     assert excess > 0.1
     assert found.status is pt.VerdictStatus.HOLDS_NARROWLY
-    assert found.reasons[0].startswith(f"contact is {100 * excess:.2g} % faster than predicted: ")
+    assert found.reasons[0].startswith(f"the contact speed is {100 * excess:.2g} % higher than predicted: ")
     assert found.reasons[0] in found.headline
     assert found.reasons[1].startswith("the sensor is too slow: in 95 % of the runs, contact is up to ")
     # with a reading of each step, of that instant, the same controller gives what is compared with
@@ -313,25 +313,25 @@ def test_a_run_with_a_sensor_curve_of_its_own_meets_the_noise_of_its_number() ->
 @pytest.mark.parametrize(
     ("excess", "words"),
     [
-        (0.041, "4.1 % faster than predicted"),
-        (0.97, "97 % faster than predicted"),
-        (1.0, "2 times as fast as predicted"),
-        (5.39, "6.4 times as fast as predicted"),
-        (539.0, "540 times as fast as predicted"),
-        (-0.22, "22 % slower than predicted"),
+        (0.041, "4.1 % higher than predicted"),
+        (0.97, "97 % higher than predicted"),
+        (1.0, "2 times as high as predicted"),
+        (5.39, "6.4 times as high as predicted"),
+        (539.0, "540 times as high as predicted"),
+        (-0.22, "22 % lower than predicted"),
     ],
 )
 def test_a_speed_is_compared_in_percent_or_as_a_factor(excess: float, words: str) -> None:
-    assert faster_in_words(excess, "predicted") == words
+    assert higher_in_words(excess, "predicted") == words
 
 
 @pytest.mark.parametrize(
-    ("excess", "words"), [(0.0, "no faster than"), (0.2, "up to 20 % faster than"), (5.39, "6.4 times")]
+    ("excess", "words"), [(0.0, "no higher than"), (0.2, "up to 20 % higher than"), (5.39, "6.4 times")]
 )
 def test_the_speed_of_a_sensor_is_compared_in_words(excess: float, words: str) -> None:
     speed = SensorSpeed(rate=8.0, speed=0.3, fast=0.08, excess=excess, tolerance=0.1)
-    assert f"In 95 % of the runs, contact is {'up to ' * (excess > 1)}{words}" in speed.text
-    assert "with an infinitely fast sensor (up to 10 % faster is allowed)." in speed.text
+    assert f"In 95 % of the runs, the contact speed is {'up to ' * (excess > 1)}{words}" in speed.text
+    assert "with an infinitely fast sensor; an excess of up to 10 % is allowed." in speed.text
 
 
 @pytest.mark.parametrize(

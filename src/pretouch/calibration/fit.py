@@ -208,7 +208,7 @@ def fit_sensor(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> SensorFit:
-    """Fit one sensor model to a calibration, such as inverse power L(3) or exponential L(5) and L(6).
+    """Fit one sensor model to a calibration, such as the inverse power, L(3), or an exponential curve, L(5) or L(6).
 
     The model is fitted to ln xi.
 

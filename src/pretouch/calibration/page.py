@@ -158,7 +158,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
             Measured(n.output, unit),
             f"standard deviation without signal, from {n.output_source}",
         )
-        relative = f"standard deviation of one reading, divided by the signal; source: {n.relative_source}"
+        relative = f"standard deviation of one reading relative to the signal; source: {n.relative_source}"
         yield "noise relative to the signal", f"{100 * n.relative:.3g} %", relative
         length = f"; correlation length {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
         yield (

@@ -190,7 +190,7 @@ def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | 
             full = 2**bits - 1
             if _CLIPPED_SHARE * full <= top <= full:
                 clipped = calibration.outputs[calibration.outputs >= _CLIPPED_SHARE * full]
-                return float(clipped.min()), f"within 1 % of the full scale of a {bits}-bit converter"
+                return float(clipped.min()), f"within 1 % of the full scale of a converter with {bits} bits"
     step = resolution(calibration)
     plateau = curve.distance[np.isclose(curve.output, top, rtol=1e-9, atol=0.0)]
     fine = step < 0.02 * float(np.ptp(calibration.outputs))  # with a coarse converter, equal readings are common
@@ -242,8 +242,8 @@ def window_of(
     if end < len(indices):
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
         reason = (
-            f"from {beyond} on, the output is less than {floor_sigmas:g} standard errors (that is, "
-            f"{floor - offset.value:.3g}{unit}) above the offset of {offset.value:.4g}{unit}"
+            f"at distances from {beyond} on, the output exceeds the offset {unit}{offset.value:.4g} by "
+            f"less than {floor_sigmas:g} standard errors, that is, by less than {floor - offset.value:.3g}{unit}"
         )
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),

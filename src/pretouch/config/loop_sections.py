@@ -112,7 +112,7 @@ def _controller(law: ContinuousLaw) -> Section:
 
 
 def _check_drag(values: Mapping[str, Any]) -> None:
-    """Check that the file chooses the virtual drag in exactly one way: by a number, an effect, or the objective."""
+    """Check that a file chooses the virtual drag in only one way: by coefficient, limit, speed ratio or objective."""
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(

@@ -1,4 +1,4 @@
-"""Compute the evidence that a designed gain is optimal, and its sensitivity to the inputs."""
+"""Compute the evidence that a designed gain is optimal, and how sensitive the gain is to the inputs."""
 
 from __future__ import annotations
 
@@ -257,7 +257,7 @@ class GainEvidence(Answer):
 
 
 def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
-    """Design gains by faster searches; return None if the result for a single encounter is uncertain."""
+    """Find optimal gains by a fast search; return None if the fast search is not certain of the result."""
     if problem.task.scenario.shape:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()

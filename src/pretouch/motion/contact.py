@@ -310,7 +310,7 @@ def motion_of(
 
 
 def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
-    """Convert the samples from a compiled solver to a motion, and compute the virtual force by L(2)."""
+    """Convert the samples from a compiled solver to a motion, and compute the virtual force by equation L(2)."""
     each, reference = request.relative, request.scenario.reference
     distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))
     columns = {"p": each.p, "v": each.v, "a": each.a, "r": reference.position}

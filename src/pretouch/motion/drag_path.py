@@ -1,4 +1,4 @@
-"""Integrate many approaches under the virtual drag over the distance.
+"""Compute many approaches under the virtual drag at once, by integration over the distance.
 
 With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is linear in w,
 

@@ -110,9 +110,10 @@ class _InversePowerFamily(Family):
             return ()
         at, low = format_quantity(self.middle, "m"), parameters["exponent"].low
         return (
-            "The readings determine only the slope of the curve in the middle of the usable range, n / (l_0 + "
-            f"{at}) = {-slope.value:.4g} 1/m. The exponent n and the distance l_0 can grow together without "
-            f"bound (n is above {low:.3g}), so an exponential curve fits equally well.",
+            "The readings determine only the slope of the curve in the middle of the usable range, n / "
+            f"(l_0 + {at}) = {-slope.value:.4g} 1/m. The exponent n is above {low:.3g} and has no upper "
+            "limit, because n and the distance l_0 can grow together, so an exponential curve fits "
+            "equally well.",
         )
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
@@ -129,7 +130,7 @@ class _InversePowerFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InversePower(SensorModel):
-    """Inverse power sensor curve L(3): the output is xi = scale / (l + l_0)^n at the distance l.
+    """Inverse power sensor curve, equation L(3): the output is xi = scale / (l + l_0)^n at the distance l.
 
     Args:
         scale: alpha beta psi > 0, in the unit of the output times m^n; it does not affect the motion.

@@ -113,8 +113,9 @@ class GainLimit(Value):
         strongest = n.sign * self.allowed(margin)
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
             raise InvalidInputError(
-                f"weakest: found {weakest:g} {unit}, expected a value between 0 and {strongest:g} {unit}, the "
-                f"strongest {n.name} with the required gain margin; a faster sensor allows stronger {n.name}s"
+                f"weakest: found {weakest:g} {unit}, expected a value between 0 and {strongest:g} {unit}, "
+                f"which is the strongest {n.name} with the required gain margin; a faster sensor allows a "
+                f"stronger {n.name}"
             )
         return min(strongest, weakest), max(strongest, weakest)
 

@@ -91,8 +91,8 @@ class StabilityCheck(Value):
             return "No gain makes this loop unstable."
         if self.strongest == 0:
             return (
-                f"No gain is stable on this loop, however weak. The loop oscillates at {self.frequency:.3g} Hz "
-                "even without a virtual force, and the virtual force acts too late to damp this oscillation."
+                f"No gain is stable on the simulated loop, however weak. The loop oscillates at {self.frequency:.3g} "
+                "Hz even without a virtual force, and the virtual force acts too late to damp this oscillation."
             )
         stable = "unstable" if self.margin < 1 else "stable, but close to its limit," if self.margin < 2 else "stable"
         phase = ", at the worst phase between sensor and controller" if self.has_unknown_phase else ""
@@ -292,9 +292,10 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
         yield "noise", text, partial(_with, loop, chain=half)
     if chain.misfit > 0:
         text = (
-            f"Calibrate again to reduce the misfit of the curve from {100 * chain.misfit:.3g} % to "
-            f"{50 * chain.misfit:.3g} % of the signal: record more distances, set the distances more exactly, or "
-            "mount the sensor farther behind the contact surface, where its curve fits better."
+            "Calibrate again to reduce the error of the sensor curve (misfit) from "
+            f"{100 * chain.misfit:.3g} % to {50 * chain.misfit:.3g} % of the signal: record more "
+            "distances, set the distances more exactly, or mount the sensor farther behind the contact "
+            "surface, where its curve fits better."
         )
         yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
 

@@ -293,8 +293,9 @@ def _conflict(design: RobustDesign) -> str:
         if magnitude > c.limit:
             reasons.append(
                 f"the {c.name} cannot be limited to {format_quantity(c.limit, unit)} "
-                f"{'in every sample' if p == 1 else f'in {100 * p:g} % of the samples'}; the nearest achievable "
-                f"value is {format_quantity(magnitude, unit)}, reached at {design.number.equals(gain)}"
+                f"{('in every sample' if p == 1 else f'in {100 * p:g} % of the samples')}; the smallest limit "
+                f"that can be met so often is {format_quantity(magnitude, unit)}, with "
+                f"{design.number.equals(gain)}"
             )
     if reasons:
         return "; ".join(reasons)

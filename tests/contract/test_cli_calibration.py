@@ -33,7 +33,10 @@ VERBS = {
 }
 CLIPPED = 'calibration = "clipped.csv"\nmodel = "exponential-1"'
 WHOLE = 'calibration = "sensor.csv"\nmodel = "exponential-1"\nmaximum_distance = "60 mm"'
-UNSUPPORTED = "Not supported by data: this result uses the fitted exponential-1 curve beyond the calibrated distances, namely from "
+UNSUPPORTED = (
+    "Not supported by data: this result uses the fitted exponential-1 curve beyond the calibrated distances, "
+    "namely from "
+)
 
 
 def scenario(name: str, sensor: str, *changes: tuple[str, str]) -> str:
@@ -210,8 +213,8 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
     code, _, err = run(verb, scenario("far.toml", sensor, ("42.2 mm", "22 mm"), known), *options)
     assert code == 2
     assert (
-        "; the calibration covers only distances from 0 mm (reason: first measured distance) to 56 mm (reason: last measured distance)"
-        in err
+        "; the calibration covers only distances from 0 mm (reason: first measured distance) to 56 mm (reason: last "
+        "measured distance)" in err
     )
 
 

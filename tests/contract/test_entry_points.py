@@ -51,12 +51,12 @@ BAD = {
     ),
     "number": (
         "cube_law:NUMBER",
-        "is 3, but a law must be a class or value with the members of pretouch.motion.ContinuousLaw",
+        "is invalid: found 3, but a law must be a class or value with the members of pretouch.motion.ContinuousLaw",
     ),
-    "other": ("cube_law:Cube", 'has another name than its law, whose kind is "cube"; use the same name for both'),
+    "other": ("cube_law:Cube", 'the kind of the law is "cube", but must equal'),
     "undeclared": (
         "cube_law:Undeclared",
-        "has the field other, which a scenario file cannot set; declare this field by pretouch.fields",
+        "the class has the field other, which a scenario file cannot set; declare this field by pretouch.fields",
     ),
 }
 

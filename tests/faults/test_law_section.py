@@ -110,7 +110,7 @@ def test_a_margin_that_leaves_no_drag_is_placed(write):
         pt.design_gain(load_scenario(write(text)))
     told = str(refused.value)
     assert told.startswith(
-        f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: a gain margin of 1e+06 at"
+        f"approach.toml, line {line_of('stability', text)}: loop.stability_margin: with a gain margin of 1e+06 at"
     )
     assert "[gain] has bounds from 0.001 to 0.2 N*s^2; choose a smaller margin" in told
 

@@ -106,7 +106,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
             lambda: pt.simulation.gain_limit(
                 SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=0.0
             ).bounds(weakest=-1.0),
-            "a faster sensor allows stronger gains",
+            "a faster sensor allows a stronger gain",
         ),
         (
             lambda: pt.simulation.largest_damping(

@@ -85,7 +85,7 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
             [velocity_limit(0.1, 0.99)],
             NARROWLY,
             "60 runs, which demonstrates a probability of only 95.12 % with 95 % confidence (99 % required); "
-            "299 runs would be enough to show this probability",
+            "if the share stays the same, 299 runs are enough",
         ),
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),
     ],

@@ -207,7 +207,7 @@ def test_a_loop_without_effect_does_not_hold() -> None:
     assert verdict(QUICK, gain=0.0, runs=1, changes=False).status is pt.VerdictStatus.DOES_NOT_HOLD
     one = pt.simulate_encounter(task)
     assert one.warnings[-1].startswith(
-        "The gain has no effect in this run: with the gain, the contact speed is 0.5 m/s, "
+        "The gain has no effect in this run: the contact speed is 0.5 m/s with the gain, "
     )
 
 
@@ -294,7 +294,7 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     assert grows
     for values in (result.peak_force, free.peak_force, result.impact_force, free.impact_force):
         assert f"{values.mean():.4g} N" in said[0]
-    assert "the driven obstacle and the robot's drive push with up to " in said[0]
+    assert "the driven obstacle and the robot's drive push with a force of up to " in said[0]
     light = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, obstacle_mass=0.2))
     other = verdict(light, gain=-0.7463, runs=20, changes=False)
     assert not any(text.startswith("After the impact") for text in other.warnings)

@@ -142,8 +142,8 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
     if s[-1] < _REDUNDANT * s[0]:
         involved = [names[free[i]] for i in np.flatnonzero(np.abs(vt[-1]) > _INVOLVED)]
         raise InvalidInputError(
-            f"{' and '.join(involved)}: readings cannot distinguish the effects of these parameters on the "
-            "sensor curve; remove one of the parameters"
+            f"{' and '.join(involved)}: the readings cannot distinguish the effects of these parameters "
+            "on the sensor curve; remove one of the parameters"
         )
 
 

@@ -80,8 +80,8 @@ def prepare(
     count = len(curve.distance) - near.index
     if count < needed:
         few = (
-            f"Only {count} distance{('s are' if count != 1 else ' is')} usable because of {near.reason}, "
-            f"but at least {needed} distances are needed: measure at 8 or more distances, out to where "
+            f"Only {count} distance{('s are' if count != 1 else ' is')} usable (reason: {near.reason}), "
+            f"but a curve needs at least {needed} distances: measure at 8 or more distances, out to where "
             "the output no longer changes, and record readings with no object."
         )
         return _nothing(calibration, curve, near, offset_estimate, few)

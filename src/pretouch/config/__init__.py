@@ -275,8 +275,9 @@ class _Builder(Reading):
                 )
             self.refuse(
                 ("obstacle", "position"),
-                f"the encounter starts at a distance of {1e3 * scenario.distance:.4g} mm, but the sensor curve "
-                f"ends at {1e3 * high:.4g} mm{cause}; start the encounter at a smaller distance.{extending}",
+                f"the encounter starts at a distance of {1e3 * scenario.distance:.4g} mm, but the sensor "
+                f"curve ends at a distance of {1e3 * high:.4g} mm{cause}; start the encounter at a smaller "
+                f"distance.{extending}",
             )
 
     def check_frequencies(self, scenario: Scenario | None) -> None:

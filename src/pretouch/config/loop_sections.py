@@ -116,8 +116,8 @@ def _check_drag(values: Mapping[str, Any]) -> None:
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
-            f"found the keys {ways[0]} and {ways[1]}, but only one of these keys is allowed: "
-            f"{', '.join(EFFECTS)}, drag",
+            f"found the keys {ways[0]} and {ways[1]}, but only one of the keys {', '.join(EFFECTS)} and "
+            "drag is allowed",
             ways[1],
         )
     if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:

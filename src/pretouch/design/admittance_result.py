@@ -134,7 +134,7 @@ class AdmittanceDesign(Answer):
         """
         if self.gain_design is None:
             raise ResultUnavailableError(
-                f"admittance: the design found no optimal admittance (status: {self.status.value})"
+                f"admittance: the design found no optimal admittance; its status is {self.status.value}"
             )
         return self.gain_design.scenario.admittance
 
@@ -175,7 +175,7 @@ class AdmittanceDesign(Answer):
         text = (
             "The optimal admittance has a natural frequency of "
             f"{format_quantity(self.natural_frequency or 0.0, 'rad/s')} and a damping ratio of "
-            f"{self.damping_ratio:.4g}, with {self.number.equals(self.gain or 0.0)}."
+            f"{self.damping_ratio:.4g}, and the optimal gain is {self.number.equals(self.gain or 0.0)}."
         )
         if self.unchanged.objective is not None:
             change = 100 * (self.objective / self.unchanged.objective - 1)

@@ -180,7 +180,8 @@ def _conflict(design: GainDesign) -> str:
         one = exceeded[0]
         value, limit = (format_quantity(x or 0.0, one.unit) for x in (one.value, one.limit))
         return (
-            f"{one.name} cannot be limited to {limit}: the smallest value that any gain reaches is {value}, with {gain}"
+            f"the limit {limit} of the {one.name} cannot be met: the smallest value that any gain reaches "
+            f"is {value}, with {gain}"
         )
     nearest = " and ".join(
         f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
@@ -192,8 +193,8 @@ def _conflict(design: GainDesign) -> str:
         if not o.achievable
     )
     return (
-        f"the limits of {' and '.join(o.name for o in exceeded)} cannot be met together; the "
-        f"smallest violation results from {gain}, with {nearest}{alone}"
+        f"the limits of {' and '.join(o.name for o in exceeded)} cannot be met together; the limits "
+        f"are violated least with {gain}, which results in {nearest}{alone}"
     )
 
 
@@ -257,8 +258,8 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
             )
         nearest = float(np.asarray(scanned.closest_distance)[status == kind].min())
         yield (
-            f"with {share}, the encounter ended without contact{cause}. {kind.meaning} The smallest distance was "
-            f"{format_quantity(nearest, 'm')}."
+            f"for {share}, the encounter ended without contact{cause}. {kind.meaning} The smallest "
+            f"distance was {format_quantity(nearest, 'm')}."
         )
     if design.gain is not None and not design.no_mitigation.reached.all():
         yield "without mitigation the encounter does not end in contact"

@@ -203,9 +203,10 @@ class ContactResult(InNotebooks, Value):
             count = int((~self.reached).sum())
             which = "the run" if self.reached.size == 1 else f"{count} of {self.reached.size} runs"
             raise ResultUnavailableError(
-                f"contact: {which} did not end in contact. The status is {status.label}: {status.meaning} The "
-                f"nearest distance was {float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. "
-                "Use the attribute `end` for the final state"
+                f"contact: the state at contact is not available, because {which} did not end in contact. The "
+                f"status is {status.label}: {status.meaning} The smallest distance was "
+                f"{float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. Use the attribute "
+                "`end` for the final state"
             )
         return self.end
 

@@ -122,9 +122,9 @@ class _InversePowerFamily(Family):
             return ()
         verb = "require" if exponent.high < _POINT_SOURCE else "allow"
         return (
-            f"The readings {verb} an exponent of {exponent.value:.3g}, although a point light source has an "
-            "exponent of 2. A large object, a row of emitters, or an offset that was not subtracted can cause "
-            "such a slow decay.",
+            f"The readings {verb} an exponent of {exponent.value:.3g}, although the exponent of a point "
+            "light source is 2. A large object, a row of emitters, or an offset that was not subtracted "
+            "can cause such a slow decay.",
         )
 
 

@@ -156,7 +156,7 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
         reason = f" {' '.join(fit.unidentifiable)}" if fit.unidentifiable else ""
         unbounded = open_ended or names
         raise InvalidInputError(
-            f"fit: the readings do not bound the fitted parameter{'s' * (len(unbounded) > 1)} "
+            f"fit: the readings do not determine the fitted parameter{'s' * (len(unbounded) > 1)} "
             f"{' and '.join(unbounded)}, so the fit has no covariance.{reason} Fit a curve with fewer "
             "parameters, such as exponential-1, or specify the distribution of each parameter"
         )

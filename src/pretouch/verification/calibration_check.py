@@ -127,8 +127,8 @@ class CalibrationCheck(Value):
         softer = self.predicted < self.low
         accepted = f"; up to {100 * _HARDER:.0f} % harder counts as agreement" if softer else ""
         return (
-            f"{text} So the fitted curve gives a {('softer' if softer else 'harder')} contact than most "
-            f"of these sensors, which have another curve, offset or curve error{accepted}."
+            f"{text} So the contact on the fitted curve is {('softer' if softer else 'harder')} than on "
+            f"most of these sensors, which differ in curve, offset or curve error{accepted}."
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -148,7 +148,7 @@ class Detection(Value):
         if self.missed_share is None:
             return f"{text}."
         missed = f"{100 * self.missed_share:.2g} % of the change of ln xi until contact"
-        return f"{text}. Before this detection, {missed} had already happened, so the controller did not use it."
+        return f"{text}. When the controller first detected the object, {missed} had already passed without effect."
 
 
 _MEANINGS: Final[dict[Status, str]] = {

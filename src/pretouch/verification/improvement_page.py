@@ -76,10 +76,12 @@ def _rate_in_words(v: Verdict) -> str:
         return ""
     gain = v.law.number.equals(v.gain or 0.0)
     if math.isfinite(check.lowest_rate_for_margin_2):
-        return f"With {gain}, a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
+        return (
+            f"For a law with {gain}, a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
+        )
     text = (
-        f"With {gain}, no sensor rate results in a gain margin of 2, because the latency, the filters or the robot "
-        "are too slow"
+        f"For a law with {gain}, no sensor rate results in a gain margin of 2, because the latency, "
+        "the filters or the robot are too slow"
     )
     if math.isfinite(check.lowest_rate):
         text += f"; stability needs {check.lowest_rate:.3g} Hz"

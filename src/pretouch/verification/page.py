@@ -258,14 +258,14 @@ def _reached(v: Verdict) -> str:
     if v.reached is None:
         return ""
     text = (
-        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and occurs "
-        f"in {share_in_words(v.reached.simulated)} of the {_runs(v)} on the simulated loop"
+        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters; on the "
+        f"simulated loop, contact occurs in {share_in_words(v.reached.simulated)} of the {_runs(v)}"
     )
     text += f"; {v.reached.missing} end without the predicted contact." if v.reached.missing else "."
     if v.reached.low is not None:
         text += (
-            f" A predicted contact occurs with a probability of at least {share_in_words(v.reached.low)} "
-            f"({100 * v.confidence:g} % confidence)."
+            " On the loop, a predicted contact occurs with a probability of at least "
+            f"{share_in_words(v.reached.low)} ({100 * v.confidence:g} % confidence)."
         )
     return text
 

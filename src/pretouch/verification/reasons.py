@@ -128,9 +128,9 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
                 else f"; if the share stays the same, {needed} runs are enough to demonstrate the required probability"
             )
             yield (
-                f"{check.statement} is met in {share_in_words(check.held)} of {v.runs} runs, which demonstrates "
-                f"a probability of only {share_in_words(check.low)} with {100 * v.confidence:g} % confidence "
-                f"({100 * p:g} % required){advice}"
+                f"the limit {check.statement} is met in {share_in_words(check.held)} of {v.runs} runs, which "
+                f"demonstrates only a probability of {share_in_words(check.low)} ({100 * v.confidence:g} % "
+                f"confidence), but {100 * p:g} % is required{advice}"
             )
         # The gain itself is chosen, not drawn at random, so a gain exactly at its limit is no reason.
         elif check.name != "gain" and check.margin is not None and check.margin < ROOM * check.limit:

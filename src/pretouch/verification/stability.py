@@ -98,9 +98,9 @@ class StabilityCheck(Value):
         phase = ", at the worst phase between sensor and controller" if self.has_unknown_phase else ""
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
         return (
-            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. The loop "
-            f"oscillates{frequency} if the {self.limit.law.number.name} is stronger than "
-            f"{self.limit.law.number.text(self.strongest)}, first at a distance of "
+            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. If the "
+            f"{self.limit.law.number.name} is stronger than {self.limit.law.number.text(self.strongest)}, "
+            f"the loop oscillates{frequency}, first at a distance of "
             f"{format_quantity(self.critical_distance, 'm')}. {self._rates}."
         )
 

@@ -47,8 +47,9 @@ class GainAxis:
         if number is not None and max(number.sign * low, number.sign * high) <= 0:
             shown = pretty_unit(unit)
             raise InvalidInputError(
-                f"bounds: {low:g} to {high:g} {shown} make the robot chase the object; mitigating {number.name}s are "
-                f"{number.mitigating}. Did you mean {0.0 - high:g} to {0.0 - low:g} {shown}?"
+                f"bounds: the range from {low:g} to {high:g} {shown} makes the robot chase the object, "
+                f"because a {number.name} that mitigates the impact is {number.mitigating}. Did you mean "
+                f"{0.0 - high:g} to {0.0 - low:g} {shown}?"
             )
         return cls(low=low, high=high)
 

@@ -151,7 +151,7 @@ MISTAKES = [
     ("seed = 7", "sed = 7", "sed", "robust.sed", 'expected "seed"'),
     ("{ excursion = 0.99 }", "{ excursion = 99 }", "required", "robust.required.excursion", "the probability 99, exp"),
     ("{ excursion = 0.99 }", "{ excursn = 0.9 }", "required", "robust.required.excursn", 'a constraint "excursn"'),
-    ("{ excursion = 0.99 }", "{ time = 0.9 }", "required", "robust.required.time", "add the constraint time to"),
+    ("{ excursion = 0.99 }", "{ time = 0.9 }", "required", "robust.required.time", "add a limit for time to"),
     ("{ excursion = 0.99 }", "0.9", "required", "robust.required", "expected constraints and probabilities, such as"),
 ]  # fmt: skip
 
@@ -213,9 +213,7 @@ def test_the_covariance_of_a_calibration_is_taken(write, tmp_path):
     recessed = own.replace("minimum_distance = 0", 'minimum_distance = "0 mm"\nrecess = "0.5 mm"')
     assert list(load_scenario(write(recessed)).uncertainty) == ["calibration", "sensor.recess"]
     told = refusal(write(text + "sensor.exponent = { normal = [2.2, 0.1] }\n"))
-    assert (
-        "uncertainty.sensor.exponent: the input sensor.exponent is given twice, alone and in sensor.parameters" in told
-    )
+    assert "uncertainty.sensor.exponent: the uncertainty of the input sensor.exponent is given twice" in told
 
 
 def test_a_curve_whose_parameters_run_away_has_no_covariance(write, tmp_path):

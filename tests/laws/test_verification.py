@@ -84,7 +84,7 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
         (
             [velocity_limit(0.1, 0.99)],
             NARROWLY,
-            "60 runs, which demonstrates a probability of only 95.12 % with 95 % confidence (99 % required); "
+            "60 runs, which demonstrates only a probability of 95.12 % (95 % confidence), but 99 % is required; "
             "if the share stays the same, 299 runs are enough",
         ),
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),

@@ -153,8 +153,8 @@ BOTH = {"natural_frequency": (2.0, 12.0)}
 def test_bounds_without_a_gain_that_mitigates_are_refused_with_the_sign(verb: Any) -> None:
     task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=QUICK, bounds=(0.01, 10.0), verify=pt.VerifyOptions(runs=2))
     expected = (
-        "bounds: 0.01 to 10 N s make the robot chase the object; mitigating gains are negative. "
-        "Did you mean -10 to -0.01 N s?"
+        "bounds: the range from 0.01 to 10 N s makes the robot chase the object, because a gain that mitigates the "
+        "impact is negative. Did you mean -10 to -0.01 N s?"
     )
     with pytest.raises(pt.errors.InvalidInputError) as refused:
         verb(task)

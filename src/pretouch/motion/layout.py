@@ -55,7 +55,7 @@ COLUMNS: Final = (
     "settling_distance",
     "displacement_integral",
 )
-"""Results of the guaranteed paths, one row per encounter."""
+"""Results of the most robust solver, one row per encounter."""
 
 STATES: Final = (
     "time",

@@ -53,8 +53,8 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
         return
     sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)
     yield (
-        f"{text}: with a controller floor of {quiet:g} instead of {floor:g} (unit of the readings), "
-        f"this motion stays within {still}, but objects are then detected only from {sees} on. {place}"
+        f"{text}: a controller floor of {quiet:g} instead of {floor:g} (unit of the readings) keeps this motion "
+        f"within {still}, but objects are then detected only from {sees} on. {place}"
     )
 
 

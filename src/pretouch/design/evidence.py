@@ -219,7 +219,7 @@ class GainEvidence(Answer):
         )
 
     def _at_answer(self, best: Minimum) -> Minimum:
-        """Return the best local minimum of the search, moved to the optimal gain if a faster search found that gain."""
+        """Return the best local minimum of the search, or this minimum moved to the optimal gain of a faster search."""
         if self.settled is None:
             return best
         return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))

@@ -203,8 +203,8 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     yield from _about_contact(design, scanned)
     if design.certificate is not None and design.certificate.at == "bound":
         yield (
-            f"the optimum lies on the bound {design.number.text(design.gain or 0.0)}; a wider range may contain "
-            f"a better {design.number.name}"
+            f"the optimal {design.number.name} lies on its bound {design.number.text(design.gain or 0.0)}; "
+            "a wider range may contain a better value"
         )
     if design.certificate is not None and design.certificate.at == "edge of contact":
         yield "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed"

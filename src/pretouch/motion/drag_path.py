@@ -55,7 +55,7 @@ def so_far(values: FloatArray) -> FloatArray:
 
 
 def evaluate_at(values: FloatArray, z: FloatArray) -> FloatArray:
-    """Interpolate values that are given at the quadrature nodes to one position in each interval."""
+    """Interpolate a quantity, which is known at the quadrature nodes of each interval, at one position per interval."""
     return np.asarray(np.einsum("ij,ij->i", legendre.legvander(z, NODES - 1), values @ TO_TERMS.T))
 
 

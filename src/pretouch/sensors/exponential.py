@@ -147,7 +147,7 @@ class ExponentialFirstOrder(SensorModel):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the factors that map first-order exponential curves to one reference curve by scaling the gain."""
+        """Return the scale factors for the gain that convert first-order exponential curves to one reference curve."""
         rate = np.asarray(values.get("rate", self.rate))
         if not np.all(rate < 0):
             return None
@@ -239,7 +239,7 @@ class ExponentialSecondOrder(SensorModel):
         recess: FloatArray,
         distance: Any,
     ) -> CurveSimilarity | None:
-        """Return the length and gain factors that map second-order exponential curves to one reference curve."""
+        """Return the scale factors that convert second-order exponential curves to one reference curve."""
         # The slope g = c + 2 b (l + recess) = 2 b (l - l*) is scaled by lengths s = L* / l*.
         if self.curvature == 0:
             return None

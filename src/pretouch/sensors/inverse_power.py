@@ -181,7 +181,7 @@ class InversePower(SensorModel):
         recess: FloatArray,
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the length and gain factors that map inverse power curves to one reference curve."""
+        """Return the scale factors for length and gain that convert inverse power curves to one reference curve."""
         # For g = -n / (l + l_0), lengths scale with s = L_0 / l_0, and the gain with s n / N.
         offset = np.asarray(values.get("distance_offset", self.distance_offset)) + recess
         exponent = np.asarray(values.get("exponent", self.exponent))

@@ -160,7 +160,7 @@ class SensorModel(ABC):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the length and gain factors that map similar curves to one reference curve, or None if there are none.
+        """Return the scale factors for length and gain that convert similar curves to one reference curve, or None.
 
         Args:
             values: arrays of the parameters that differ.

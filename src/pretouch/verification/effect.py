@@ -239,8 +239,10 @@ class SensorSpeed(Value):
         size, fast = "no higher than with an infinitely fast sensor", "with an infinitely fast sensor"
         if self.excess > _SHOWN_SHARE:
             size = f"up to {higher_in_words(self.excess, fast)}"
-        allowed = f"an excess of up to {100 * self.tolerance:.3g} % is allowed"
-        return f"in 95 % of the runs, the contact speed is {size}; {allowed}"
+        return (
+            f"in 95 % of the runs, the contact speed is {size}; an excess of up to {100 * self.tolerance:.3g} % is "
+            "allowed"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison with an infinitely fast sensor as one JSON object, in SI units."""

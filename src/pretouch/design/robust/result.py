@@ -323,6 +323,6 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
             )
     if design.gain in design.bounds:
         yield (
-            f"the optimum lies on the bound {design.number.text(design.gain)}; a wider range may contain a "
-            f"better {design.number.name}"
+            f"the optimal {design.number.name} lies on its bound {design.number.text(design.gain)}; a "
+            "wider range may contain a better value"
         )

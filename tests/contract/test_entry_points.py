@@ -102,7 +102,7 @@ def test_the_file_sets_what_the_law_declares(folder):
         (
             'rate = "3 1/s"',
             'ratio = "1"',
-            'law.ratio: this key belongs to the kind "virtual-drag", but this section has the kind "cube"',
+            'law.ratio: this key belongs to "virtual-drag", but this section has the kind "cube"',
         ),
         (
             'kind = "cube"',

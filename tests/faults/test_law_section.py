@@ -34,7 +34,7 @@ MISTAKES = [
     (WHOLE + "[law]\nratio = 0.15\n", "[law]", "law.kind", 'missing, expected one of "virtual-damper", "virtual-drag"'),
     (WHOLE + '[law]\nkin = "virtual-drag"\n', "kin =", "law.kin", 'found an unknown key, expected "kind"'),
     (WHOLE + '[law]\nkind = "virtual-damper"\nratio = 0.15\n', "ratio", "law.ratio",
-     'this key belongs to the kind "virtual-drag", but this section has the kind "virtual-damper"'),
+     'this key belongs to "virtual-drag", but this section has the kind "virtual-damper"'),
     (ALONE + LAW + "ratoi = 0.15\n", "ratoi", "law.ratoi", 'found an unknown key, expected "ratio"'),
     (ALONE + LAW + "ratio = 1.5\n", "ratio", "law.ratio", "found 1.5, expected a positive number up to 1"),
     (ALONE + LAW + "ratio = 0\n", "ratio", "law.ratio", "expected a positive number"),

@@ -106,7 +106,13 @@ KEYS = [
     ("exponent = 3.32", "", "[sensor]", "sensor.exponent", "missing, expected a number; add, for example: exponent = "),
     ('mass = "1 kg"', "", "[admittance]", "admittance.mass", 'add, for example: mass = "1 kg"'),
     ('bounds = ["-10 N*s", "-0.01 N*s"]', "", "[gain]", "gain.bounds", 'add, for example: bounds = ["-10 N*s"'),
-    ("exponent = 3.32", "exponent = 3\nrate = -60", "rate", "sensor.rate", 'but not to "inverse-power"'),
+    (
+        "exponent = 3.32",
+        "exponent = 3\nrate = -60",
+        "rate",
+        "sensor.rate",
+        'but this section has the kind "inverse-power"',
+    ),
     ("exponent = 3.32", "exponent = 3\nselect = {}", "select", "sensor.select", "only together with calibration"),
     (
         "model =",

@@ -65,12 +65,12 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: simulate(seed=-1), "seed: found -1"),
         (
             lambda: simulate(horizon=5e9),
-            "loop horizon: found 5e+09 s, which is 5e+12 steps of a controller with a period of 1 ms, expected at most "
+            "loop horizon: found 5e+09 s, which takes 5e+12 steps of a controller with a period of 1 ms, expected at most "
             "2e+04 s",
         ),
         (
             lambda: simulate(horizon=10.0, chain=pt.SensorChain(rate=1e9)),
-            "loop horizon: found 10 s, which is 1e+10 steps of a sensor with 1e+09 readings per second",
+            "loop horizon: found 10 s, which takes 1e+10 steps of a sensor with 1e+09 readings per second",
         ),
         (
             lambda: simulate(horizon=10.0, plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=1e5)),

@@ -107,7 +107,7 @@ def test_it_is_worth_it_where_reflectance_is_known() -> None:
         assert found.verdict.startswith("compared with a constant drag, the drag schedule is worthwhile:")
         assert found.gap < 1e-5
     assert (
-        "its excursion is 12 % smaller (30.0 mm instead of 34.2 mm), but its peak acceleration is 2."
+        "the excursion is 12 % smaller (30.0 mm instead of 34.2 mm), but the peak acceleration is 2."
         in scheduled("20 %").verdict
     )
     assert 1e3 * scheduled("20 %", rails=WIDE).largest_excursion == pytest.approx(28.3, abs=0.1)

@@ -210,7 +210,8 @@ def test_flags_say_what_was_reported_since_when_and_for_how_long() -> None:
     )
     assert flags["in-contact"].approach_duration == 0
     assert any(
-        "Before contact, the virtual force was limited, first after" in warning for warning in encounter.warnings
+        "Before contact, the virtual force was limited. This happened first after" in warning
+        for warning in encounter.warnings
     )
     assert not any("in-contact" in warning for warning in encounter.warnings)
 

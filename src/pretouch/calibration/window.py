@@ -190,7 +190,7 @@ def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | 
             full = 2**bits - 1
             if _CLIPPED_SHARE * full <= top <= full:
                 clipped = calibration.outputs[calibration.outputs >= _CLIPPED_SHARE * full]
-                return float(clipped.min()), f"within 1 % of the full scale of a converter with {bits} bits"
+                return float(clipped.min()), f"within 1 % of the full scale of a {bits}-bit converter"
     step = resolution(calibration)
     plateau = curve.distance[np.isclose(curve.output, top, rtol=1e-9, atol=0.0)]
     fine = step < 0.02 * float(np.ptp(calibration.outputs))  # with a coarse converter, equal readings are common

@@ -335,14 +335,11 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
         return "found a key that belongs to a calibration, expected it only together with calibration = ..."
     if name in OF_A_LAW:
         instead = _INSTEAD.get((name, key), f"only {takes}")
-        return (
-            f'this key belongs to the law "{owners[0]}", but the scenario file uses another law; the '
-            f"keys for this law are {instead}"
-        )
+        return f'this key belongs to the law "{owners[0]}", but the scenario file uses another law; expected {instead}'
     if name in _TAGS:
         quoted = " and ".join(f'"{owner}"' for owner in owners)
         return (
-            f'this key belongs to the kind {quoted}, but this section has the kind "{content[_TAGS[name]]}"; '
+            f'this key belongs to {quoted}, but this section has the kind "{content[_TAGS[name]]}"; '
             f"the allowed keys are {takes}"
         )
     return f"found together with {', '.join(k for k in content if k != key)}, expected only {takes}"

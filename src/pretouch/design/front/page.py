@@ -160,7 +160,7 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
         one, other = front.number.entry(first), front.number.entry(second)
         best = front.of(first)[front.meets(**{second: choice.values[second]})].min()
         least, chosen = (format_quantity(float(value), one.unit) for value in (best, choice.values[first]))
-        text += f" At the same value of the {other.short}, the {one.short} can be {least} instead of {chosen}."
+        text += f" With the same {other.short}, the {one.short} can be {least} instead of {chosen}."
     return text
 
 

@@ -118,8 +118,7 @@ def _findings(v: Validation) -> Iterator[str]:
         required = "always" if p == 1 else f"{100 * p:g} %"
         label, limit = outcome.limited.words, format_quantity(c.limit, outcome.limited.unit)
         yield (
-            f"{label} stays within {limit} in {share_in_words(outcome.held)} of the fresh samples; the "
-            f"required share is {required}"
+            f"{label} stays within {limit} in {share_in_words(outcome.held)} of the fresh samples ({required} required)"
         )
 
 

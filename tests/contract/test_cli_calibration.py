@@ -173,7 +173,9 @@ def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_r
     near, reason = near_end()
     assert code == 2
     assert f"the sensor curve starts {near} from contact ({reason.partition(' (')[0]}), but the encounter needs" in err
-    mounting = f'mount the sensor {near} behind the contact surface, with recess = "{near}" (positions count from the '
+    mounting = (
+        f'mount the sensor {near} behind the contact surface, and set recess = "{near}" (positions count from the '
+    )
     assert f"{mounting}new surface), or calibrate with lower amplification" in err
     assert len(err.partition("sensor: ")[2].split()) <= 50
 

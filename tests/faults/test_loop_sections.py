@@ -267,7 +267,7 @@ def test_a_start_outside_of_the_limits_is_refused(message):
 def test_a_curve_in_volts_takes_no_part_in_counts(message):
     told = message(LOOPED.replace('"0.533 counts"', '"13 uV"'))
     assert (
-        "chain.part: the sensor component reports readings in counts, but the outputs of the sensor curve are in V (sens"
+        "chain.part: the sensor component reports readings in counts, but the outputs of the sensor curve are in V"
         in told
     )
     table = '[sensor]\nmodel = "table"\ndistances = ["0 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'

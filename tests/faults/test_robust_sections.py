@@ -114,7 +114,7 @@ MISTAKES = [
     ('"10 cm/s"', '"-10 cm/s"', "obstacle.vel", "uncertainty.obstacle.velocity.normal", "deviation of -0.1, expected"),
     (', "10 cm/s"', "", "obstacle.vel", "uncertainty.obstacle.velocity.normal", "the mean and the standard deviation"),
     ('"-0.6 m/s"', '"0 m/s"', "obstacle.vel", "uncertainty.obstacle.velocity.between", "0 before the number -0.05"),
-    ("normal = [3.32", "uniform = [3.32", "sensor.exp", "uncertainty.sensor.exponent.uniform", "3.32 before the number 0.1"),
+    ("normal = [3.32", "uniform = [3.32", "sensor.exp", "uncertainty.sensor.exponent.uniform", "before the number 0.1"),
     ("{ normal = [3.32, 0.1] }", "{ norml = [1, 2] }", "sensor.exp", "uncertainty.sensor.exponent.norml", '"normal"?'),
     ("{ normal = [3.32, 0.1] }", "{}", "sensor.exp", "uncertainty.sensor.exponent", "found nothing, expected"),
     ("{ normal = [3.32, 0.1] }", "3.3", "sensor.exp", "uncertainty.sensor.exponent", "found 3.3, expected a table"),

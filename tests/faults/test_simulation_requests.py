@@ -65,8 +65,8 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: simulate(seed=-1), "seed: found -1"),
         (
             lambda: simulate(horizon=5e9),
-            "loop horizon: found 5e+09 s, which takes 5e+12 steps of a controller with a period of 1 ms, expected at most "
-            "2e+04 s",
+            "loop horizon: found 5e+09 s, which takes 5e+12 steps of a controller with a period of 1 ms, expected at "
+            "most 2e+04 s",
         ),
         (
             lambda: simulate(horizon=10.0, chain=pt.SensorChain(rate=1e9)),

@@ -166,7 +166,7 @@ def test_bounds_without_a_gain_that_mitigates_are_refused_with_the_sign(verb: An
 def test_bounds_of_a_drag_are_positive_and_those_with_both_signs_are_searched() -> None:
     drag = pt.Task(SCENARIO, SENSOR, OBJECTIVE, law="virtual-drag", bounds=(-0.1, -1e-3))
     with pytest.raises(
-        pt.errors.InvalidInputError, match=r"mitigating drags are positive. Did you mean 0\.001 to 0\.1"
+        pt.errors.InvalidInputError, match=r"a drag that mitigates the impact is positive. Did you mean 0\.001 to 0\.1"
     ):
         pt.design_gain(drag)
     both = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-10.0, 0.5)))

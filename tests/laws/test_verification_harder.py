@@ -223,7 +223,7 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
     assert found.status is pt.VerdictStatus.HOLDS_NARROWLY
     assert found.reasons[0].startswith(f"the contact speed is {100 * excess:.2g} % higher than predicted: ")
     assert found.reasons[0] in found.headline
-    assert found.reasons[1].startswith("the sensor is too slow: in 95 % of the runs, contact is up to ")
+    assert found.reasons[1].startswith("the sensor is too slow: in 95 % of the runs, the contact speed is up to ")
     # with a reading of each step, of that instant, the same controller gives what is compared with
     quick = loop_of(rate=1000.0)
     ideal = abs(float(quick.run(SCENARIO, SENSOR, -0.4).relative_velocity))

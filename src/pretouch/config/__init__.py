@@ -261,8 +261,8 @@ class _Builder(Reading):
                 cause, other = f" ({window.start_reason.partition(' (')[0]})", "calibrate with lower amplification"
             self.refuse(
                 ("sensor",),
-                f"the sensor curve starts {1e3 * low:.4g} mm from contact{cause}, but the encounter needs "
-                f"the curve down to contact; {recess_advice(recess + low, recess)}, or {other}",
+                f"the sensor curve starts {1e3 * low:.4g} mm from contact{cause}, but is needed down "
+                f"to contact; {recess_advice(recess + low, recess)}, or {other}",
             )
         if scenario.distance > high:
             cause, extending = ", the end of the sensor's valid range", ""

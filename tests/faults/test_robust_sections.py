@@ -120,7 +120,7 @@ MISTAKES = [
     ("{ normal = [3.32, 0.1] }", "3.3", "sensor.exp", "uncertainty.sensor.exponent", "found 3.3, expected a table"),
     ("[3.32, 0.1] }", "[3.32, 0.1], uniform = [3, 4] }", "sensor.exp", "uncertainty.sensor.exponent", "exactly one"),
     ("{ uniform = [\"38", "{ between = [0, 1], uniform = [\"38", "obstacle.p", "uncertainty.obstacle.position.between",
-     "is allowed only together with normal"),
+     "belongs only to the key normal"),
     ('["2 cm/s", "0 m/s", "1 cm/s"]', '["2 cm/s"]', "plant.v", "uncertainty.plant.velocity.samples", "a list of two"),
     ("sensor.exponent", "sensor.rate", "sensor.rate", "uncertainty.sensor.rate", "its parameters are distance_off"),
     ("sensor.exponent", "sensor.order", "sensor.order", "uncertainty.sensor.order",

@@ -133,7 +133,7 @@ def estimates(
 
 
 def _check_identifiable(best: Fits, names: list[str]) -> None:
-    """Raise an error if a fitted curve changes with several parameters in exactly the same way."""
+    """Raise an error if readings cannot tell parameters of a fitted curve apart, because their effects are equal."""
     norms = np.linalg.norm(best.jacobian[0], axis=0)
     free = np.flatnonzero(norms)  # a parameter at its bound has no derivatives
     if not len(free):

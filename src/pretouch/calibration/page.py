@@ -182,7 +182,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
 
 
 def _given_offset(report: CalibrationReport) -> str:
-    """Return a clause that names the sensor offset for which the uncertainty of the slope is valid."""
+    """Return a clause that names the offset that was assumed when the uncertainty of the sensor slope was computed."""
     offset, unit = report.offset, report.calibration.unit
     if offset is None:
         return "over all curves that fit the readings"

@@ -57,8 +57,8 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
         raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(DISTRIBUTION_KINDS.names())}")
     if "between" in values and "normal" not in values:
         raise UnfitValueError(
-            f"the key between is given together with {kinds[0]}, but is allowed only together with normal, whose "
-            "distribution it truncates",
+            f"the key between is given together with {kinds[0]}, but belongs only to the key normal, "
+            "because it truncates a normal distribution",
             "between",
         )
     for key in ("uniform", "interval", "between"):

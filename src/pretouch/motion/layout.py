@@ -9,7 +9,7 @@ from pretouch._core.numbers import FloatArray
 
 
 class Relative(NamedTuple):
-    """Gain and inputs of encounters, with motions relative to the reference as in equations L(8) and L(9).
+    """Gain and inputs of encounters, with motions relative to the reference as in the letter's equations L(8) and L(9).
 
     Each column has one number that all encounters share, or one number per encounter. The motion of the reference is
     needed only for absolute quantities.

@@ -301,8 +301,9 @@ def lowest_rate(
     number = law.number
     if not finite(gain, "gain", number.unit) * number.sign > 0:
         raise InvalidInputError(
-            f"gain: found {format_quantity(gain, number.unit)}, expected a {number.mitigating} value, "
-            f"because only {number.mitigating} values of the gain mitigate the impact"
+            f"gain: found {format_quantity(gain, number.unit)}, which does not mitigate the impact, "
+            f"because mitigating values of the gain are {number.mitigating}; expected a "
+            f"{number.mitigating} value"
         )
     _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     required = positive(margin, "margin") * abs(gain) * float(damping_of_one.max())

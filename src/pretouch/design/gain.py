@@ -180,8 +180,7 @@ def _conflict(design: GainDesign) -> str:
         one = exceeded[0]
         value, limit = (format_quantity(x or 0.0, one.unit) for x in (one.value, one.limit))
         return (
-            f"the limit {limit} of the {one.name} cannot be met: the smallest value that any gain reaches "
-            f"is {value}, with {gain}"
+            f"{one.name} cannot be limited to {limit}: the smallest value that any gain reaches is {value}, with {gain}"
         )
     nearest = " and ".join(
         f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"

@@ -159,7 +159,7 @@ def test_a_limit_that_no_gain_meets_and_those_that_it_conflicts_with_are_named_a
     design = design_gain(Task(letter_encounter, CURVES["inverse-power"], F1, bounds=BOUNDS, constraints=limits))
     assert not design.constraints[0].achievable
     assert design.headline.count("D_p =") == 1
-    assert f"the smallest violation results from {design.number.equals(float(design.nearest.gain))}" in design.headline
+    assert f"the limits are violated least with {design.number.equals(float(design.nearest.gain))}" in design.headline
     assert "excursion and relative_velocity cannot be met together" in design.headline
     assert "within the bounds, excursion alone is at least 0.95" in design.headline
     assert "time" not in design.headline
@@ -233,7 +233,7 @@ def test_an_optimum_on_a_bound_says_so(letter_encounter: Scenario, letter_power:
     design = design_gain(Task(letter_encounter, letter_power, F1, bounds=(-0.5, -0.01)))
     assert design.gain == -0.5
     assert design.certificate.at == "bound"
-    assert "lies on the bound" in design.warnings[0]
+    assert "lies on its bound" in design.warnings[0]
 
 
 THROWN = Scenario(

@@ -218,13 +218,13 @@ def test_the_limit_of_a_loop_is_that_along_its_own_motion(speed: float) -> None:
 def test_bounds_that_no_stable_drag_is_in_are_refused() -> None:
     """The message names the largest drag that is a half of the limit of its own motion, as the bounds end there."""
     with pytest.raises(
-        InvalidInputError, match=r"^stability_margin: a gain margin of 2 at .* allows drags only up"
+        InvalidInputError, match=r"^stability_margin: .*gain margin of 2 at .* a drag may be at most"
     ) as told:
         LOOP.stable_bounds((0.5, 1.0), approach(6.0), CURVE, 2.0)
-    drag = float(re.search(r"up to (\S+) N\*s\^2,", str(told.value)).group(1))  # type: ignore[union-attr]
+    drag = float(re.search(r"at most (\S+) N\*s\^2,", str(told.value)).group(1))  # type: ignore[union-attr]
     limits = [LOOP.stability_limit(approach(6.0), CURVE, drag * part).strongest for part in (0.999, 1.001)]  # 4 digits
     assert limits[0] / (0.999 * drag) > 2 > limits[1] / (1.001 * drag)
-    with pytest.raises(InvalidInputError, match=r"allows drags only up to"):
+    with pytest.raises(InvalidInputError, match=r"a drag may be at most"):
         LOOP.stable_bounds((1.001 * drag, 1.0), approach(6.0), CURVE, 2.0)
     assert LOOP.stable_bounds((0.999 * drag, 1.0), approach(6.0), CURVE, 2.0)[1] == pytest.approx(drag, rel=5e-4)
 

@@ -194,7 +194,7 @@ def failing(kind: str, module: str) -> type[SensorModel]:
         ("incomplete start", "KeyError: 'other'"),
         (
             "readings cannot distinguish",
-            "InvalidInputError: rate and other: readings cannot distinguish the effects of these parameters",
+            "InvalidInputError: rate and other: the readings cannot distinguish the effects of these parameters",
         ),
     ],
 )

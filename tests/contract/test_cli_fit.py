@@ -182,8 +182,8 @@ def test_gathered_distances_are_told_once(run):
     Path("dense.csv").write_text("\n".join(["distance [mm],output [V]", *rows]) + "\n")
     out = run("fit", "dense.csv", "--no-report")[1]
     assert [line for line in out.splitlines() if "combined" in line] == [
-        "note: The readings at 400 distances were combined into 50 groups of neighboring distances, each 0.793 mm "
-        "to 2.08 mm wide, and averaged."
+        "note: The readings at 400 distances were combined into 50 groups of neighboring distances, and averaged. "
+        "Each group is 0.793 mm to 2.08 mm wide."
     ]
 
 

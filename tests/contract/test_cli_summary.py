@@ -35,7 +35,7 @@ def printed(command: str, folder: Path) -> list[str]:
         ("design EXAMPLES/drag.toml", "With the virtual drag"),
         ("design EXAMPLES/fingertip.toml", "Optimal gain"),
         ("design EXAMPLES/tradeoff.toml", "The optimal admittance"),
-        ("pareto EXAMPLES/tradeoff.toml", "The Pareto front"),
+        ("pareto EXAMPLES/tradeoff.toml", "The knee of the Pareto front"),
         ("robust EXAMPLES/robust.toml --samples 256", "Robust gain"),
         ("simulate EXAMPLES/loop.toml", "Contact on the loop at 0.078 m/s; predicted 0.0791 m/s"),
         (

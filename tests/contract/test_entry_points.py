@@ -51,12 +51,12 @@ BAD = {
     ),
     "number": (
         "cube_law:NUMBER",
-        "is 3, but a law must be a class or value with the members of pretouch.motion.ContinuousLaw",
+        "is invalid: found 3, but a law must be a class or value with the members of pretouch.motion.ContinuousLaw",
     ),
-    "other": ("cube_law:Cube", 'has another name than its law, whose kind is "cube"; use the same name for both'),
+    "other": ("cube_law:Cube", 'the kind of the law is "cube", but must equal'),
     "undeclared": (
         "cube_law:Undeclared",
-        "has the field other, which a scenario file cannot set; declare this field by pretouch.fields",
+        "the class has the field other, which a scenario file cannot set; declare this field by pretouch.fields",
     ),
 }
 
@@ -102,7 +102,7 @@ def test_the_file_sets_what_the_law_declares(folder):
         (
             'rate = "3 1/s"',
             'ratio = "1"',
-            'law.ratio: this key belongs to "virtual-drag", but not to "cube"; the allowed keys are kind, cube, rate',
+            'law.ratio: this key belongs to "virtual-drag", but this section has the kind "cube"',
         ),
         (
             'kind = "cube"',

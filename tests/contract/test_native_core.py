@@ -179,7 +179,8 @@ def test_a_library_that_is_not_as_it_was_built_is_refused_in_one_sentence(tmp_pa
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith(
-        f"pretouch: pretouch's compiled core cannot be used: {library.name} in {tmp_path} {what}"
+        f"pretouch: the compiled core of pretouch cannot be used, because the file {library.name} in the folder "
+        f"{tmp_path} {what}"
     )
     assert done.stderr.endswith("run python native/build.py\n")
     assert done.stderr.count("\n") == 1

@@ -52,7 +52,7 @@ def test_a_verdict_shows_one_line_and_prints_a_report() -> None:
     assert text.startswith(found.headline)
     for part in (
         "relative velocity at contact",
-        "Best gain on this loop"
+        "Best gain on the simulated loop"
         if found.loss.loop_gain is None
         else f"best gain on the simulated loop that has a gain margin of {found.loss.sought_margin:g}",
         "tried changes",

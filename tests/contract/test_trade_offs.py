@@ -93,7 +93,9 @@ def test_the_numbers_in_the_text_of_the_page_hold(problem):
 def test_pareto_prints_the_knee_and_where_the_report_is(run):
     code, out, err = run("pareto", "approach.toml", "--verbose")
     assert (code, err) == (0, "")
-    assert out.startswith("The Pareto front of deviation from the reference and relative velocity has its knee at D_p")
+    assert out.startswith(
+        "The knee of the Pareto front of deviation from the reference and relative velocity is the design with D_p"
+    )
     told = strict(run("pareto", "approach.toml", "--json")[1])
     ratios = [told[point]["excursion"] / told[point]["least_excursion"] for point in ("knee", "choice")]
     assert line(out, "relative to the smallest possible deviation").split()[-2:] == [f"{ratio:.3g}" for ratio in ratios]

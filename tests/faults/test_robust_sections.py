@@ -113,14 +113,14 @@ MISTAKES = [
     ('"10 cm/s"', '"10 cm"', "obstacle.vel", "uncertainty.obstacle.velocity.normal[1]", 'found "10 cm", expected a q'),
     ('"10 cm/s"', '"-10 cm/s"', "obstacle.vel", "uncertainty.obstacle.velocity.normal", "deviation of -0.1, expected"),
     (', "10 cm/s"', "", "obstacle.vel", "uncertainty.obstacle.velocity.normal", "the mean and the standard deviation"),
-    ('"-0.6 m/s"', '"0 m/s"', "obstacle.vel", "uncertainty.obstacle.velocity.between", "0 followed by -0.05"),
-    ("normal = [3.32", "uniform = [3.32", "sensor.exp", "uncertainty.sensor.exponent.uniform", "3.32 followed by 0.1"),
+    ('"-0.6 m/s"', '"0 m/s"', "obstacle.vel", "uncertainty.obstacle.velocity.between", "0 before the number -0.05"),
+    ("normal = [3.32", "uniform = [3.32", "sensor.exp", "uncertainty.sensor.exponent.uniform", "before the number 0.1"),
     ("{ normal = [3.32, 0.1] }", "{ norml = [1, 2] }", "sensor.exp", "uncertainty.sensor.exponent.norml", '"normal"?'),
     ("{ normal = [3.32, 0.1] }", "{}", "sensor.exp", "uncertainty.sensor.exponent", "found nothing, expected"),
     ("{ normal = [3.32, 0.1] }", "3.3", "sensor.exp", "uncertainty.sensor.exponent", "found 3.3, expected a table"),
     ("[3.32, 0.1] }", "[3.32, 0.1], uniform = [3, 4] }", "sensor.exp", "uncertainty.sensor.exponent", "exactly one"),
     ("{ uniform = [\"38", "{ between = [0, 1], uniform = [\"38", "obstacle.p", "uncertainty.obstacle.position.between",
-     "is allowed only together with normal"),
+     "belongs only to the key normal"),
     ('["2 cm/s", "0 m/s", "1 cm/s"]', '["2 cm/s"]', "plant.v", "uncertainty.plant.velocity.samples", "a list of two"),
     ("sensor.exponent", "sensor.rate", "sensor.rate", "uncertainty.sensor.rate", "its parameters are distance_off"),
     ("sensor.exponent", "sensor.order", "sensor.order", "uncertainty.sensor.order",
@@ -134,14 +134,14 @@ MISTAKES = [
     ("obstacle.position =", "obstacle.positon =", "obstacle.positon", "uncertainty.obstacle.positon", "an unknown"),
     ("plant.velocity", "plnt.velocity", "plnt", "uncertainty.plnt", 'expected "plant"'),
     ("admittance.damping = { uniform", "admittance.damping = { interval", "admittance.d",
-     "uncertainty.admittance.damping.interval", 'but measure = "tail-mean" needs probabilities; use uniform'),
+     "uncertainty.admittance.damping.interval", 'measure = "tail-mean" needs probabilities; use uniform'),
     ('["9 N*s/m", "11 N*s/m"]', '["-11 N*s/m", "-9 N*s/m"]', "[uncertainty]", "uncertainty", "found -10 N*s/m"),
     ("admittance.damping = {", "admittance.natural_frequency = { uniform = [4, 6] }\nadmittance.damping = {",
      "[uncertainty]", "uncertainty", "give either damping and stiffness, or natural frequency"),
     ('"tail-mean"', '"mean"', "measure", "robust.measure", 'found "mean", expected one of "expected"'),
-    ("probability = 0.9", "", "[robust]", "robust", "the measure tail-mean needs a probability"),
+    ("probability = 0.9", "", "[robust]", "robust", "the risk measure tail-mean needs a probability"),
     ("probability = 0.9", "probability = 1.0", "probability", "robust.probability", "between 0 and 1, such as 0.95"),
-    ('"tail-mean"', '"expected"', "probability", "robust.probability", "the measure expected does not"),
+    ('"tail-mean"', '"expected"', "probability", "robust.probability", "the risk measure expected does not"),
     ("seed = 7", "seed = -1", "seed", "robust.seed", "found -1, expected a whole number of at least 0"),
     ("seed = 7", "seed = true", "seed", "robust.seed", "found true, expected a whole number"),
     ("seed = 7", "samples = 1", "samples", "robust.samples", "a whole number of at least 2"),
@@ -151,7 +151,7 @@ MISTAKES = [
     ("seed = 7", "sed = 7", "sed", "robust.sed", 'expected "seed"'),
     ("{ excursion = 0.99 }", "{ excursion = 99 }", "required", "robust.required.excursion", "the probability 99, exp"),
     ("{ excursion = 0.99 }", "{ excursn = 0.9 }", "required", "robust.required.excursn", 'a constraint "excursn"'),
-    ("{ excursion = 0.99 }", "{ time = 0.9 }", "required", "robust.required.time", "add the constraint time to"),
+    ("{ excursion = 0.99 }", "{ time = 0.9 }", "required", "robust.required.time", "add a limit for time to"),
     ("{ excursion = 0.99 }", "0.9", "required", "robust.required", "expected constraints and probabilities, such as"),
 ]  # fmt: skip
 
@@ -213,9 +213,7 @@ def test_the_covariance_of_a_calibration_is_taken(write, tmp_path):
     recessed = own.replace("minimum_distance = 0", 'minimum_distance = "0 mm"\nrecess = "0.5 mm"')
     assert list(load_scenario(write(recessed)).uncertainty) == ["calibration", "sensor.recess"]
     told = refusal(write(text + "sensor.exponent = { normal = [2.2, 0.1] }\n"))
-    assert (
-        "uncertainty.sensor.exponent: the input sensor.exponent is given twice, alone and in sensor.parameters" in told
-    )
+    assert "uncertainty.sensor.exponent: the uncertainty of the input sensor.exponent is given twice" in told
 
 
 def test_a_curve_whose_parameters_run_away_has_no_covariance(write, tmp_path):
@@ -229,5 +227,7 @@ def test_a_curve_whose_parameters_run_away_has_no_covariance(write, tmp_path):
         '[uncertainty]\nsensor.parameters = "calibration"\n'
     )
     told = refusal(write(text))
-    assert f"line {line_of('sensor.par', text)}: uncertainty.sensor.parameters: fit: the readings do not bound" in told
+    assert (
+        f"line {line_of('sensor.par', text)}: uncertainty.sensor.parameters: fit: the readings do not determine" in told
+    )
     assert "Fit a curve with fewer parameters" in told

@@ -41,7 +41,7 @@ VALUES = [
     ('"1 kg"', '"1"', "mass", "admittance.mass", '"1"', '"1 kg", or 1 without quotes, which is in kg'),
     ('"42.2 mm"', '"4.2"', "position", "obstacle.position", '"4.2"', '"4.2 mm", or 4.2 without quotes, which is in m'),
     ('"42.2 mm"', '"42.2"', "position", "obstacle.position", '"42.2"', 'unit, such as "42.2 mm" or "42.2 m"'),
-    ("1.30e-5", '"1.3"', "scale", "sensor.scale", '"1.3"', '"1.3 V" or "1.3 counts", or 1.3 without quotes'),
+    ("1.30e-5", '"1.3"', "scale", "sensor.scale", '"1.3"', '"1.3 V" or "1.3 counts", or the bare number 1.3'),
     ('"-10 N*s"', '"-10"', "bounds", "gain.bounds[0]", '"-10"', '"-10 N*s", or -10 without quotes, which is in N*s'),
     ('"1 kg"', '"0 kg"', "mass", "admittance.mass", '"0 kg"', "a positive quantity in kg"),
     ('"1 kg"', "true", "mass", "admittance.mass", "true", "a quantity in kg"),
@@ -106,7 +106,13 @@ KEYS = [
     ("exponent = 3.32", "", "[sensor]", "sensor.exponent", "missing, expected a number; add, for example: exponent = "),
     ('mass = "1 kg"', "", "[admittance]", "admittance.mass", 'add, for example: mass = "1 kg"'),
     ('bounds = ["-10 N*s", "-0.01 N*s"]', "", "[gain]", "gain.bounds", 'add, for example: bounds = ["-10 N*s"'),
-    ("exponent = 3.32", "exponent = 3\nrate = -60", "rate", "sensor.rate", 'but not to "inverse-power"'),
+    (
+        "exponent = 3.32",
+        "exponent = 3\nrate = -60",
+        "rate",
+        "sensor.rate",
+        'but this section has the kind "inverse-power"',
+    ),
     ("exponent = 3.32", "exponent = 3\nselect = {}", "select", "sensor.select", "only together with calibration"),
     (
         "model =",
@@ -211,8 +217,8 @@ def test_an_empty_file_misses_every_required_section(message):
         ('mass = "1 kg"', 'mass = "1 kg"\nmass = 2', 8, "not valid TOML: this key is given twice, expected once"),
         ("[gain]", "[sensor]\n[gain]", 18, "not valid TOML: this section is given twice, expected once"),
         ('["-10 N*s", "-0.01 N*s"]', '["-10 N*s"', 20, "not valid TOML"),
-        ('"1 kg"', "[" * 5000, 1, "the lists are nested too deeply"),
-        ('"1 kg"', "1" * 5000, 7, "not valid TOML"),
+        ('"1 kg"', "[" * 5000, 1, "nested too deeply"),
+        ('"1 kg"', "1" * 5000, 7, "not valid TOML: a number has thousands of digits"),
     ],
 )
 def test_what_is_no_toml_is_refused_with_its_line(message, old, new, line, says):

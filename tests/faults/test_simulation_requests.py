@@ -65,12 +65,12 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: simulate(seed=-1), "seed: found -1"),
         (
             lambda: simulate(horizon=5e9),
-            "loop horizon: found 5e+09 s, which is 5e+12 steps of a controller with a period of 1 ms, expected at most "
-            "2e+04 s",
+            "loop horizon: found 5e+09 s, which takes 5e+12 steps of a controller with a period of 1 ms, expected at "
+            "most 2e+04 s",
         ),
         (
             lambda: simulate(horizon=10.0, chain=pt.SensorChain(rate=1e9)),
-            "loop horizon: found 10 s, which is 1e+10 steps of a sensor with 1e+09 readings per second",
+            "loop horizon: found 10 s, which takes 1e+10 steps of a sensor with 1e+09 readings per second",
         ),
         (
             lambda: simulate(horizon=10.0, plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=1e5)),
@@ -90,7 +90,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         (lambda: simulate(runs=4).trace(), "selects several runs"),
         (
             lambda: pt.simulation.lowest_rate(SENSOR, ADMITTANCE, 0.5, distance=0.0),
-            "gain: found 0.5 N s, expected a negative value",
+            "gain: found 0.5 N s, which does not mitigate the impact",
         ),
         (
             lambda: pt.simulation.gain_limit(SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=-1.0),
@@ -106,7 +106,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
             lambda: pt.simulation.gain_limit(
                 SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=0.0
             ).bounds(weakest=-1.0),
-            "a faster sensor allows stronger gains",
+            "a faster sensor allows a stronger gain",
         ),
         (
             lambda: pt.simulation.largest_damping(

@@ -186,7 +186,7 @@ def test_the_report_says_that_exponent_and_offset_run_away():
     fit = fit_sensor(noisy("exponential-1", 4), "inverse-power")
     assert math.isinf(fit.parameters["exponent"].high)
     assert math.isinf(fit.parameters["distance_offset"].high)
-    assert "can grow together without bound" in fit.unidentifiable[0]
+    assert "can grow together" in fit.unidentifiable[0]
     # the slope stays known: within its own interval, widened twice, and finite as a sensor
     half = fit.middle_slope.high - fit.middle_slope.low
     assert abs(fit.middle_slope.value + 61.0) < half

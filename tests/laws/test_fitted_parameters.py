@@ -71,11 +71,11 @@ def test_readings_that_do_not_bound_a_parameter_are_refused_with_the_way_out() -
     outputs = np.exp(-40 * DISTANCES) * (1 + 0.01 * rng.standard_normal(len(DISTANCES)))
     fit = fit_sensor(Calibration(distances=DISTANCES, outputs=outputs, unit="V"), "inverse-power", offset="zero")
     assert math.isinf(fit.parameters["exponent"].standard_error)
-    words = r"do not bound the parameters distance_offset and exponent.*can grow together.*fewer"
+    words = r"do not determine the fitted parameters distance_offset and exponent.*can grow together.*fewer"
     with pytest.raises(InvalidInputError, match=words):
         parameter_distribution(fit)
     broken = replace(fitted("exponential-1"), covariance=np.full((2, 2), np.inf))
-    with pytest.raises(InvalidInputError, match="do not bound the parameter rate"):
+    with pytest.raises(InvalidInputError, match="do not determine the fitted parameter rate"):
         parameter_distribution(broken)
 
 

@@ -353,7 +353,7 @@ def test_what_is_shown_is_what_was_designed() -> None:
     [
         (
             {"uncertainty": {"obstacle.velocity": Interval(low=-0.4, high=-0.2)}},
-            "an interval has no probabilities, but the measure",
+            "an interval has no probabilities, but the risk measure",
         ),
         ({"uncertainty": {}}, "uncertainty: found none"),
         ({"uncertainty": {"obstacle.speed": Uniform(low=0.1, high=0.2)}}, "which is no input; did you mean"),

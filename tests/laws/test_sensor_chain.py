@@ -181,7 +181,7 @@ def test_a_misfit_moves_the_contact_of_a_run_and_no_noise_does_that_for_it() -> 
 
 def test_a_misfit_asks_for_its_length() -> None:
     with pytest.raises(
-        pt.errors.InvalidInputError, match=r"misfit_length: the misfit of 0\.02 needs a correlation length"
+        pt.errors.InvalidInputError, match=r"misfit_length: .*misfit.* of 0\.02 needs a correlation length"
     ):
         pt.SensorChain(rate=20.0, misfit=0.02)
 

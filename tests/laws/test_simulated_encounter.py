@@ -210,7 +210,8 @@ def test_flags_say_what_was_reported_since_when_and_for_how_long() -> None:
     )
     assert flags["in-contact"].approach_duration == 0
     assert any(
-        "Before contact, the virtual force was limited, first after" in warning for warning in encounter.warnings
+        "Before contact, the virtual force was limited. This happened first after" in warning
+        for warning in encounter.warnings
     )
     assert not any("in-contact" in warning for warning in encounter.warnings)
 
@@ -284,11 +285,12 @@ def test_the_headline_is_made_of_the_numbers() -> None:
     speed, time = encounter.comparison("relative_velocity"), encounter.comparison("time")
     assert speed.relative_difference is not None
     assert time.difference is not None
-    harder = "faster" if speed.relative_difference > 0 else "slower"
+    higher = "higher" if speed.relative_difference > 0 else "lower"
     later = "later" if time.difference > 0 else "earlier"
     assert encounter.headline == (
         f"Contact on the loop at {abs(encounter.run.relative_velocity):.3g} m/s; predicted 0.0815 m/s "
-        f"({abs(100 * speed.relative_difference):.2g} % {harder}, {abs(1e3 * time.difference):.2g} ms {later}); "
+        f"({abs(100 * speed.relative_difference):.2g} % {higher} and "
+        f"{abs(1e3 * time.difference):.2g} ms {later} on the loop); "
         "without mitigation 0.3 m/s."
     )
 

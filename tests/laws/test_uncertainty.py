@@ -144,7 +144,7 @@ def test_correlated_inputs_have_the_covariance_that_was_given() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Interval(low=1.0, high=1.0), "low: found a range from low = 1 to high = 1, but low must be smaller"),
+        (lambda: Interval(low=1.0, high=1.0), "low: found the range from low = 1 to high = 1, but low must be smaller"),
         (lambda: Uniform(low=2.0, high=math.nan), "high: found nan"),
         (lambda: Normal(mean=0.0, deviation=0.0), "deviation: found 0, which must be positive"),
         (lambda: TruncatedNormal(location=0.0, deviation=1.0, low=40.0, high=41.0), "more than 30 standard deviations"),

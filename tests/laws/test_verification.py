@@ -84,8 +84,8 @@ def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
         (
             [velocity_limit(0.1, 0.99)],
             NARROWLY,
-            "60 runs, which demonstrates a probability of only 95.12 % with 95 % confidence (99 % required); "
-            "299 runs would be enough to show this probability",
+            "60 runs, which demonstrates only a probability of 95.12 % (95 % confidence), but 99 % is required; "
+            "if the share stays the same, 299 runs are enough",
         ),
         ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "is met with a margin of only"),
     ],
@@ -224,7 +224,7 @@ def test_no_gain_is_a_verdict_without_numbers() -> None:
     assert found.gain is found.predicted is found.reached is found.mitigated is None
     assert found.comparisons == found.limits == found.changes == ()
     assert "relative_velocity cannot be limited to" in found.headline
-    assert re.search(r", which D_p = -[\d.]+ N s reaches\.$", found.headline)
+    assert re.search(r", with D_p = -[\d.]+ N s\.$", found.headline)
     assert as_json(found.to_dict())
 
 
@@ -233,7 +233,7 @@ def test_a_gain_is_verified_where_there_is_no_ideal_one() -> None:
     assert found.status is DOES_NOT
     assert found.design.gain is None
     (said,) = (text for text in found.warnings if "The ideal design has no gain (infeasible" in text)
-    assert re.search(r", which D_p = -[\d.]+ N s reaches\)\.$", said)
+    assert re.search(r", with D_p = -[\d.]+ N s\)\.$", said)
     assert "relative velocity at contact above 0.0001 m/s in 100 % of 2 runs (none allowed)" in found.headline
     limits = str(found)[str(found).index("required in") :]
     assert line(limits, "relative velocity at contact").startswith("0.0001 m/s every run 0 % ")

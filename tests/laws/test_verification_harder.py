@@ -14,7 +14,7 @@ from pretouch.motion import DAMPER
 from pretouch.simulation.stability import passage
 from pretouch.verification import Effect
 from pretouch.verification.effect import SensorSpeed, chase_in_words
-from pretouch.verification.encounter_parts import faster_in_words
+from pretouch.verification.encounter_parts import higher_in_words
 from pretouch.verification.stability import limit_of
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, verdict
 
@@ -153,8 +153,8 @@ BOTH = {"natural_frequency": (2.0, 12.0)}
 def test_bounds_without_a_gain_that_mitigates_are_refused_with_the_sign(verb: Any) -> None:
     task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=QUICK, bounds=(0.01, 10.0), verify=pt.VerifyOptions(runs=2))
     expected = (
-        "bounds: 0.01 to 10 N s make the robot chase the object; mitigating gains are negative. "
-        "Did you mean -10 to -0.01 N s?"
+        "bounds: the range from 0.01 to 10 N s makes the robot chase the object, because a gain that mitigates the "
+        "impact is negative. Did you mean -10 to -0.01 N s?"
     )
     with pytest.raises(pt.errors.InvalidInputError) as refused:
         verb(task)
@@ -166,7 +166,7 @@ def test_bounds_without_a_gain_that_mitigates_are_refused_with_the_sign(verb: An
 def test_bounds_of_a_drag_are_positive_and_those_with_both_signs_are_searched() -> None:
     drag = pt.Task(SCENARIO, SENSOR, OBJECTIVE, law="virtual-drag", bounds=(-0.1, -1e-3))
     with pytest.raises(
-        pt.errors.InvalidInputError, match=r"mitigating drags are positive. Did you mean 0\.001 to 0\.1"
+        pt.errors.InvalidInputError, match=r"a drag that mitigates the impact is positive. Did you mean 0\.001 to 0\.1"
     ):
         pt.design_gain(drag)
     both = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-10.0, 0.5)))
@@ -207,7 +207,7 @@ def test_a_loop_without_effect_does_not_hold() -> None:
     assert verdict(QUICK, gain=0.0, runs=1, changes=False).status is pt.VerdictStatus.DOES_NOT_HOLD
     one = pt.simulate_encounter(task)
     assert one.warnings[-1].startswith(
-        "The gain has no effect in this run: with the gain, the contact speed is 0.5 m/s, "
+        "The gain has no effect in this run: the contact speed is 0.5 m/s with the gain, "
     )
 
 
@@ -221,9 +221,9 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
     excess = speed.mean() / predicted - 1
     assert excess > 0.1
     assert found.status is pt.VerdictStatus.HOLDS_NARROWLY
-    assert found.reasons[0].startswith(f"contact is {100 * excess:.2g} % faster than predicted: ")
+    assert found.reasons[0].startswith(f"the contact speed is {100 * excess:.2g} % higher than predicted: ")
     assert found.reasons[0] in found.headline
-    assert found.reasons[1].startswith("the sensor is too slow: in 95 % of the runs, contact is up to ")
+    assert found.reasons[1].startswith("the sensor is too slow: in 95 % of the runs, the contact speed is up to ")
     # with a reading of each step, of that instant, the same controller gives what is compared with
     quick = loop_of(rate=1000.0)
     ideal = abs(float(quick.run(SCENARIO, SENSOR, -0.4).relative_velocity))
@@ -294,7 +294,7 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     assert grows
     for values in (result.peak_force, free.peak_force, result.impact_force, free.impact_force):
         assert f"{values.mean():.4g} N" in said[0]
-    assert "the driven obstacle and the robot's drive push with up to " in said[0]
+    assert "the driven obstacle and the robot's drive push with a force of up to " in said[0]
     light = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, obstacle_mass=0.2))
     other = verdict(light, gain=-0.7463, runs=20, changes=False)
     assert not any(text.startswith("After the impact") for text in other.warnings)
@@ -313,25 +313,25 @@ def test_a_run_with_a_sensor_curve_of_its_own_meets_the_noise_of_its_number() ->
 @pytest.mark.parametrize(
     ("excess", "words"),
     [
-        (0.041, "4.1 % faster than predicted"),
-        (0.97, "97 % faster than predicted"),
-        (1.0, "2 times as fast as predicted"),
-        (5.39, "6.4 times as fast as predicted"),
-        (539.0, "540 times as fast as predicted"),
-        (-0.22, "22 % slower than predicted"),
+        (0.041, "4.1 % higher than predicted"),
+        (0.97, "97 % higher than predicted"),
+        (1.0, "2 times as high as predicted"),
+        (5.39, "6.4 times as high as predicted"),
+        (539.0, "540 times as high as predicted"),
+        (-0.22, "22 % lower than predicted"),
     ],
 )
 def test_a_speed_is_compared_in_percent_or_as_a_factor(excess: float, words: str) -> None:
-    assert faster_in_words(excess, "predicted") == words
+    assert higher_in_words(excess, "predicted") == words
 
 
 @pytest.mark.parametrize(
-    ("excess", "words"), [(0.0, "no faster than"), (0.2, "up to 20 % faster than"), (5.39, "6.4 times")]
+    ("excess", "words"), [(0.0, "no higher than"), (0.2, "up to 20 % higher than"), (5.39, "6.4 times")]
 )
 def test_the_speed_of_a_sensor_is_compared_in_words(excess: float, words: str) -> None:
     speed = SensorSpeed(rate=8.0, speed=0.3, fast=0.08, excess=excess, tolerance=0.1)
-    assert f"In 95 % of the runs, contact is {'up to ' * (excess > 1)}{words}" in speed.text
-    assert "with an infinitely fast sensor (up to 10 % faster is allowed)." in speed.text
+    assert f"In 95 % of the runs, the contact speed is {'up to ' * (excess > 1)}{words}" in speed.text
+    assert "with an infinitely fast sensor; an excess of up to 10 % is allowed." in speed.text
 
 
 @pytest.mark.parametrize(

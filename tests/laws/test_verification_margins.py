@@ -46,7 +46,7 @@ def test_where_no_gain_within_the_bounds_has_a_margin_of_2_the_stable_ones_are_s
     assert found.loss.sought_margin == 1
     assert found.loss.curve.gain.min() >= limit.strongest * (1 + 1e-12)
     assert found.loss.curve.gain.min() < limit.strongest / 2
-    assert "best stable gain on this loop (none within the bounds has a gain margin of 2)" in str(found)
+    assert "best stable gain on the simulated loop (none within the bounds has a gain margin of 2)" in str(found)
     none = verdict(LATE, gain=-0.3, runs=2, bounds=(-10.0, 1.1 * limit.strongest)).loss
     assert none is not None
     assert none.loop_gain is None
@@ -255,7 +255,7 @@ def test_where_no_gain_is_stable_the_verdict_says_so() -> None:
     assert found.stability.margin == 0
     assert found.stability.lowest_rate == math.inf
     assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
-    assert "No gain is stable on this loop, however weak" in " ".join(str(found).split())
+    assert "No gain is stable on the simulated loop, however weak" in " ".join(str(found).split())
     assert found.loss is None or found.loss.loop_gain is None
     assert found.reasons[0] == "the loop is unstable with any gain, however weak"
     assert row(report_html(found), "gain margin", "Is the sensor fast enough, and is the loop stable?") == ["0"]

@@ -180,7 +180,7 @@ def test_slopes_of_an_ensemble_are_differences_of_it(sensor: SensorModel) -> Non
     [
         ({"obstacle.velocity": Normal(mean=-0.3, deviation=0.1)}, WorstCase(), [], "which has no bounds"),
         ({"obstacle.velocity": TruncatedNormal(location=-0.3, deviation=0.1, high=0)}, WorstCase(), [], "no bounds"),
-        (BOX, Expected(), [], "an interval has no probabilities, but the measure"),
+        (BOX, Expected(), [], "an interval has no probabilities, but the risk measure"),
         (
             BOX,
             WorstCase(),

@@ -74,7 +74,7 @@ class Extensions:
             ) from error
         problem = self.problem(entry.name, value) or _incomplete(value)
         if problem:
-            raise InvalidInputError(f"{self._label(entry)} {problem}")
+            raise InvalidInputError(f"{self._label(entry)} is invalid: {problem}")
         return value
 
     def _label(self, entry: EntryPoint) -> str:
@@ -94,12 +94,13 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
 
     def problem(name: str, value: Any) -> str:
         if not (isinstance(value, type) and issubclass(value, base)):
-            return f"is {short_repr(value)}, expected a subclass of {of}"
+            return f"found {short_repr(value)}, expected a subclass of {of}"
         kind = getattr(value, "kind", getattr(value, "name", name))
         return (
             ""
             if kind == name
-            else f'has another name than its class, whose kind is "{kind}"; use the same name for both'
+            else f'the kind of the class is "{kind}", but must equal the name of the entry point; use the '
+            "same name for both"
         )
 
     return problem
@@ -109,11 +110,11 @@ def _incomplete(value: Any) -> str:
     """Return why a scenario file cannot create objects of a class, or an empty text if a file can create them."""
     missing = ", ".join(sorted(getattr(value, "__abstractmethods__", ())))
     if missing:
-        return f"is a class without the methods {missing}"
+        return f"the class lacks the methods {missing}"
     for f in fields(value) if isinstance(value, type) and is_dataclass(value) else ():
         if f.init and not f.metadata and f.default is MISSING and f.default_factory is MISSING:
             return (
-                f"has the field {f.name}, which a scenario file cannot set; declare this field by "
+                f"the class has the field {f.name}, which a scenario file cannot set; declare this field by "
                 "pretouch.fields.quantity"
             )
     return ""

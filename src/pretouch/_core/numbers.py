@@ -164,7 +164,7 @@ def chebyshev_extremes(degree: int) -> FloatArray:
 
 
 def chebyshev_sum(terms: FloatArray, z: FloatArray | float) -> FloatArray:
-    """Evaluate several Chebyshev series, one per column of `terms`, each at one point of its own."""
+    """Evaluate several Chebyshev series, one per column of `terms`, at one point per series."""
     return np.asarray(np.polynomial.chebyshev.chebval(z, terms, tensor=False))
 
 

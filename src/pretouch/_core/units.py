@@ -168,7 +168,9 @@ def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
     tokens = tokens[1:]
     if tokens and tokens[0] in {"^", "**"}:
         if len(tokens) < 2 or not re.fullmatch(r"[-+]?\d{1,4}", tokens[1]) or abs(int(tokens[1])) > _LARGEST_POWER:
-            raise UnitError(f"{text!r} is not a valid unit: exponents must be integers, up to {_LARGEST_POWER}")
+            raise UnitError(
+                f"{text!r} is not a valid unit: exponents must be integers with a magnitude of at most {_LARGEST_POWER}"
+            )
         unit = _combine(Unit(1.0, _NONE), unit, int(tokens[1]))
         tokens = tokens[2:]
     return unit, tokens
@@ -265,7 +267,8 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
             number = float(value)
         except OverflowError:
             raise UnitError(
-                f"{name}: found an integer that is too large for a floating-point number ({expected} expected)"
+                f"{name}: found an integer that is too large for a floating-point number, expected a quantity "
+                f"in {expected}"
             ) from None
     if math.isnan(number):
         raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")

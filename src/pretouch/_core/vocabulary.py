@@ -33,7 +33,7 @@ class Entry:
     is_magnitude: bool = True
 
     def in_words(self) -> Entry:
-        """Return words, symbol and unit of the quantity, without its function, which results need not keep."""
+        """Return name, symbol and unit of the quantity, without the function that computes the quantity."""
         return Entry(self.words, self.symbol, self.unit)
 
     @property

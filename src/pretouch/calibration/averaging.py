@@ -207,8 +207,8 @@ def condense(calibration: Calibration) -> Calibration:
     widths = [format_quantity(float(w), "m", 3) for w in (np.diff(places).min(), np.diff(places).max())]
     distinct, source = len(calibration.distinct_distances), calibration.source
     note = (
-        f"The readings at {distinct} distances were combined into {count} groups of neighboring distances, each "
-        f"{widths[0]} to {widths[1]} wide, and averaged."
+        f"The readings at {distinct} distances were combined into {count} groups of neighboring "
+        f"distances, and averaged. Each group is {widths[0]} to {widths[1]} wide."
     )
     return replace(
         calibration,

@@ -83,7 +83,7 @@ class CeilingFits(Value):
         return _ERROR * float(np.sqrt((_ERROR_FREEDOM + cost) / (_ERROR_FREEDOM + max(self.readings - 3, 1))))
 
     def flattened(self, distance: FloatArray) -> FloatArray:
-        """Return for each distance the probability that saturation reduces the slope to below 85 % of the ideal."""
+        """Return for each distance the probability that saturation reduces the slope by more than 15 %."""
         # The slope is compared with that of the ideal curve; distances [m] and probabilities have the shape (N,).
         probability = np.zeros(len(distance))
         for lanes, weight in zip(self.lanes, self.weights, strict=True):
@@ -127,7 +127,7 @@ class CeilingFits(Value):
 
 
 def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray, offset: float) -> DrawnCurve:
-    """Return a smooth sensor curve through points with given log output ln xi and slope g [1/m]."""
+    """Return a smooth sensor curve that passes through points with given log output ln xi and slope g [1/m]."""
     sensor = PiecewiseCubic(
         distances=tuple(distance),
         log_outputs=tuple(np.clip(log_output, -600.0, 600.0)),

@@ -91,7 +91,7 @@ def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
         if isinstance(value, bool) or not isinstance(value, (str, int)) or not str(value).strip():
             raise CalibrationDataError(
                 f"columns: found {value!r} for the {key}, expected a column header, a column number such as "
-                f'{key}=1, or a unit such as {key}="[{"mm" if key == "distance" else "V"}]"'
+                f'{key}=1, or a unit in brackets such as {key}="[{("mm" if key == "distance" else "V")}]"'
             )
         text = str(value).strip()
         match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", text)

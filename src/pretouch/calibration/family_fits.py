@@ -141,7 +141,7 @@ _ROUNDS: Final = 4
 def find_noise(
     curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...] = ()
 ) -> NoiseEstimate:
-    """Estimate the noise of the readings and the misfit of the best-fitting sensor curve."""
+    """Estimate the noise of the readings, and the fixed error (misfit) of the best-fitting sensor curve."""
     # The offset is None if it is fitted. By default, all families of three parameters are fitted.
     value = None if offset is None else offset.value
     freedom = max(len(curve.distance) - 3 - (value is None), 1)
@@ -192,7 +192,7 @@ def find_noise(
 def _separate_noise_from_misfit(
     curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray
 ) -> NoiseEstimate:
-    """Separate noise from misfit by comparing neighboring residuals, if each distance was read only once."""
+    """Separate random noise from the fixed error of the curve by comparing neighboring residuals of single readings."""
     row, share = miss / noise.of_means(curve.count, signal), 1.0
     if len(row) >= 5 and noise.misfit > 0:
         rough = float(np.mean(np.diff(row) ** 2) / 2 / max(float(np.mean(row**2)), 1e-300))
@@ -201,7 +201,7 @@ def _separate_noise_from_misfit(
 
 
 def _misfit(curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray, freedom: int) -> float:
-    """Return the misfit that explains why residuals exceed the noise, or 0 if the noise explains them fully."""
+    """Return the fixed error of the curve (misfit) that noise cannot explain, or 0 if noise explains the residuals."""
     # With this misfit, chi squared equals its degrees of freedom.
     from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
 

@@ -133,7 +133,7 @@ def estimates(
 
 
 def _check_identifiable(best: Fits, names: list[str]) -> None:
-    """Raise an error if a fitted curve changes with several parameters in exactly the same way."""
+    """Raise an error if readings cannot tell parameters of a fitted curve apart, because their effects are equal."""
     norms = np.linalg.norm(best.jacobian[0], axis=0)
     free = np.flatnonzero(norms)  # a parameter at its bound has no derivatives
     if not len(free):
@@ -142,8 +142,8 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
     if s[-1] < _REDUNDANT * s[0]:
         involved = [names[free[i]] for i in np.flatnonzero(np.abs(vt[-1]) > _INVOLVED)]
         raise InvalidInputError(
-            f"{' and '.join(involved)}: readings cannot distinguish the effects of these parameters on the "
-            "sensor curve; remove one of the parameters"
+            f"{' and '.join(involved)}: the readings cannot distinguish the effects of these parameters "
+            "on the sensor curve; remove one of the parameters"
         )
 
 
@@ -208,7 +208,7 @@ def fit_sensor(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> SensorFit:
-    """Fit one sensor model to a calibration, such as inverse power L(3) or exponential L(5) and L(6).
+    """Fit one sensor model to a calibration, such as the inverse power, L(3), or an exponential curve, L(5) or L(6).
 
     The model is fitted to ln xi.
 

@@ -158,7 +158,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
             Measured(n.output, unit),
             f"standard deviation without signal, from {n.output_source}",
         )
-        relative = f"standard deviation of one reading, divided by the signal; source: {n.relative_source}"
+        relative = f"standard deviation of one reading relative to the signal; source: {n.relative_source}"
         yield "noise relative to the signal", f"{100 * n.relative:.3g} %", relative
         length = f"; correlation length {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
         yield (
@@ -182,7 +182,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
 
 
 def _given_offset(report: CalibrationReport) -> str:
-    """Return a clause that names the sensor offset for which the uncertainty of the slope is valid."""
+    """Return a clause that names the offset that was assumed when the uncertainty of the sensor slope was computed."""
     offset, unit = report.offset, report.calibration.unit
     if offset is None:
         return "over all curves that fit the readings"

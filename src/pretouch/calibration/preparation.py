@@ -80,9 +80,9 @@ def prepare(
     count = len(curve.distance) - near.index
     if count < needed:
         few = (
-            f"Only {count} distance{'s are' if count != 1 else ' is'} usable ({near.reason}), but at least "
-            f"{needed} distances are needed: measure at 8 or more distances, out to where the output no longer "
-            "changes, and record readings with no object."
+            f"Only {count} distance{('s are' if count != 1 else ' is')} usable (reason: {near.reason}), "
+            f"but a curve needs at least {needed} distances: measure at 8 or more distances, out to where "
+            "the output no longer changes, and record readings with no object."
         )
         return _nothing(calibration, curve, near, offset_estimate, few)
     if not np.ptp(curve.output[near.index :]) > 0:
@@ -285,10 +285,10 @@ def _why_no_signal(
         far = format_quantity(window.distances[-1], "m") if count else "none"
         floor = f"{window.floor:.4g} {unit}".rstrip()
         reasons.append(
-            f"Only {count} distance{' is' if count == 1 else 's are'} above the signal floor of {floor}, but a "
-            f"curve needs {_FEWEST_POINTS} distances (last distance: {far}, offset: {offset.in_words('')}, noise "
-            f"of one reading: {noise.output:.2g}): measure in finer steps near the sensor, repeat readings, and "
-            "record the output with no object."
+            f"Only {count} distance{(' is' if count == 1 else 's are')} above the signal floor of {floor}, "
+            f"but a curve needs {_FEWEST_POINTS} distances. The last distance is {far}, the offset is "
+            f"{offset.in_words('')}, and the noise of one reading is {noise.output:.2g}: measure in finer "
+            "steps near the sensor, repeat readings, and record the output with no object."
         )
     return tuple(reasons)
 

@@ -38,7 +38,7 @@ class SlopeUncertainty(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawnCurve(Value):
-    """A random sensor curve that fits the readings, with its sensor offset.
+    """A randomly generated sensor curve that fits the readings, together with its sensor offset.
 
     Args:
         sensor: the curve, valid on the window.
@@ -132,7 +132,7 @@ class OffsetEstimate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseEstimate(Value):
-    """Random noise of the readings, and systematic misfit between sensor curve and readings.
+    """Random noise of the readings, and the fixed error (misfit) of the fitted sensor curve.
 
     The mean of n readings has the variance (output^2 + (relative xi)^2) / n + (misfit xi)^2 about the curve.
 
@@ -155,7 +155,7 @@ class NoiseEstimate(Value):
     relative_source: str = ""
 
     def relative_of_means(self, count: IntArray) -> FloatArray:
-        """Return the relative error of the mean of `count` readings, caused by relative noise and misfit."""
+        """Return the relative error of the mean of `count` readings, caused by noise and by the error of the curve."""
         return np.asarray(np.maximum(np.sqrt(self.relative**2 / count + self.misfit**2), _FINEST))
 
     def of_means(self, count: IntArray, signal: FloatArray) -> FloatArray:

@@ -75,9 +75,9 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
     if gap is not None:
         share, near, far = gap[0], *(format_quantity(d, "m", 3) for d in gap[1:])
         warnings.append(
-            f"From {near} to {far}, the readings are {100 * abs(share):.0f} % "
-            f"{'flatter' if share > 0 else 'steeper'} than the best model, {best.model}, so the true curve has "
-            "another shape. The table model follows the true shape."
+            f"Between the distances {near} and {far}, the readings are {100 * abs(share):.0f} % "
+            f"{('flatter' if share > 0 else 'steeper')} than the best model, {best.model}, so the true "
+            "curve has another shape. The table model follows the true shape."
         )
     return warnings
 

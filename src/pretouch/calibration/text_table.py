@@ -125,7 +125,7 @@ def _refuse_other_widths(
         if len(row) != len(header):
             place, hint = f"{file}, line {number}", _hint(row, delimiter)
             raise CalibrationDataError(
-                f"{place}: this row has {len(row)} cells, but the header has {len(header)} cells{hint}",
+                f"{place}: this row has {_cells_in_words(row)}, but the header has {_cells_in_words(header)}{hint}",
                 problem=f"{place}: this row and the header have different numbers of cells",
             )
 
@@ -281,6 +281,11 @@ def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str,
         if len(cells) == expected:
             return tuple(cell.strip() for cell in cells)
     return tuple(words)
+
+
+def _cells_in_words(cells: Sequence[str]) -> str:
+    """Return a number of table cells as text, such as `1 cell` or `3 cells`."""
+    return f"{len(cells)} cell{'s' * (len(cells) != 1)}"
 
 
 def _hint(row: Sequence[str], delimiter: str) -> str:

@@ -125,7 +125,8 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
         reading = _level(prepared.calibration, lowest)
         reasons.append(
-            f"The {named} is larger than some readings ({reading}), which therefore contain no signal: {record}."
+            f"The {named} is larger than some readings, such as {reading}, so these readings contain no "
+            f"signal: {record}."
         )
     if offset.kind == "fitted" and prepared.flattens:
         similar = (
@@ -148,7 +149,7 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
 
 
 def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
-    """Return a warning if even the best sensor model does not follow the readings."""
+    """Return a warning if the readings deviate from the best sensor model by more than noise explains."""
     if prepared.noise is None or prepared.noise.misfit <= _LARGE_MISFIT:
         return []
     table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""

@@ -242,8 +242,8 @@ def window_of(
     if end < len(indices):
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
         reason = (
-            f"from {beyond} on, the output is less than {floor_sigmas:g} standard errors (that is, "
-            f"{floor - offset.value:.3g}{unit}) above the offset of {offset.value:.4g}{unit}"
+            f"at distances from {beyond} on, the output exceeds the offset {unit}{offset.value:.4g} by "
+            f"less than {floor_sigmas:g} standard errors, that is, by less than {floor - offset.value:.3g}{unit}"
         )
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),

@@ -143,9 +143,9 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
     near, far = (format_quantity(max(d - recess, 0.0), "m") for d in (window.l_min, window.l_max))
     return (
-        f"the calibration covers only distances from {near} ({window.start_reason}) to {far} "
-        f"({window.end_reason}); calibrate over more distances, or extend the curve with minimum_distance or "
-        "maximum_distance"
+        f"the calibration covers only distances from {near} (reason: {window.start_reason}) to {far} "
+        f"(reason: {window.end_reason}); calibrate over more distances, or extend the curve with "
+        "minimum_distance or maximum_distance"
     )
 
 
@@ -261,22 +261,23 @@ class _Builder(Reading):
                 cause, other = f" ({window.start_reason.partition(' (')[0]})", "calibrate with lower amplification"
             self.refuse(
                 ("sensor",),
-                f"the sensor curve starts {1e3 * low:.4g} mm from contact{cause}, but is needed down to contact; "
-                f"{recess_advice(recess + low, recess)}, or {other}",
+                f"the sensor curve starts {1e3 * low:.4g} mm from contact{cause}, but is needed down "
+                f"to contact; {recess_advice(recess + low, recess)}, or {other}",
             )
         if scenario.distance > high:
             cause, extending = ", the end of the sensor's valid range", ""
             if window is not None and window.l_max <= (recess + high) * (1 + _ROUNDING):
                 cause = f", the end of the calibrated range ({window.end_reason})"
                 extending = (
-                    " To start at this distance, calibrate at larger distances, or extend the curve with "
-                    f'maximum_distance = "{1e3 * scenario.distance:.4g} mm" if the model allows it (a table does '
-                    f"not): {consequence}."
+                    " To start at this distance, calibrate at larger distances, or set "
+                    f'maximum_distance = "{1e3 * scenario.distance:.4g} mm" to extrapolate the curve, which is not '
+                    f"possible for a table: {consequence}."
                 )
             self.refuse(
                 ("obstacle", "position"),
-                f"the encounter starts at a distance of {1e3 * scenario.distance:.4g} mm, but the sensor curve "
-                f"ends at {1e3 * high:.4g} mm{cause}; start the encounter at a smaller distance.{extending}",
+                f"the encounter starts at a distance of {1e3 * scenario.distance:.4g} mm, but the sensor "
+                f"curve ends at a distance of {1e3 * high:.4g} mm{cause}; start the encounter at a smaller "
+                f"distance.{extending}",
             )
 
     def check_frequencies(self, scenario: Scenario | None) -> None:

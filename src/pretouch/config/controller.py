@@ -92,8 +92,8 @@ def _conditioning(file: Reading, values: Mapping[str, Any], chain: SensorChain, 
         if saturation <= offset + floor:
             file.refuse(
                 ("chain", "highest"),
-                f"the readings saturate at {saturation:g}, but must reach more than {offset + floor:g}, the sum "
-                "of the controller's offset and floor",
+                f"the readings saturate at {saturation:g}, but must exceed {offset + floor:g}, the sum of the "
+                "controller's offset and floor, in the unit of the sensor output",
             )
             return None
     return file.attempt(
@@ -121,7 +121,7 @@ def refuse_curve_below_floor(
     key = next(k for k in ("scale", "outputs", "calibration") if k in file.data["sensor"])
     file.refuse(
         ("sensor", key),
-        f"the sensor output is {math.exp(log_output):.4g} at contact, below the controller's floor of "
-        f"{conditioning.floor:.4g}, so the controller would ignore it; expected outputs{unit} well above the "
-        "floor, in the same unit as noise and floor",
+        f"the sensor output at contact is {math.exp(log_output):.4g}, which is below the controller's "
+        f"floor of {conditioning.floor:.4g}, so the controller would ignore the object; expected "
+        f"outputs{unit} well above the floor, in the same unit as noise and floor",
     )

@@ -78,7 +78,10 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except RecursionError:
-        raise ScenarioFileError(f"{path}, line 1: the lists are nested too deeply for a scenario file") from None
+        raise ScenarioFileError(
+            f"{path}, line 1: the lists or inline tables are nested too deeply; lists of a scenario file contain "
+            "only numbers, texts or tables"
+        ) from None
     except ValueError as error:  # TOMLDecodeError, or an integer with thousands of digits
         lines = text.split("\n")
         message = str(error)
@@ -86,6 +89,8 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
         number = int(place.group(1)) if place and place.group(1) else len(text.rstrip().split("\n"))
         if place is None:
             number = max(range(len(lines)), key=lambda i: len(lines[i])) + 1
+        if "set_int_max_str_digits" in message:  # Python refuses to parse integers with thousands of digits
+            message = "a number has thousands of digits, expected a number such as 0.0422 or 1e6"
         what = _PLACE.sub("", message)
         line_text = lines[number - 1].strip() if number <= len(lines) else ""
         line_text = line_text if len(line_text) <= 60 else f"{line_text[:57]}..."

@@ -112,12 +112,12 @@ def _controller(law: ContinuousLaw) -> Section:
 
 
 def _check_drag(values: Mapping[str, Any]) -> None:
-    """Check that the file chooses the virtual drag in exactly one way: by a number, an effect, or the objective."""
+    """Check that a file chooses the virtual drag in only one way: by coefficient, limit, speed ratio or objective."""
     ways = [name for name in ("drag", *EFFECTS) if name in values]
     if len(ways) > 1:
         raise UnfitValueError(
-            f"found the keys {ways[0]} and {ways[1]}, but only one of these keys is allowed: "
-            f"{', '.join(EFFECTS)}, drag",
+            f"found the keys {ways[0]} and {ways[1]}, but only one of the keys {', '.join(EFFECTS)} and "
+            "drag is allowed",
             ways[1],
         )
     if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:

@@ -21,8 +21,9 @@ def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: Cali
     if part is not None and unit and part.unit not in {"", unit}:
         file.refuse(
             ("chain", "part"),
-            f"the sensor component reports {part.unit}, but the outputs of the sensor curve are in {unit} "
-            f"({_location(file, path)}); use a curve in {part.unit}, or a component that reports {unit}",
+            f"the sensor component reports readings in {part.unit}, but the outputs of the sensor curve "
+            f"are in {unit} ({_location(file, path)}); use a curve in {part.unit}, or a component that "
+            f"reports {unit}",
         )
         return
     if part is not None and not unit:

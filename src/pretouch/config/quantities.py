@@ -139,8 +139,9 @@ class Quantity:
         number = self._number(value)
         if not isinstance(value, str) and abs(number) > self.largest_bare:
             raise UnfitValueError(
-                f"expected a quantity with its unit, because the number is implausibly large in {self.unit}, the "
-                f'default unit; did you mean "{value:g} m{self.unit}"? Otherwise write "{value:g} {self.unit}"'
+                "expected a quantity with its unit, because the number is implausibly large in the default "
+                f'unit {self.unit}; did you mean "{value:g} m{self.unit}"? Otherwise write "{value:g} '
+                f'{self.unit}"'
             )
         if self.sign != "any" and not _HOLDS[self.sign](number, 0.0):
             raise UnfitValueError(f"expected {self._described(f'{self.sign} ')}")
@@ -170,8 +171,8 @@ class Quantity:
         if counts and instead:
             number = text.strip()
             return (
-                f'a number with its unit, such as "{number} {volts}" or "{number} {counts}", or {float(number):.15g} '
-                "without quotes, which is in the unit of the readings"
+                f'a number with its unit, such as "{number} {volts}" or "{number} {counts}", or the bare '
+                f"number {float(number):.15g}, which has the unit of the readings"
             )
         if instead and abs(float(text)) > self.largest_bare:
             return f'{instead.partition(", or ")[0]} or "{text.strip()} {self.unit}"'

@@ -338,5 +338,8 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
         return f'this key belongs to the law "{owners[0]}", but the scenario file uses another law; expected {instead}'
     if name in _TAGS:
         quoted = " and ".join(f'"{owner}"' for owner in owners)
-        return f'this key belongs to {quoted}, but not to "{content[_TAGS[name]]}"; the allowed keys are {takes}'
+        return (
+            f'this key belongs to {quoted}, but this section has the kind "{content[_TAGS[name]]}"; '
+            f"the allowed keys are {takes}"
+        )
     return f"found together with {', '.join(k for k in content if k != key)}, expected only {takes}"

@@ -67,7 +67,7 @@ def _required(
         if name not in limited:
             file.refuse(
                 ("robust", "required", name),
-                f"this probability belongs to no constraint of the scenario file; add the constraint {name} to "
+                f"this probability belongs to no constraint of the scenario file; add a limit for {name} to "
                 "the section [constraints]",
             )
     for constraint in constraints:
@@ -99,8 +99,8 @@ def _uncertainty(
         if "interval" in values and measure != "worst-case":
             file.refuse(
                 (*path, "interval"),
-                f'an interval has no probabilities, but measure = "{measure}" needs probabilities; use uniform '
-                'if all values are equally likely, or measure = "worst-case"',
+                f'an interval has no probabilities, but the risk measure in measure = "{measure}" needs '
+                'probabilities; use uniform if all values are equally likely, or measure = "worst-case"',
             )
         distribution = file.attempt("", partial(_distribution, values), path)
         distributions |= {} if distribution is None else {f"{part}.{key}": distribution}
@@ -149,7 +149,8 @@ def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncerta
         if name in means:
             file.refuse(
                 ("uncertainty", *name.split(".")),
-                f"the input {name} is given twice, alone and in sensor.{FROM_CALIBRATION}; remove one of the two keys",
+                f"the uncertainty of the input {name} is given twice, once alone and once in "
+                f"sensor.{FROM_CALIBRATION}; remove one of the two keys",
             )
         means |= {member: [mean] for member, mean in zip(value.inputs(name), value.means(), strict=True)}
     try:

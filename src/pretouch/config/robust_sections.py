@@ -57,15 +57,15 @@ def _check_distribution(values: Mapping[str, Any]) -> None:
         raise UnfitValueError(f"found {what}, expected exactly one of {', '.join(DISTRIBUTION_KINDS.names())}")
     if "between" in values and "normal" not in values:
         raise UnfitValueError(
-            f"the key between is given together with {kinds[0]}, but is allowed only together with normal, whose "
-            "distribution it truncates",
+            f"the key between is given together with {kinds[0]}, but belongs only to the key normal, "
+            "because it truncates a normal distribution",
             "between",
         )
     for key in ("uniform", "interval", "between"):
         pair = values.get(key)
         if pair is not None and not pair[0] < pair[1]:
             raise UnfitValueError(
-                f"found the number {pair[0]:g} followed by {pair[1]:g}, expected the smaller number first", key
+                f"found the number {pair[0]:g} before the number {pair[1]:g}, expected the smaller number first", key
             )
     if "normal" in values and not values["normal"][1] > 0:
         deviation = values["normal"][1]
@@ -189,13 +189,13 @@ def _check_measure(values: Mapping[str, Any]) -> None:
     needs_probability = measure in {"quantile", "tail-mean"}
     if needs_probability and "probability" not in values:
         raise UnfitValueError(
-            f"the measure {measure} needs a probability, but the key probability is missing; add, for example: "
-            "probability = 0.9"
+            f"the risk measure {measure} needs a probability, but the key probability is missing; add, "
+            "for example: probability = 0.9"
         )
     if not needs_probability and "probability" in values:
         raise UnfitValueError(
-            f"the measure {measure} does not use a probability; remove the key probability, or use the measure "
-            "quantile or tail-mean",
+            f"the risk measure {measure} does not use a probability; remove the key probability, or use "
+            "the measure quantile or tail-mean",
             "probability",
         )
 

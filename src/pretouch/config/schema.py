@@ -46,7 +46,7 @@ _OBSTACLE: Final = ("obstacle speed",)
 
 
 def _check_second_term(values: Mapping[str, Any]) -> None:
-    """Check that the objective L(20) or L(22) weighs either the contact velocity or the impact force, but not both."""
+    """Check that the letter's objective L(20) or L(22) weighs contact velocity or impact force, but not both."""
     expected = 'expected either velocity_scale = "0.3 m/s" or force_scale = "100 N"'
     if {"velocity_scale", "force_scale"} <= set(values):
         raise UnfitValueError(f"found both velocity_scale and force_scale, {expected}", "force_scale")
@@ -213,8 +213,8 @@ def _check_course(values: Mapping[str, Any]) -> None:
     for i, (before, after) in enumerate(pairwise(ends), 1):
         if not after > before:
             sentence = (
-                f"this stretch of the obstacle's motion ends at {after:g} s, but must end after {before:g} s, "
-                "the end of the stretch before"
+                f"this stretch of the obstacle's motion ends at {after:g} s, but must end after the previous "
+                f"stretch, which ends at {before:g} s"
             )
             raise UnfitValueError(sentence, "course", i, "until")
 

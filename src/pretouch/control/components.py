@@ -120,7 +120,7 @@ class Conditioning:
         )
 
     def fade_step(self, period: float) -> float:
-        """Return by which share the virtual force decreases per control period [s] while a reading is overdue."""
+        """Return the share by which the virtual force decreases in each control period while a reading is overdue."""
         # A share of 1 removes the force at once.
         sensor_period = period if self.sensor_period is None else self.sensor_period
         fade_time = _FADE_PERIODS * sensor_period if self.fade_time is None else self.fade_time
@@ -170,7 +170,7 @@ def _second_order(warped: float, damping: float) -> FilterSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualAdmittance:
-    """Virtual mass M_a, damping D_a and stiffness K_a of the controller's admittance L(1).
+    """Virtual mass M_a, damping D_a and stiffness K_a of the controller's admittance, equation L(1).
 
     Args:
         mass: M_a > 0 [kg].
@@ -191,7 +191,7 @@ class VirtualAdmittance:
 
 
 def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumbers:
-    """Discretize the admittance L(1) exactly for one control period of constant force.
+    """Discretize the admittance, equation L(1), exactly for one control period of constant force.
 
     Let z_1, z_2 be the roots of the free motion times the period. All six numbers follow from the divided differences
     G_0 = exp[z_1, z_2] and G_1 = exp[0, z_1, z_2]. Both are entire functions, so critical damping, zero stiffness and
@@ -271,8 +271,8 @@ class Limits:
             value = getattr(self, name)
             if value is not None and value > NO_LIMIT:
                 raise InvalidInputError(
-                    f"largest {name}: found {value!r}, expected a number up to {NO_LIMIT:g} {unit}; omit this "
-                    "argument if there is no limit"
+                    f"largest {name}: found {value!r}, expected a number of at most {NO_LIMIT:g} {unit}; omit "
+                    "this argument if there is no limit"
                 )
 
 

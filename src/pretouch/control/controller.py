@@ -134,9 +134,9 @@ class Controller:
         farthest = max(abs(x), ahead + stopping_distance(limits, abs(v)))
         if abs(v) > limits.speed or farthest > limits.excursion:
             raise InvalidInputError(
-                f"start: the robot starts at {x:g} m and {v:g} m/s relative to the reference, and cannot stay "
-                f"within the limits ({self.limits}) from there; start nearer to the reference or slower, or "
-                "widen the limits"
+                f"start: relative to the reference, the robot starts at the position {x:g} m with the "
+                f"velocity {v:g} m/s, and cannot stay within the limits ({self.limits}) from there; start "
+                "nearer to the reference or slower, or widen the limits"
             )
         sensing = start_sensing(self.conditioning.numbers(self.period))
         return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())

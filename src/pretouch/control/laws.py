@@ -71,7 +71,7 @@ class Setting(Protocol):
 
     @property
     def admittance(self) -> VirtualAdmittance:
-        """The virtual mass, damping and stiffness of the controller, as in L(1)."""
+        """The virtual mass, damping and stiffness of the controller, as in the admittance equation L(1)."""
 
 
 class SteppedLaw(Protocol):
@@ -232,7 +232,7 @@ def push_by_drag(
 def drive(
     numbers: DriveNumbers, state: DriveState, observation: Observation, push: Push, sample: Sample
 ) -> tuple[DriveState, Output]:
-    """Compute the motion of the virtual object over one control period from the force and the admittance L(1).
+    """Compute the motion of the virtual object over one control period from the force by the admittance equation L(1).
 
     This is the last block of a step.
 
@@ -269,7 +269,7 @@ _STEP = CompiledStep("step_damper")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualDamper:
-    """Virtual damper F_p = D_p xi'/xi of the published letter, L(2), applied as one impulse per reading.
+    """Virtual damper F_p = D_p xi'/xi of the published letter, L(2), which applies one impulse for each reading.
 
     The impulses D_p d(ln xi) are exact at any sampling rate.
 
@@ -297,7 +297,7 @@ class VirtualDamper:
 
     @property
     def continuous(self) -> str:
-        """The name of the continuous-time virtual damper, L(2), that this sampled law approximates."""
+        """The name of the continuous-time virtual damper, equation L(2), that this sampled law approximates."""
         return "virtual-damper"
 
     @property

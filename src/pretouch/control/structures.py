@@ -196,7 +196,7 @@ class DamperNumbers(Structure):
 
 
 class DamperState(Structure):
-    """State of the virtual damper: how far its gain has faded in, and which signal level counts as a new approach.
+    """State of the virtual damper: the present share of its gain, and the signal level that counts as a new approach.
 
     ln xi has to exceed this level if the law acts on approaches only.
     """
@@ -238,7 +238,7 @@ class Push(Structure):
 
 
 class AdmittanceNumbers(Structure):
-    """Transition matrix and input vector of the exactly discretized admittance L(1).
+    """Transition matrix and input vector of the exactly discretized admittance equation L(1).
 
     The state is (x~, x~'), and the force is constant over a period.
     """

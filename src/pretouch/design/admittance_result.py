@@ -134,7 +134,7 @@ class AdmittanceDesign(Answer):
         """
         if self.gain_design is None:
             raise ResultUnavailableError(
-                f"admittance: the design found no optimal admittance (status: {self.status.value})"
+                f"admittance: the design found no optimal admittance; its status is {self.status.value}"
             )
         return self.gain_design.scenario.admittance
 
@@ -175,13 +175,13 @@ class AdmittanceDesign(Answer):
         text = (
             "The optimal admittance has a natural frequency of "
             f"{format_quantity(self.natural_frequency or 0.0, 'rad/s')} and a damping ratio of "
-            f"{self.damping_ratio:.4g}, with {self.number.equals(self.gain or 0.0)}."
+            f"{self.damping_ratio:.4g}, and the optimal gain is {self.number.equals(self.gain or 0.0)}."
         )
         if self.unchanged.objective is not None:
             change = 100 * (self.objective / self.unchanged.objective - 1)
             than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
-            return f"{text} The objective {self.objective:.4g} is {than} with the unchanged admittance."
+            return f"{text} The value {self.objective:.4g} of the objective is {than} with the admittance of the task."
         return (
-            f"{text} The objective is {self.objective:.4g}. With the original admittance, no gain meets every "
-            "constraint."
+            f"{text} The objective is {self.objective:.4g}. With the admittance of the task, no gain "
+            "meets every constraint."
         )

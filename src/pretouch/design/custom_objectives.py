@@ -88,8 +88,8 @@ def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an o
     if callable(getattr(objective, "value", None)) or (callable(objective) and not isinstance(objective, type)):
         return ""
     return (
-        f"is {short_repr(objective)}, but an objective must be a function of the state at contact, or a class or "
-        "object with the method value(state, obstacle_speed, impact)"
+        f"found {short_repr(objective)}, but an objective must be a function of the state at contact, "
+        "or a class or object with the method value(state, obstacle_speed, impact)"
     )
 
 

@@ -1,4 +1,4 @@
-"""Compute the evidence that a designed gain is optimal, and its sensitivity to the inputs."""
+"""Compute the evidence that a designed gain is optimal, and how sensitive the gain is to the inputs."""
 
 from __future__ import annotations
 
@@ -219,7 +219,7 @@ class GainEvidence(Answer):
         )
 
     def _at_answer(self, best: Minimum) -> Minimum:
-        """Return the best local minimum of the search, moved to the optimal gain if a faster search found that gain."""
+        """Return the best local minimum of the search, or this minimum moved to the optimal gain of a faster search."""
         if self.settled is None:
             return best
         return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))
@@ -257,7 +257,7 @@ class GainEvidence(Answer):
 
 
 def settle(problem: GainProblem) -> tuple[Any, Any, Any] | None:
-    """Design gains by faster searches; return None if the result for a single encounter is uncertain."""
+    """Find optimal gains by a fast search; return None if the fast search is not certain of the result."""
     if problem.task.scenario.shape:
         return design_many(problem, _search_one)
     free = problem.within_gain_limit()

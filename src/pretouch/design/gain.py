@@ -30,7 +30,7 @@ _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 
 def designed_number(task: Task) -> float | None:
-    """Return the designed gain of a task, or the coefficient of the virtual drag whose effect the task requires.
+    """Return the designed gain of a task, or the designed coefficient of a virtual drag.
 
     Returns:
         The number, such as D_p [N s] or phi [N s^2]; None if no gain meets the constraints or ends in contact.
@@ -179,7 +179,9 @@ def _conflict(design: GainDesign) -> str:
     if len(exceeded) == 1:
         one = exceeded[0]
         value, limit = (format_quantity(x or 0.0, one.unit) for x in (one.value, one.limit))
-        return f"{one.name} cannot be limited to {limit}: the nearest achievable value is {value}, which {gain} reaches"
+        return (
+            f"{one.name} cannot be limited to {limit}: the smallest value that any gain reaches is {value}, with {gain}"
+        )
     nearest = " and ".join(
         f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
         for o in exceeded
@@ -190,8 +192,8 @@ def _conflict(design: GainDesign) -> str:
         if not o.achievable
     )
     return (
-        f"the limits of {' and '.join(o.name for o in exceeded)} cannot be met together; the nearest choice is "
-        f"{gain}, with {nearest}{alone}"
+        f"the limits of {' and '.join(o.name for o in exceeded)} cannot be met together; the limits "
+        f"are violated least with {gain}, which results in {nearest}{alone}"
     )
 
 
@@ -200,8 +202,8 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     yield from _about_contact(design, scanned)
     if design.certificate is not None and design.certificate.at == "bound":
         yield (
-            f"the optimum lies on the bound {design.number.text(design.gain or 0.0)}; a wider range may contain "
-            f"a better {design.number.name}"
+            f"the optimal {design.number.name} lies on its bound {design.number.text(design.gain or 0.0)}; "
+            "a wider range may contain a better value"
         )
     if design.certificate is not None and design.certificate.at == "edge of contact":
         yield "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed"
@@ -223,8 +225,8 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:
             yield (
-                f"the computed motion violates its impulse balance by a relative error of {residual:.0e} "
-                f"(usually at most {_RESIDUAL:.0e}), so the results are less accurate"
+                f"the impulse balance of the computed motion has a relative error of {residual:.0e}, which is "
+                f"usually at most {_RESIDUAL:.0e}, so the results are less accurate"
             )
 
 
@@ -255,8 +257,8 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
             )
         nearest = float(np.asarray(scanned.closest_distance)[status == kind].min())
         yield (
-            f"with {share}, the encounter ended without contact{cause}. {kind.meaning} The smallest distance was "
-            f"{format_quantity(nearest, 'm')}."
+            f"for {share}, the encounter ended without contact{cause}. {kind.meaning} The smallest "
+            f"distance was {format_quantity(nearest, 'm')}."
         )
     if design.gain is not None and not design.no_mitigation.reached.all():
         yield "without mitigation the encounter does not end in contact"
@@ -265,7 +267,7 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 @check_arguments
 @with_file_location
 def design_gain(task: Task) -> GainDesign:
-    """Find the gain D_p that minimizes an objective within constraints, as in the design problems L(20) to L(23).
+    """Find the gain D_p that minimizes an objective within constraints: the letter's design problems L(20) to L(23).
 
     The whole range of gains is scanned until each gain is well interpolated from its neighbors. Then each local
     minimum is refined, and the best one is the answer. The result does not depend on a starting point. With another

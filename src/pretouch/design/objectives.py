@@ -116,7 +116,7 @@ class Objective:
 def excursion_objective(
     *, position_scale: float, velocity_scale: Scale, position_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the objective L(20), the weighted sum of squared excursion and squared relative velocity at contact.
+    """Make the letter's objective L(20): the weighted sum of squared excursion and squared contact velocity.
 
     Args:
         position_scale: x_typ [m]; x is the deviation from the reference at contact, x - x_d.
@@ -142,7 +142,7 @@ def excursion_objective(
 def time_objective(
     *, time_scale: float, velocity_scale: Scale, time_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
-    """Make the objective L(22), the weighted sum of squared time of contact and squared relative velocity at contact.
+    """Make the letter's objective L(22): the weighted sum of squared contact time and squared contact velocity.
 
     Args:
         time_scale: t_typ [s].

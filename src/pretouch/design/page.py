@@ -140,8 +140,8 @@ def _next_step(design: GainDesign) -> str:
     if design.without_margin is not None:
         gain = design.without_margin.gain
         return (
-            "read the sensor faster: `pretouch verify` reports the sensor rate that "
-            f"{design.number.equals(gain)} needs, the optimum without the gain margin"
+            f"read the sensor faster: without the gain margin, {design.number.equals(gain)} is optimal, "
+            "and `pretouch verify` reports the sensor rate that this value needs"
         )
     if design.result is None:
         return (

@@ -122,7 +122,7 @@ def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactMod
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainProblem(Value):
-    """A task, and the scaled axis of gains on which the search looks for the optimum.
+    """The problem of finding the optimal gain of a task, with the transformed gain as search variable.
 
     Args:
         task: the task.
@@ -201,7 +201,7 @@ class GainProblem(Value):
         return self.changed(scenario=map_fields(self.task.scenario, select))
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Compute the objective and the constraints at several gains, which are scaled for the search."""
+        """Compute the objective and the constraints for several gains, given as values of the search variable."""
         task, result = self.task, self.run(self.axis.gain(coordinate))
         reached, speed = result.reached, abs(task.scenario.obstacle.velocity)
         ratios = [c.magnitude(result.end, task.impact) / c.limit for c in task.limits]

@@ -95,8 +95,13 @@ class ContactQuantity(str):
 def _quantity_problem(name: str, quantity: Any) -> str:
     """Return an error message if the quantity of an installed package is invalid; otherwise return an empty text."""
     if not isinstance(quantity, ContactQuantity):
-        return f"is {short_repr(quantity)}, expected a pretouch.design.ContactQuantity"
-    return "" if quantity == name else f'has another name than its quantity "{quantity}"; use the same name for both'
+        return f"found {short_repr(quantity)}, expected a pretouch.design.ContactQuantity"
+    return (
+        ""
+        if quantity == name
+        else f'the name of the quantity is "{quantity}", but must equal the name of the entry point; use '
+        "the same name for both"
+    )
 
 
 QUANTITY_KINDS: Final = Extensions(group="pretouch.terms", built_in=lambda: _BUILT_IN, problem=_quantity_problem)

@@ -1,4 +1,4 @@
-"""Optimize a virtual drag that depends on the sensor reading, if the scale of the sensor output is uncertain.
+"""Optimize a virtual drag whose strength depends on the reading, for sensors whose output scale is uncertain.
 
 If the reflectance of the object is uncertain, so is the output scale. Let the output scale be theta times that of the
 calibration. Then the loop reads s = ln xi(l) + ln theta. If phi has the constant value p_j on each step j of s, then
@@ -95,9 +95,11 @@ class DragSchedule(Value):
             )
         saved = 1 - self.largest_excursion / whole
         return (
-            f"the drag schedule is {'worthwhile' if saved >= _WORTH else 'not worthwhile'}: its excursion is "
-            f"{100 * saved:.0f} % smaller ({1e3 * self.largest_excursion:.1f} mm instead of {1e3 * whole:.1f} "
-            f"mm), but its peak acceleration is {self.peak.max() / self.constant.peak:.1f} times as large"
+            "compared with a constant drag, the drag schedule is "
+            f"{('worthwhile' if saved >= _WORTH else 'not worthwhile')}: the excursion is "
+            f"{100 * saved:.0f} % smaller ({1e3 * self.largest_excursion:.1f} mm instead of "
+            f"{1e3 * whole:.1f} mm), but the peak acceleration is "
+            f"{self.peak.max() / self.constant.peak:.1f} times as large"
         )
 
     def drag_at(self, log_output: ArrayLike) -> Any:
@@ -110,7 +112,7 @@ class DragSchedule(Value):
         return ScheduledDrag(schedule=self, drag=drag)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scheduled drag and its predicted effects as one JSON object, in SI units."""
+        """Return the scheduled drag and the predicted approaches as one JSON object, in SI units."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return dict(plain({**values, "gap": self.gap, "verdict": self.verdict}))
 
@@ -238,8 +240,9 @@ def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> Dra
         )
     if not rails.weak.drag <= constant.drag <= rails.strong.drag:
         raise InvalidInputError(
-            f"rails: the weak and the strong virtual drag have the speed ratios {rails.weak.ratio:g} and "
-            f"{rails.strong.ratio:g}, but the required ratio {constant.ratio:g} must lie between these ratios"
+            f"rails: the required ratio of contact speed to approach speed is {constant.ratio:g}, but "
+            "must lie between the ratios of the weak and the strong virtual drag, which are "
+            f"{rails.weak.ratio:g} and {rails.strong.ratio:g}"
         )
     return rails
 

@@ -110,13 +110,13 @@ def _encounter(
 
 
 def f_1() -> Objective:
-    """Create the objective f_1, L(20), with weights and typical values from Section V-A of the published letter."""
+    """Create the letter's objective f_1, equation L(20), with weights and typical values from Section V-A."""
     w_1, w_2, x_typ, v_typ = (p.value for p in F_1)
     return excursion_objective(position_scale=x_typ, velocity_scale=v_typ, position_weight=w_1, velocity_weight=w_2)
 
 
 def f_2() -> Objective:
-    """Create the objective f_2, L(22), with weights and typical values from Section V-C of the published letter."""
+    """Create the letter's objective f_2, equation L(22), with weights and typical values from Section V-C."""
     w_3, w_4, t_typ, v_typ = (p.value for p in F_2)
     return time_objective(time_scale=t_typ, velocity_scale=v_typ, time_weight=w_3, velocity_weight=w_4)
 

@@ -67,8 +67,8 @@ def _price(gain: float, loss: Any, left: Any, slow: Any) -> Finding:
         "Section VI-C",
         f"With the gain D_p = {gain:.3f} N s, the objective f₁ is at most {100 * price:.1f} % above its optimum "
         "at every speed from 0.2 to 1 m/s. At this cost, the advice of the published letter is right. At 0.01 "
-        f"m/s the objective is {100 * worst:.0f} % above its optimum, but below 0.2 m/s contact is never faster "
-        f"than {1e3 * hardest:.0f} mm/s.",
+        f"m/s the objective is {100 * worst:.0f} % above its optimum, but below 0.2 m/s the contact speed is never "
+        f"above {1e3 * hardest:.0f} mm/s.",
         ("the gain", gain, "N s"),
         ("largest loss from 0.2 to 1 m/s", 100 * price, "%"),
         ("it is below 10 %", bool(price < 0.1)),

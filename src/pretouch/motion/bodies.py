@@ -42,7 +42,7 @@ class Stretch(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacle(_Body):
-    """The object that the robot meets; it accelerates uniformly as in L(9), or in several sections.
+    """The object that the robot meets; the object accelerates uniformly as in equation L(9), or in several sections.
 
     Position and velocity are those of the object's contact surface.
 

@@ -203,9 +203,10 @@ class ContactResult(InNotebooks, Value):
             count = int((~self.reached).sum())
             which = "the run" if self.reached.size == 1 else f"{count} of {self.reached.size} runs"
             raise ResultUnavailableError(
-                f"contact: {which} did not end in contact. The status is {status.label}: {status.meaning} The "
-                f"nearest distance was {float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. "
-                "Use the attribute `end` for the final state"
+                f"contact: the state at contact is not available, because {which} did not end in contact. The "
+                f"status is {status.label}: {status.meaning} The smallest distance was "
+                f"{float(np.min(np.asarray(self.closest_distance)[~self.reached])):.4g} m. Use the attribute "
+                "`end` for the final state"
             )
         return self.end
 
@@ -310,7 +311,7 @@ def motion_of(
 
 
 def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
-    """Convert the samples from a compiled solver to a motion, and compute the virtual force by L(2)."""
+    """Convert the samples from a compiled solver to a motion, and compute the virtual force by equation L(2)."""
     each, reference = request.relative, request.scenario.reference
     distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))
     columns = {"p": each.p, "v": each.v, "a": each.a, "r": reference.position}

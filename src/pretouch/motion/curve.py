@@ -143,7 +143,7 @@ def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | N
     if any(low < k < high for k in sensor.knots):
         return None
     distance = low + (high - low) * np.concatenate([[0.0], np.sin(np.pi / 4 * np.linspace(0, 1, 65)) ** 4, [1.0]])
-    with np.errstate(all="ignore"):  # curves with values that are not finite take the guaranteed path
+    with np.errstate(all="ignore"):  # curves with values that are not finite take the most robust solver
         slope = np.asarray(sensor.log_slope(distance))
     if not (np.isfinite(slope).all() and (slope < 0).all()):
         return None

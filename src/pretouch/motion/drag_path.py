@@ -1,4 +1,4 @@
-"""Integrate many approaches under the virtual drag over the distance.
+"""Compute many approaches under the virtual drag at once, by integration over the distance.
 
 With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is linear in w,
 
@@ -55,7 +55,7 @@ def so_far(values: FloatArray) -> FloatArray:
 
 
 def evaluate_at(values: FloatArray, z: FloatArray) -> FloatArray:
-    """Interpolate values that are given at the quadrature nodes to one position in each interval."""
+    """Interpolate a quantity, which is known at the quadrature nodes of each interval, at one position per interval."""
     return np.asarray(np.einsum("ij,ij->i", legendre.legvander(z, NODES - 1), values @ TO_TERMS.T))
 
 

@@ -45,7 +45,7 @@ class DragRequest(Value):
 
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
-        """Initial position, velocity and acceleration of obstacle, robot and reference as in L(9)."""
+        """Initial position, velocity and acceleration of obstacle, robot and reference as in equation L(9)."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
         columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.drag)
         flat = [np.broadcast_to(c, self.shape).astype(np.float64).reshape(-1) for c in columns]

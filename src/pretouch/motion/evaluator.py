@@ -1,4 +1,4 @@
-"""Define `find_contact` and `solve_motion`, which solve encounters, and the interface of other solvers."""
+"""Define `find_contact` and `solve_motion`, which compute encounters, and the interface of other solvers."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def find_contact(
     method: str = "auto",
     horizon: float = 600.0,
 ) -> ContactResult:
-    """Solve encounters until their first contact, which is at zero distance as in L(21) and L(23).
+    """Solve encounters until their first contact, which is the first time with zero distance, as in L(21) and L(23).
 
     The motion is that of L(1) with the virtual force L(2), of another law, or the uniform motion L(16)-(19). A distance
     that reaches zero and turns there, within 1e-12 of its terms, is a contact with l' = 0. A distance that only decays
@@ -117,7 +117,7 @@ def solve_motion(
     horizon: float = 600.0,
     samples: int = 200,
 ) -> Motion:
-    """Compute the motion L(1) of encounters at sampled times, under the virtual force L(2) or another control law.
+    """Compute the motion of encounters at sampled times by equation L(1), under the virtual force L(2) or another law.
 
     Args:
         scenario: one encounter or an array of encounters.

@@ -200,7 +200,7 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
 def uniform_motion(
     values: FloatArray, curvature: float, rate: float, gain: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Solve the motion equation L(15) by a uniform motion l = A t + B, L(16), with coefficients by L(17) and L(18).
+    """Solve the motion equation L(15) by the uniform motion l = A t + B of L(16), with A and B from L(17) and L(18).
 
     L(17) requires the root with 0 <= |A| <= |v_o| and the sign of v_o. With s = sqrt(1 + 8 b_2 D_p v_o / K_a) the roots
     are 2 v_o / (1 + s) and 2 v_o / (1 - s). Only the first can satisfy both conditions, and it becomes v_o for

@@ -209,8 +209,9 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
     shared = len(curve_of) == 1
     if width not in _WIDTHS or not (shared or len(curve_of) == n):
         raise ValueError(
-            f"windows: found a table with {width} columns, with curves for {len(curve_of)} encounters; it must "
-            f"have one of the widths {sorted(_WIDTHS)}, and curves for all {n} encounters"
+            f"windows: found a table of polynomials with {width} columns and with curves for "
+            f"{len(curve_of)} encounters; expected one of the widths {sorted(_WIDTHS)}, and curves for "
+            f"all {n} encounters"
         )
     if not (_is_valid(starts, curve_of, rows) if shared else _are_valid(starts, curve_of, rows)):
         raise ValueError("curves: an encounter refers to a curve whose windows are not in the table")
@@ -301,7 +302,7 @@ def _encounters(
 
 
 def pieces_of_core(pieces: FloatArray, ends_in_contact: bool, open_ended: bool) -> _PiecesOfCore:
-    """Return the C structure of a curve in pieces; the array must outlive it."""
+    """Return the C structure of a piecewise polynomial curve; the array must exist as long as the structure."""
     count, width = pieces.shape
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(

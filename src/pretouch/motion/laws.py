@@ -280,13 +280,14 @@ def _law_problem(name: str, law: Any) -> str:
     """Return why an object is not a valid control law, or an empty text if it is valid."""
     if not (isinstance(law, ContinuousLaw) and isinstance(law.number, LawNumber)):
         return (
-            f"is {short_repr(law)}, but a law must be a class or value with the members of "
+            f"found {short_repr(law)}, but a law must be a class or value with the members of "
             "pretouch.motion.ContinuousLaw"
         )
     return (
         ""
         if law.kind == name
-        else f'has another name than its law, whose kind is "{law.kind}"; use the same name for both'
+        else f'the kind of the law is "{law.kind}", but must equal the name of the entry point; use the '
+        "same name for both"
     )
 
 

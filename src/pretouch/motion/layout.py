@@ -9,7 +9,7 @@ from pretouch._core.numbers import FloatArray
 
 
 class Relative(NamedTuple):
-    """Gain and inputs of encounters, with positions and velocities relative to the reference as in L(8) and L(9).
+    """Gain and inputs of encounters, with motions relative to the reference as in the letter's equations L(8) and L(9).
 
     Each column has one number that all encounters share, or one number per encounter. The motion of the reference is
     needed only for absolute quantities.
@@ -55,7 +55,7 @@ COLUMNS: Final = (
     "settling_distance",
     "displacement_integral",
 )
-"""Results of the guaranteed paths, one row per encounter."""
+"""Results of the most robust solver, one row per encounter."""
 
 STATES: Final = (
     "time",

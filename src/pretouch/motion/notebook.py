@@ -22,8 +22,8 @@ def scenario_page(scenario: Scenario) -> Page:
     speed, distance = float(scenario.relative_velocity), format_quantity(float(scenario.distance), "m")
     verb = "approaches" if speed < 0 else "recedes" if speed > 0 else "rests"
     headline = (
-        f"An object {verb} at {format_quantity(abs(speed), 'm/s')}, and starts at a distance of {distance} from the "
-        "robot"
+        f"The object {verb} at {format_quantity(abs(speed), 'm/s')}, and starts at a distance of "
+        f"{distance} from the robot"
     )
     return Page(
         kind="Encounter", headline=headline, blocks=(PageTable(rows=tuple(scenario_rows(scenario)), brief=True),)

@@ -174,7 +174,7 @@ def make_request(
 
 
 def _flatten(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Flatten arrays over their broadcast shape, and keep a number that all encounters share as length 1."""
+    """Flatten arrays of encounters to one dimension, and keep a number that all encounters share as length 1."""
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)
         return tuple(numbers[i : i + 1] for i in range(len(columns)))

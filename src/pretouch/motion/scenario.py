@@ -21,7 +21,7 @@ from .bodies import Obstacle, Plant, Reference
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Admittance(Value):
-    """Virtual mass M_a, damping D_a and stiffness K_a of the admittance controller L(1).
+    """Virtual mass M_a, damping D_a and stiffness K_a of the admittance controller, equation L(1).
 
     Each is a number or an array.
 
@@ -144,7 +144,7 @@ class Scenario(InNotebooks, Value):
         return self.obstacle.velocity - self.plant.velocity
 
     def relative_columns(self) -> tuple[Any, ...]:
-        """Return the inputs of the encounter, with positions and velocities relative to the reference as in L(9).
+        """Return the inputs of the encounter, with motions relative to the reference as in equation L(9).
 
         An obstacle with a course is refused.
 
@@ -167,7 +167,7 @@ class Scenario(InNotebooks, Value):
         )
 
     def relative(self) -> FloatArray:
-        """Return the inputs of the encounter relative to the reference, as in L(9), in a single array.
+        """Return the inputs of the encounter relative to the reference, as in equation L(9), in a single array.
 
         Returns:
             The columns, stacked along a last axis of 10 over the broadcast shape.

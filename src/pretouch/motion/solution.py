@@ -36,13 +36,13 @@ class Solution(Value):
     Two solutions are equal if their requests are.
 
     Each encounter is solved by the first method that proves its contact. For a constant slope this is first the
-    vectorized closed form, then vectorized Taylor steps ("lanes"). The guaranteed path solves the remaining encounters,
+    vectorized closed form, then vectorized Taylor steps. The most robust method solves the remaining encounters,
     and all of them if they are few or if the whole motion is needed. Other quantities that are read later come from the
     same method.
 
     Args:
         request: the encounters.
-        whole: whether the whole motion will be needed, so that the guaranteed path is used at once.
+        whole: whether the whole motion will be needed, so that the most robust method is used at once.
 
     Attributes:
         status: how every run ended, shape (n,).

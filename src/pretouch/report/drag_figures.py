@@ -27,7 +27,7 @@ _RATIOS: Final = np.exp(-np.linspace(1e-3, 6.0, 121))
 
 @check_arguments
 def drag(design: DragDesign) -> Figure:
-    """Draw contact speed and excursion for many virtual drags, and the effects of one drag at every approach speed.
+    """Draw contact speed and excursion for many virtual drags, and for one drag at every approach speed.
 
     Args:
         design: the drag of a task; if the task has an objective, the letter's optimal gain is drawn as well.

@@ -159,7 +159,7 @@ def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
         fault = _fault(sensor, np.linspace(low, high, _PROBES))
     if fault is not None:
         name = sensor.name or type(sensor).__name__
-        raise InvalidInputError(f"sensor: the {name} curve is not a valid sensor curve: {fault}")
+        raise InvalidInputError(f"sensor: the {name} curve violates a requirement on sensor curves: {fault}")
     verified[0] = high
 
 

@@ -108,7 +108,7 @@ class _SecondOrderFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialFirstOrder(SensorModel):
-    """First-order exponential sensor curve xi = a_1 exp(c_1 l) of L(5), whose slope is constant.
+    """First-order exponential sensor curve xi = a_1 exp(c_1 l), equation L(5), whose slope is equal at all distances l.
 
     Args:
         scale: a_1 > 0, in the unit of the output; it does not affect the motion.
@@ -147,7 +147,7 @@ class ExponentialFirstOrder(SensorModel):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the factors that map first-order exponential curves to one reference curve by scaling the gain."""
+        """Return the scale factors for the gain that convert first-order exponential curves to one reference curve."""
         rate = np.asarray(values.get("rate", self.rate))
         if not np.all(rate < 0):
             return None
@@ -161,7 +161,7 @@ class ExponentialFirstOrder(SensorModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialSecondOrder(SensorModel):
-    """Second-order exponential sensor curve xi = a_2 exp(b_2 l^2 + c_2 l) of L(6), with the distance l.
+    """Second-order exponential sensor curve xi = a_2 exp(b_2 l^2 + c_2 l), equation L(6), with the distance l.
 
     With b_2 > 0 the output has its minimum at the turning point l = -c_2 / (2 b_2). Beyond it the modeled virtual
     force would have the wrong sign, so the valid range ends there.
@@ -239,7 +239,7 @@ class ExponentialSecondOrder(SensorModel):
         recess: FloatArray,
         distance: Any,
     ) -> CurveSimilarity | None:
-        """Return the length and gain factors that map second-order exponential curves to one reference curve."""
+        """Return the scale factors that convert second-order exponential curves to one reference curve."""
         # The slope g = c + 2 b (l + recess) = 2 b (l - l*) is scaled by lengths s = L* / l*.
         if self.curvature == 0:
             return None

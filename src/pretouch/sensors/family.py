@@ -112,7 +112,7 @@ class Family(ABC):
         return low, high
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return a prior cost for each sensor curve of a fit, in units of a squared residual."""
+        """Return the cost of each sensor curve from prior knowledge, in units of a squared residual of the fit."""
         return np.zeros(len(u))
 
     def runs_away(self, ends: Any) -> bool:  # noqa: ARG002 - for subclasses

@@ -110,9 +110,10 @@ class _InversePowerFamily(Family):
             return ()
         at, low = format_quantity(self.middle, "m"), parameters["exponent"].low
         return (
-            "The readings determine only the slope of the curve in the middle of the usable range, n / (l_0 + "
-            f"{at}) = {-slope.value:.4g} 1/m. The exponent n and the distance l_0 can grow together without "
-            f"bound (n is above {low:.3g}), so an exponential curve fits equally well.",
+            "The readings determine only the slope of the curve in the middle of the usable range, n / "
+            f"(l_0 + {at}) = {-slope.value:.4g} 1/m. The exponent n is above {low:.3g} and has no upper "
+            "limit, because n and the distance l_0 can grow together, so an exponential curve fits "
+            "equally well.",
         )
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
@@ -121,15 +122,15 @@ class _InversePowerFamily(Family):
             return ()
         verb = "require" if exponent.high < _POINT_SOURCE else "allow"
         return (
-            f"The readings {verb} an exponent of {exponent.value:.3g}, although a point light source has an "
-            "exponent of 2. A large object, a row of emitters, or an offset that was not subtracted can cause "
-            "such a slow decay.",
+            f"The readings {verb} an exponent of {exponent.value:.3g}, although the exponent of a point "
+            "light source is 2. A large object, a row of emitters, or an offset that was not subtracted "
+            "can cause such a slow decay.",
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InversePower(SensorModel):
-    """Inverse power sensor curve L(3): the output is xi = scale / (l + l_0)^n at the distance l.
+    """Inverse power sensor curve, equation L(3): the output is xi = scale / (l + l_0)^n at the distance l.
 
     Args:
         scale: alpha beta psi > 0, in the unit of the output times m^n; it does not affect the motion.
@@ -180,7 +181,7 @@ class InversePower(SensorModel):
         recess: FloatArray,
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the length and gain factors that map inverse power curves to one reference curve."""
+        """Return the scale factors for length and gain that convert inverse power curves to one reference curve."""
         # For g = -n / (l + l_0), lengths scale with s = L_0 / l_0, and the gain with s n / N.
         offset = np.asarray(values.get("distance_offset", self.distance_offset)) + recess
         exponent = np.asarray(values.get("exponent", self.exponent))

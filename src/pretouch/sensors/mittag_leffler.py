@@ -177,7 +177,7 @@ class _MittagLefflerFamily(Family):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MittagLeffler(SensorModel):
-    """Mittag-Leffler sensor curve xi = a E_alpha(c l), a generalization of the exponential curve L(5).
+    """Mittag-Leffler sensor curve xi = a E_alpha(c l), a generalization of the exponential curve of equation L(5).
 
     For alpha < 1 the curve decays algebraically.
 

@@ -56,7 +56,7 @@ def parameter(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)  # subclasses define their own comparison
 class SensorModel(ABC):
-    """Base class of sensor curves, which compute log output ln xi and slope g for the virtual force L(2).
+    """Base class of sensor curves, which compute the log output ln xi and its slope g for the virtual force L(2).
 
     The virtual force is F_p = D_p xi'/xi = D_p g(l) l', so force, motion and design need only these two functions. A
     new curve is a frozen dataclass that inherits from this class and defines `_log_output` and `_log_slope`.
@@ -160,7 +160,7 @@ class SensorModel(ABC):
         recess: FloatArray,  # noqa: ARG002
         distance: Any,  # noqa: ARG002
     ) -> CurveSimilarity | None:
-        """Return the length and gain factors that map similar curves to one reference curve, or None if there are none.
+        """Return the scale factors for length and gain that convert similar curves to one reference curve, or None.
 
         Args:
             values: arrays of the parameters that differ.

@@ -14,7 +14,7 @@ from pretouch._core.numbers import FloatArray, chebyshev_basis, chebyshev_extrem
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CurveSimilarity:
-    """Length and gain factors that map sensor curves of one class to one reference curve.
+    """Scale factors for length and gain that convert sensor curves of one class to one reference curve.
 
     With scaled lengths X = s x, the equation of motion keeps its form if the force does. Lengths are multiplied by
     `length` = s and the gain by `gain`.

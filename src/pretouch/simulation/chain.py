@@ -94,8 +94,8 @@ class SensorChain:
         check_declared(self)
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
-                f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} "
-                "Hz, expected at most one period"
+                f"exposure: found {self.exposure:g} s, which is longer than the period of {self.period:g} s "
+                f"at a sensor rate of {self.rate:g} Hz; expected at most one period"
             )
         if self.random_phase and self.phase:
             raise InvalidInputError(
@@ -117,8 +117,8 @@ class SensorChain:
             )
         if self.misfit and not self.misfit_length:
             raise InvalidInputError(
-                f"misfit_length: the misfit of {self.misfit:g} needs a correlation length above 0 m, along the "
-                'distance; set misfit_length, for example to "5 mm"'
+                f"misfit_length: a curve error (misfit) of {self.misfit:g} needs a correlation length above 0 "
+                'm, along the distance; set misfit_length, for example to "5 mm"'
             )
         if (self.distance_noise or self.distance_resolution) and not self.measures_distance:
             raise InvalidInputError(
@@ -178,7 +178,7 @@ class SensorChain:
 
 @check_arguments
 def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: float = 0.0) -> SensorChain:
-    """Return a sensor chain with the noise, misfit, offset, resolution and saturation level of a calibration.
+    """Return a sensor chain with the noise, curve error, offset, resolution and saturation level of a calibration.
 
     Args:
         fit: a fit by `fit_sensor` or `rank_models`; its noise is that of a single reading.
@@ -242,8 +242,8 @@ class LoopTiming:
         object.__setattr__(self, "sections", _sections(self.sections))
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
-                f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} "
-                "Hz, expected at most one period"
+                f"exposure: found {self.exposure:g} s, which is longer than the period of {self.period:g} s "
+                f"at a sensor rate of {self.rate:g} Hz; expected at most one period"
             )
         if self.delay_range > self.delay * (1 + 1e-9):
             raise InvalidInputError(

@@ -206,10 +206,10 @@ class ClosedLoop:
         low, high = max(bounds[0], -abs(strongest)), min(bounds[1], abs(strongest))
         if not low < high:
             raise InvalidInputError(
-                f"stability_margin: a gain margin of {margin:g} at a sensor rate of {self.chain.rate:g} Hz "
-                f"allows {n.name}s only up to {strongest:.4g} {n.unit}, but [gain] has bounds from {bounds[0]:g} "
-                f"to {bounds[1]:g} {n.unit}; choose a smaller margin, weaker {n.name}s, a faster sensor or a "
-                "larger virtual mass"
+                f"stability_margin: with a gain margin of {margin:g} at a sensor rate of {self.chain.rate:g} "
+                f"Hz, a {n.name} may be at most {strongest:.4g} {n.unit}, but [gain] has bounds from "
+                f"{bounds[0]:g} to {bounds[1]:g} {n.unit}; choose a smaller margin, a weaker {n.name}, a "
+                "faster sensor or a larger virtual mass"
             )
         return low, high
 

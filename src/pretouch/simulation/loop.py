@@ -29,7 +29,7 @@ def simulate(
     horizon: float = HORIZON,
     follow_time: float = FOLLOW,
 ) -> SimulationResult:
-    """Simulate the sampled loop of admittance L(1) and virtual force L(2), which acts on sensor readings.
+    """Simulate the sampled loop: the admittance L(1) moves the robot, and the virtual force L(2) follows from readings.
 
     Obstacle, plant and reference start as in the scenario; its admittance is ignored, because the law has its own.
     Contact is the first zero of the distance. Within a step the distance is a cubic through both ends. A smallest

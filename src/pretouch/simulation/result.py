@@ -97,9 +97,9 @@ def _refuse_endless_runs(loop: Loop) -> None:
 def _refuse(span: float, step: float, name: str, what: str) -> None:
     if not span / step <= _MOST_STEPS:
         raise InvalidInputError(
-            f"{name}: found {_time(span)}, which is {span / step:.3g} steps of {what}, expected at most "
-            f"{_time(_MOST_STEPS * step)} ({_MOST_STEPS:,} steps); reduce this time to the longest possible "
-            "duration of an encounter"
+            f"{name}: found {_time(span)}, which takes {span / step:.3g} steps of {what}, expected at "
+            f"most {_time(_MOST_STEPS * step)}, which takes {_MOST_STEPS:,} steps; reduce this time to "
+            "the longest possible duration of an encounter"
         )
 
 

@@ -28,7 +28,7 @@ class SpeedLimit(Value):
             from l to the start.
         critical_distance: the distance at which this damping is exceeded first [m].
         timely: l_d / 4 over the lag, delay + 2 tau_s + hold [m/s]: an estimate. If an object moves by 0.3 to 0.4 of the
-            detection distance l_d within the lag, the drag acts too late, and contact is faster than designed.
+            detection distance l_d within the lag, the drag acts too late, and the contact speed is too high.
     """
 
     stable: float

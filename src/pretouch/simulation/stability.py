@@ -113,8 +113,9 @@ class GainLimit(Value):
         strongest = n.sign * self.allowed(margin)
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
             raise InvalidInputError(
-                f"weakest: found {weakest:g} {unit}, expected a value between 0 and {strongest:g} {unit}, the "
-                f"strongest {n.name} with the required gain margin; a faster sensor allows stronger {n.name}s"
+                f"weakest: found {weakest:g} {unit}, expected a value between 0 and {strongest:g} {unit}, "
+                f"which is the strongest {n.name} with the required gain margin; a faster sensor allows a "
+                f"stronger {n.name}"
             )
         return min(strongest, weakest), max(strongest, weakest)
 
@@ -300,8 +301,9 @@ def lowest_rate(
     number = law.number
     if not finite(gain, "gain", number.unit) * number.sign > 0:
         raise InvalidInputError(
-            f"gain: found {format_quantity(gain, number.unit)}, expected a {number.mitigating} value, because "
-            f"only {number.mitigating} values mitigate the impact"
+            f"gain: found {format_quantity(gain, number.unit)}, which does not mitigate the impact, "
+            f"because mitigating values of the gain are {number.mitigating}; expected a "
+            f"{number.mitigating} value"
         )
     _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     required = positive(margin, "margin") * abs(gain) * float(damping_of_one.max())

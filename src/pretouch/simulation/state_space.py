@@ -116,7 +116,9 @@ def _solved(a: FloatArray, c: FloatArray, right: FloatArray, output: float | Non
     found = np.linalg.lstsq(rows / scale[:, None], values / scale, rcond=None)[0]
     error = np.abs(rows @ found - values) / scale
     if error.max() > _ERROR * max(1.0, float(np.abs(found).max())):
-        raise InvalidInputError(f"a: the robot model does not follow {what}; check the signs and units of A and B")
+        raise InvalidInputError(
+            f"a: the position of the robot model does not follow {what}; check the signs and units of A and B"
+        )
     return np.asarray(found)
 
 

@@ -265,9 +265,9 @@ def _finished(plan: Plan, target: Path, *, overwrite: bool) -> xr.Dataset | None
                 f"{target}: this file is not a sweep, and pretouch does not overwrite it; choose another name "
                 "with --output"
             )
-        what = "is damaged" if equal else f"is a different sweep (different {differing_parts(dataset.attrs, plan)})"
+        what = "is damaged" if equal else f"differs from this sweep in {differing_parts(dataset.attrs, plan)}"
         raise OutputExistsError(
-            f"{target}: this file {what}, and pretouch does not overwrite it; choose another name with --output, "
-            "or replace the file with --force (overwrite=True in Python)"
+            f"{target}: the stored sweep {what}, and pretouch does not overwrite the file; choose another name "
+            "with --output, or replace the file with --force (overwrite=True in Python)"
         )
     return None

@@ -130,9 +130,9 @@ class ZarrStore(Store):
             )
         if attributes.get(DIGEST) != attributes_of(plan)[DIGEST]:
             raise OutputExistsError(
-                f"{path}: this folder contains a different sweep (different "
-                f"{differing_parts(attributes, plan)}), and pretouch does not overwrite it; choose another name "
-                "with --output, or replace the sweep with --force (overwrite=True in Python)"
+                f"{path}: the stored sweep differs from the requested sweep in "
+                f"{differing_parts(attributes, plan)}, and pretouch does not overwrite it; choose another "
+                "name with --output, or replace the sweep with --force (overwrite=True in Python)"
             )
         zarr = require("zarr")
         try:

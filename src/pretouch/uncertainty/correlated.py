@@ -156,9 +156,9 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
         reason = f" {' '.join(fit.unidentifiable)}" if fit.unidentifiable else ""
         unbounded = open_ended or names
         raise InvalidInputError(
-            f"fit: the readings do not bound the parameter{'s' * (len(unbounded) > 1)} {' and '.join(unbounded)}, so "
-            f"no covariance of the parameters can be given.{reason} Fit a curve with fewer parameters, such as "
-            "exponential-1, or specify the distribution of each parameter"
+            f"fit: the readings do not determine the fitted parameter{'s' * (len(unbounded) > 1)} "
+            f"{' and '.join(unbounded)}, so the fit has no covariance.{reason} Fit a curve with fewer "
+            "parameters, such as exponential-1, or specify the distribution of each parameter"
         )
     mean = np.array([fit.parameters[name].value for name in names])
     _check_tails(fit, names, mean, covariance)

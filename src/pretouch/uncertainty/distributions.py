@@ -160,7 +160,7 @@ def normal_in_words(mean: float, deviation: float, unit: str) -> str:
 def _check_order(low: float, high: float) -> None:
     if not low < high:
         raise InvalidInputError(
-            f"low: found a range from low = {low:g} to high = {high:g}, but low must be smaller than high"
+            f"low: found the range from low = {low:g} to high = {high:g}, but low must be smaller than high"
         )
 
 

@@ -248,21 +248,21 @@ class Ensemble(Value):
 
 @dataclass(frozen=True, slots=True)
 class _Stacked(Value):
-    """Combined results of several solver calls, with one element per call along the last axis."""
+    """Results of several solver calls, combined with one element per call along the last axis."""
 
     parts: list[ContactResult]
 
     def column(self, name: str) -> Any:
-        """Return one quantity, such as the contact time, from all combined results."""
+        """Return one quantity, such as the contact time, combined from all solver calls."""
         return np.stack([part.columns.column(name) for part in self.parts], axis=-1)
 
     @property
     def gradients(self) -> _Stacked:
-        """The object that provides the derivatives of the combined results, which is this object itself."""
+        """The object with the derivatives that are combined from all solver calls, which is this object itself."""
         return self
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivatives of a contact quantity with respect to an input from all combined results."""
+        """Return the derivatives of a contact quantity with respect to an input, combined from all solver calls."""
         return np.stack([part.gradients.of(quantity, by) for part in self.parts], axis=-1)
 
 

@@ -132,7 +132,7 @@ class Reservations(Value):
             )
         if self.leaves_range:
             remedy = "; ".join(remedies) or "calibrate farther out"
-            ending = "" if self.recedes else f" To fix this, {remedy}."
+            ending = "" if self.recedes else f" To remove this warning, {remedy}."
             return (
                 "Not supported by data: the motion leaves the calibrated distances before contact. The "
                 f"calibration supports the fitted {self._model} curve from {near}{nearest} to "
@@ -141,9 +141,9 @@ class Reservations(Value):
         if not parts:
             return None
         return (
-            f"Not supported by data: this result uses the fitted {self._model} curve beyond the calibrated "
-            f"distances, {' and '.join(parts)}.{self._zero}{self._without_force(near)} To fix this, "
-            f"{'; '.join(remedies)}."
+            f"Not supported by data: this result uses the fitted {self._model} curve beyond the "
+            f"calibrated distances, namely {' and '.join(parts)}.{self._zero}{self._without_force(near)} "
+            f"To remove this warning, {'; '.join(remedies)}."
         )
 
     @property
@@ -159,7 +159,7 @@ class Reservations(Value):
         )
 
     def _without_force(self, near: str) -> str:
-        """Compare the predicted contact speed with the contact speed if no force acts below the nearest reading."""
+        """Compare the predicted contact speed with the speed that results without force below the nearest reading."""
         if self.speed is None or self.speed_without_force is None:
             return ""
         speed, predicted = (format_quantity(v, "m/s") for v in (self.speed_without_force, self.speed))
@@ -170,7 +170,10 @@ class Reservations(Value):
         unmitigated = self.speed_without_mitigation
         if unmitigated is None or self.speed_without_force <= _HARDER * unmitigated:
             return text
-        return f"{text} Such a contact is harder than without mitigation ({format_quantity(unmitigated, 'm/s')})."
+        return (
+            f"{text} Contact at this speed is harder than without mitigation, where the contact speed is "
+            f"{format_quantity(unmitigated, 'm/s')}."
+        )
 
     @property
     def _model(self) -> str:
@@ -202,8 +205,8 @@ class Reservations(Value):
         for share, where in ((self.share_nearer, f"nearer than {near}"), (self.share_beyond, f"beyond {far}")):
             if share > _ROUNDING:
                 lines.append(
-                    f"{where}, the sensor curve is extrapolated and contributes {100 * share:.2g} % of the "
-                    f"{_EFFECTS[self.degree]}"
+                    f"at distances {where}, the sensor curve is extrapolated; this part of the curve contributes "
+                    f"{100 * share:.2g} % of the {_EFFECTS[self.degree]}"
                 )
         if self.witness is not None and self.witness.is_supported:
             lines.append(self.witness.text)
@@ -330,7 +333,7 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
 
 
 def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> float:
-    """Return the log output at a distance, or for a virtual drag the integral of g^2 from there to the start."""
+    """Return the log output at a distance, or, for a virtual drag, the integral of g^2 from this distance on."""
     # Degree 1: ln xi at the distance. Degree 2: the integral of g^2 from the distance to the start. Both within the
     # valid range.
     low, high = sensor.valid_range
@@ -373,7 +376,7 @@ def recess_advice(nearest: float, present: float) -> str:
         'mount the sensor 21 mm (now 15 mm) behind the contact surface, with recess = '
     """
     now, recess = f" (now {format_quantity(present, 'm')})" if present else "", recess_in_words(nearest)
-    mounting = f'mount the sensor {recess}{now} behind the contact surface, with recess = "{recess}"'
+    mounting = f'mount the sensor {recess}{now} behind the contact surface, and set recess = "{recess}"'
     return f"{mounting} (positions count from the new surface)"
 
 

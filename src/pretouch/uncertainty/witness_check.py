@@ -86,8 +86,8 @@ class WitnessCheck(Value):
         if self.harder_count:
             return (
                 f"Not supported by the readings: on {self.harder_count} of {self.curves} sensor curves that fit "
-                f"the readings, contact is harder than without mitigation ({free}). The fitted curve predicts a "
-                f"contact speed of {predicted}{of}."
+                f"the readings, contact is harder than without mitigation, where the contact speed is {free}. The "
+                f"fitted curve predicts a contact speed of {predicted}{of}."
             )
         return (
             "Not supported by the readings: on other sensor curves that fit the readings, the contact speed is "
@@ -103,8 +103,10 @@ class WitnessCheck(Value):
             if is_within(self.predicted, self.low, self.high)
             else f", which is outside of this range; a difference of up to {100 * CLOSE:.0f} % counts as agreement"
         )
-        fitted = f"{predicted} on the fitted curve{outside}"
-        return f"on {self.curves} sensor curves that fit the readings, the contact speed is {low} to {high} ({fitted})"
+        return (
+            f"on {self.curves} sensor curves that fit the readings, the contact speed is {low} to {high}; the fitted "
+            f"curve predicts {predicted}{outside}"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result of testing a gain on several sensor curves as a dictionary for JSON, in SI units."""

@@ -144,7 +144,7 @@ class LoopOutcomes:
 
     @property
     def standing(self) -> float:
-        """Score of the gain, at most 1: the lowest of the scores for limits, stability and softer contact."""
+        """Score of the gain, at most 1: the smallest of the scores for limits, stability and softer contact."""
         return min(self.softness, self.stable, *(r.standing for r in self.requirements))
 
     @property

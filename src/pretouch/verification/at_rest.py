@@ -47,8 +47,8 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
     quiet = _quiet_floor(task, gain, law, moved)
     if quiet is None:
         yield (
-            f"{text}: reduce the noise or use a law with a dead zone, because no tried floor of the controller "
-            f"keeps this motion within {still}. {place}"
+            f"{text}: no tried floor of the controller keeps this motion within {still}, so reduce the "
+            f"noise, or use a law with a dead zone. {place}"
         )
         return
     sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)

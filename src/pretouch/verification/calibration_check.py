@@ -77,8 +77,8 @@ class CalibrationCheck(Value):
         named = (
             (
                 self.harder_count,
-                f"contact is more than {100 * _HARDER:.0f} % harder than predicted with {self.harder_count} of "
-                "these sensors",
+                f"with {self.harder_count} of these sensors, contact is more than {100 * _HARDER:.0f} % "
+                "harder than predicted",
             ),
             (self.broken, f"a limit is missed with {self.broken} of these sensors"),
             (self.missing, f"there is no contact with {self.missing} of these sensors"),
@@ -99,9 +99,9 @@ class CalibrationCheck(Value):
             kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
             wider = "" if self.witness is None else f", in continuous time: {self.witness.text}"
             return (
-                f"The calibration is good enough for this gain: {kept}, drawn from fits to the readings, agree "
-                f"with the fitted curve. {self._spread} Other curves through the readings do not contradict the "
-                f"result{wider}."
+                f"The calibration is good enough for this gain: {kept}, chosen at random from fits to the "
+                f"readings, agree with the fitted curve. {self._spread} Other curves through the readings do "
+                f"not contradict the result{wider}."
             )
         reason = f"{self.reason[:1].upper()}{self.reason[1:]}."
         against = None if self.witness is None else self.witness.headline
@@ -127,8 +127,8 @@ class CalibrationCheck(Value):
         softer = self.predicted < self.low
         accepted = f"; up to {100 * _HARDER:.0f} % harder counts as agreement" if softer else ""
         return (
-            f"{text} So the fitted curve gives a {'softer' if softer else 'harder'} contact than most of these "
-            f"sensors, which have another curve, offset or misfit{accepted}."
+            f"{text} So the contact on the fitted curve is {('softer' if softer else 'harder')} than on "
+            f"most of these sensors, which differ in curve, offset or curve error{accepted}."
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -158,7 +158,7 @@ class _Outcome:
         )
 
     def badness(self, predicted: _Outcome) -> tuple[int, float]:
-        """Return the number of sensors that fail and a quantile of the contact speed, for comparing errors."""
+        """Return the number of sensors that fail, and a quantile of the contact speed, to rank the sources of error."""
         failing = int(np.any(self.failures(predicted), axis=0).sum())
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
@@ -196,7 +196,7 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
 
 
 def _without_noise(chain: SensorChain) -> SensorChain:
-    """Return the sensor chain without noise, so that runs differ only by the misfit of the sensor curve."""
+    """Return the sensor chain without noise, so that runs differ only by the error of the sensor curve."""
     return replace(
         chain, noise=0.0, relative_noise=0.0, distance_noise=0.0, jitter=0.0, dropout=0.0, random_phase=False
     )
@@ -232,7 +232,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
 
 
 def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, predicted: _Outcome) -> str:
-    """Return the largest source of error in the calibration: misfit, offset, or sensor curve."""
+    """Return the largest source of error in the calibration: offset, type of sensor curve, or error of the curve."""
     # Offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
     # offset is nearest to the fitted one show the uncertainty that remains if the offset is known.
     report: Any = task.calibration

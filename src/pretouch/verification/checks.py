@@ -263,9 +263,9 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     pushing = "the driven obstacle and the robot's drive push" if driven else "the robot's drive pushes"
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
     yield (
-        f"After the impact, {pushing} with up to {newton[0]} on average, compared with {newton[1]} without "
-        f"mitigation. The force of the impact itself is {newton[2]}, compared with {newton[3]} without "
-        "mitigation."
+        f"After the impact, {pushing} with a force of up to {newton[0]} on average, compared with "
+        f"{newton[1]} without mitigation. The force of the impact itself reaches {newton[2]}, "
+        f"compared with {newton[3]} without mitigation."
     )
 
 

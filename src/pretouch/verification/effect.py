@@ -17,7 +17,7 @@ from pretouch.control import Controller
 from pretouch.motion import LawNumber
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-from .encounter_parts import faster_in_words
+from .encounter_parts import higher_in_words
 from .stability import NOISES, controller_at
 
 OFTEN: Final = 0.05  # share of the runs above which harder contact counts as frequent
@@ -180,8 +180,8 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
         yield (
-            f"The {number.name} has no effect in this run: with the {number.name}, the contact speed is "
-            f"{_text(speed)}, and {_text(before)} without mitigation."
+            f"The {number.name} has no effect in this run: the contact speed is {_text(speed)} with the "
+            f"{number.name}, and {_text(before)} without mitigation."
         )
 
 
@@ -236,10 +236,13 @@ class SensorSpeed(Value):
     @property
     def excess_in_words(self) -> str:
         """The increase of the contact speed that 95 % of the runs do not exceed, and the allowed increase, in words."""
-        size, fast = "no faster than with an infinitely fast sensor", "with an infinitely fast sensor"
+        size, fast = "no higher than with an infinitely fast sensor", "with an infinitely fast sensor"
         if self.excess > _SHOWN_SHARE:
-            size = f"up to {faster_in_words(self.excess, fast)}"
-        return f"in 95 % of the runs, contact is {size} (up to {100 * self.tolerance:.3g} % faster is allowed)"
+            size = f"up to {higher_in_words(self.excess, fast)}"
+        return (
+            f"in 95 % of the runs, the contact speed is {size}; an excess of up to {100 * self.tolerance:.3g} % is "
+            "allowed"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison with an infinitely fast sensor as one JSON object, in SI units."""
@@ -247,7 +250,7 @@ class SensorSpeed(Value):
 
 
 def without_noise(loop: ClosedLoop) -> ClosedLoop:
-    """Return the loop with ideal readings, without noise, jitter, quantization, dropouts and misfit."""
+    """Return the loop with ideal readings: without noise, jitter, quantization, dropouts or curve error."""
     quiet: dict[str, Any] = dict.fromkeys((*NOISES, *_FAULTS), 0.0)
     return replace(loop, chain=replace(loop.chain, **quiet), follow_time=0.0)
 

@@ -148,7 +148,7 @@ class Detection(Value):
         if self.missed_share is None:
             return f"{text}."
         missed = f"{100 * self.missed_share:.2g} % of the change of ln xi until contact"
-        return f"{text}. Before this detection, {missed} had already happened, so the controller did not use it."
+        return f"{text}. When the controller first detected the object, {missed} had already passed without effect."
 
 
 _OWN: Final = "a user-defined flag"
@@ -161,19 +161,19 @@ def percent(share: float) -> str:
     return f"{size:.0f} %" if size >= 99.5 else f"{size:.2g} %"
 
 
-def faster_in_words(excess: float, other: str = "") -> str:
-    """Return text for a relative excess of speed, such as `5 % faster than predicted`.
+def higher_in_words(excess: float, other: str = "") -> str:
+    """Return text for a relative excess of speed, such as `5 % higher than predicted`.
 
     Examples:
-        >>> faster_in_words(0.12, "predicted"), faster_in_words(5.39, "predicted"), faster_in_words(-0.22)
-        ('12 % faster than predicted', '6.4 times as fast as predicted', '22 % slower')
+        >>> higher_in_words(0.12, "predicted"), higher_in_words(5.39, "predicted"), higher_in_words(-0.22)
+        ('12 % higher than predicted', '6.4 times as high as predicted', '22 % lower')
     """
     if excess >= 1:
         times = 1 + excess
         text, link = f"{times:.0f}" if times >= 99.5 else f"{times:.2g}", "as"
-        text = f"{text} times as fast"
+        text = f"{text} times as high"
     else:
-        text, link = f"{percent(excess)} {'faster' if excess > 0 else 'slower'}", "than"
+        text, link = f"{percent(excess)} {'higher' if excess > 0 else 'lower'}", "than"
     return f"{text} {link} {other}" if other else text
 
 
@@ -315,12 +315,12 @@ def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
     share, late = speed.relative_difference, time.difference
     parts = []
     if share is not None:
-        parts.append("at the same speed" if abs(share) < _SAME else faster_in_words(share))
+        parts.append("the same speed" if abs(share) < _SAME else higher_in_words(share))
     if late is not None and time.predicted is not None:
         same = abs(late) < _SAME * time.predicted
         shown = format_quantity(abs(late), "s", 2 if abs(late) < 0.1 else 3)
-        parts.append("at the same time" if same else f"{shown} {'later' if late > 0 else 'earlier'}")
-    return ", ".join(parts)
+        parts.append("the same time" if same else f"{shown} {'later' if late > 0 else 'earlier'}")
+    return f"{' and '.join(parts)} on the loop"
 
 
 def _force_sentence(run: SimulationResult, free: SimulationResult, grows: bool) -> str:
@@ -351,8 +351,8 @@ def cautions_in_words(
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
             yield (
-                f"Before contact, {flag.meaning}, first after {_time(flag.since)} and for "
-                f"{_time(flag.approach_duration)} in total."
+                f"Before contact, {flag.meaning}. This happened first after {_time(flag.since)} and lasted "
+                f"for {_time(flag.approach_duration)} in total."
             )
     if run.contacts > 1:
         hardest = max(contacts, key=lambda contact: -contact.relative_velocity)

@@ -214,7 +214,7 @@ class _Tried(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Search:
-    """Search for the best gain on the sampled loop; every gain is simulated in the same encounters with equal noise."""
+    """Search for the best gain on the sampled loop; all gains are simulated in the same encounters with equal noise."""
 
     problem: LoopProblem
     axis: GainAxis
@@ -222,7 +222,7 @@ class _Search:
     tried: dict[float, _Tried] = field(default_factory=dict)  # the tried gains by coordinate
 
     def merit(self, coordinate: FloatArray) -> FloatArray:
-        """Return the mean objective for gains on the scaled search axis; infinite if a requirement is missed."""
+        """Return the mean objective for several gains; infinite if a requirement is missed."""
         places = {round(u, _DIGITS): u for u in coordinate.tolist()}
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
@@ -236,7 +236,7 @@ class _Search:
         return np.array([one.objective if one.kept else math.inf for one in of])
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Return the mean objective for gains on the scaled search axis, in the form that the search function needs."""
+        """Return the mean objective for several gains, in the form that the search function needs."""
         return Landscape(objective=self.merit(coordinate), ratios=np.empty((0, len(coordinate))))
 
     @property

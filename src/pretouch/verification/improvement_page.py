@@ -56,7 +56,7 @@ def _reasons_not_checked(v: Verdict) -> list[str]:
     excess = None if effect is None else effect.excess
     report = v.design.problem.task.calibration
     clauses = (
-        (excess is not None and excess > v.speed_tolerance, "contact is still faster than predicted"),
+        (excess is not None and excess > v.speed_tolerance, "the contact speed is still higher than predicted"),
         (speed is not None and not speed.is_fast_enough, "the sensor is still too slow"),
         (
             (calibration is not None and not calibration.is_good_enough)
@@ -76,10 +76,12 @@ def _rate_in_words(v: Verdict) -> str:
         return ""
     gain = v.law.number.equals(v.gain or 0.0)
     if math.isfinite(check.lowest_rate_for_margin_2):
-        return f"With {gain}, a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
+        return (
+            f"For a law with {gain}, a gain margin of 2 needs a sensor rate of {check.lowest_rate_for_margin_2:.3g} Hz."
+        )
     text = (
-        f"With {gain}, no sensor rate results in a gain margin of 2, because the latency, the filters or the robot "
-        "are too slow"
+        f"For a law with {gain}, no sensor rate results in a gain margin of 2, because the latency, "
+        "the filters or the robot are too slow"
     )
     if math.isfinite(check.lowest_rate):
         text += f"; stability needs {check.lowest_rate:.3g} Hz"
@@ -176,7 +178,7 @@ def _percent_with_error(value: float, error: float) -> str:
 
 def gain_section(v: Verdict) -> PageSection:
     """Return the report section that shows the objective as a function of the gain."""
-    # The verified gain is compared with the best gain on this loop.
+    # The verified gain is compared with the best gain on the simulated loop.
     tried = v.loss is not None
     caption = "The objective of the nominal encounter in continuous time (ideal)"
     caption += ", and its mean over the runs on the loop for the tried gains" if tried else ""
@@ -188,7 +190,7 @@ def gain_section(v: Verdict) -> PageSection:
     rows = tuple(objective_rows(v.definition, v.law.number))
     terms = PageTable(head=("term of the objective", "typical value", "weight"), rows=rows)
     shown = picture if any(np.isfinite(objective).any() for objective in known) else None
-    title = "The objective over the gain" if v.gain is None else "The gain on this loop"
+    title = "The objective over the gain" if v.gain is None else "The gain on the simulated loop"
     return PageSection(title=title, blocks=(*_gain_blocks(v), shown, terms))
 
 
@@ -204,7 +206,7 @@ def _gain_blocks(v: Verdict) -> Iterator[Paragraph | PageTable]:
 def _loss_in_words(v: Verdict, loss: Loss) -> str:
     best = _best_gain_in_words(loss)
     if loss.loop_gain is None:
-        return "No gain was found that meets every limit on this loop."
+        return "No gain was found that meets every limit on the simulated loop."
     best = f"the {best}, {v.law.number.text(loss.loop_gain)}"
     if loss.loss is None or loss.loop_objective is None:
         return f"A run ends without contact, so the objectives of the verified gain and of {best} cannot be compared."
@@ -224,10 +226,10 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
 def _best_gain_in_words(loss: Loss) -> str:
     """Return a label for the best gain on the sampled loop that states the required gain margin."""
     if loss.sought_margin is None:
-        return "best gain on this loop"
+        return "best gain on the simulated loop"
     if loss.sought_margin >= USUAL_MARGIN:
         return f"best gain on the simulated loop that has a gain margin of {loss.sought_margin:g}"
-    return "best stable gain on this loop (none within the bounds has a gain margin of 2)"
+    return "best stable gain on the simulated loop (none within the bounds has a gain margin of 2)"
 
 
 def _lacks_in_words(v: Verdict) -> str:

@@ -72,7 +72,7 @@ def verdict_page(verdict: Verdict) -> Page:
     """Return the report page on the verification of a gain."""
     v = verdict
     return Page(
-        kind="Does the gain hold on this loop?",
+        kind="Does the gain hold on the simulated loop?",
         headline=v.headline,
         status=v.status.value.replace("-", " "),
         good=v.status in {VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY},
@@ -122,8 +122,8 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
         "none is enough" if math.isinf(check.lowest_rate_for_margin_2) else f"{check.lowest_rate_for_margin_2:.3g} Hz"
     )
     name = (
-        f"sensor rate above which this gain is stable; for a gain margin of 2: {least}; the sensor of the loop has "
-        f"{check.rate:.3g} Hz"
+        f"sensor rate above which this gain is stable; a gain margin of 2 needs {least}; the sensor "
+        f"of the loop has {check.rate:.3g} Hz"
     )
     yield name, _rate(check.lowest_rate)
 
@@ -258,14 +258,14 @@ def _reached(v: Verdict) -> str:
     if v.reached is None:
         return ""
     text = (
-        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and occurs in "
-        f"{share_in_words(v.reached.simulated)} of the {_runs(v)} on the simulated loop"
+        f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters; on the "
+        f"simulated loop, contact occurs in {share_in_words(v.reached.simulated)} of the {_runs(v)}"
     )
     text += f"; {v.reached.missing} end without the predicted contact." if v.reached.missing else "."
     if v.reached.low is not None:
         text += (
-            f" A predicted contact occurs with a probability of at least {share_in_words(v.reached.low)} "
-            f"({100 * v.confidence:g} % confidence)."
+            " On the loop, a predicted contact occurs with a probability of at least "
+            f"{share_in_words(v.reached.low)} ({100 * v.confidence:g} % confidence)."
         )
     return text
 

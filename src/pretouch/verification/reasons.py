@@ -13,7 +13,7 @@ from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN
 from .effect import OFTEN, Effect, VerdictStatus, chase_in_words
-from .encounter_parts import faster_in_words
+from .encounter_parts import higher_in_words
 from .result import LimitCheck, Verdict
 from .stability import rounded_up
 
@@ -125,12 +125,12 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
             advice = (
                 ""
                 if needed is None
-                else f"; {needed} runs would be enough to show this probability if the share stays the same"
+                else f"; if the share stays the same, {needed} runs are enough to demonstrate the required probability"
             )
             yield (
-                f"{check.statement} is met in {share_in_words(check.held)} of {v.runs} runs, which demonstrates "
-                f"a probability of only {share_in_words(check.low)} with {100 * v.confidence:g} % confidence "
-                f"({100 * p:g} % required){advice}"
+                f"the limit {check.statement} is met in {share_in_words(check.held)} of {v.runs} runs, which "
+                f"demonstrates only a probability of {share_in_words(check.low)} ({100 * v.confidence:g} % "
+                f"confidence), but {100 * p:g} % is required{advice}"
             )
         # The gain itself is chosen, not drawn at random, so a gain exactly at its limit is no reason.
         elif check.name != "gain" and check.margin is not None and check.margin < ROOM * check.limit:
@@ -168,8 +168,8 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
     if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:
         reached, predicted = (format_quantity(x or 0.0, "m/s") for x in (effect.reached, effect.predicted))
         yield (
-            f"contact is {faster_in_words(effect.excess, 'predicted')}: the average contact speed is {reached} "
-            f"instead of {predicted} (a difference of {allowed:.3g} % is allowed)"
+            f"the contact speed is {higher_in_words(effect.excess, 'predicted')}: on average, it is "
+            f"{reached} instead of {predicted}, but may be only {allowed:.3g} % higher"
         )
     if sensor is not None and not sensor.is_fast_enough:
         yield f"the sensor is too slow: {sensor.excess_in_words}"
@@ -177,8 +177,8 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
         return
     if not effect.is_softer:
         yield (
-            "contact is not significantly softer than without mitigation: the difference of the contact speeds "
-            f"is {effect.difference:.2g} +- {effect.standard_error:.1g} m/s over {effect.runs} runs"
+            f"contact is not significantly softer than without mitigation: over {effect.runs} runs, the "
+            f"contact speeds differ by {effect.difference:.2g} +- {effect.standard_error:.1g} m/s"
         )
     if effect.harder_count > OFTEN * effect.runs:
         share = share_in_words(effect.harder_count / effect.runs)

@@ -91,16 +91,16 @@ class StabilityCheck(Value):
             return "No gain makes this loop unstable."
         if self.strongest == 0:
             return (
-                f"No gain is stable on this loop, however weak. The loop oscillates at {self.frequency:.3g} Hz "
-                "even without a virtual force, and the virtual force acts too late to damp this oscillation."
+                f"No gain is stable on the simulated loop, however weak. The loop oscillates at {self.frequency:.3g} "
+                "Hz even without a virtual force, and the virtual force acts too late to damp this oscillation."
             )
         stable = "unstable" if self.margin < 1 else "stable, but close to its limit," if self.margin < 2 else "stable"
         phase = ", at the worst phase between sensor and controller" if self.has_unknown_phase else ""
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
         return (
-            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. The loop "
-            f"oscillates{frequency} if the {self.limit.law.number.name} is stronger than "
-            f"{self.limit.law.number.text(self.strongest)}, first at a distance of "
+            f"The loop is {stable} with a gain margin of {self.margin:.3g}{phase}. If the "
+            f"{self.limit.law.number.name} is stronger than {self.limit.law.number.text(self.strongest)}, "
+            f"the loop oscillates{frequency}, first at a distance of "
             f"{format_quantity(self.critical_distance, 'm')}. {self._rates}."
         )
 
@@ -292,9 +292,10 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
         yield "noise", text, partial(_with, loop, chain=half)
     if chain.misfit > 0:
         text = (
-            f"Calibrate again to reduce the misfit of the curve from {100 * chain.misfit:.3g} % to "
-            f"{50 * chain.misfit:.3g} % of the signal: record more distances, set the distances more exactly, or "
-            "mount the sensor farther behind the contact surface, where its curve fits better."
+            "Calibrate again to reduce the error of the sensor curve (misfit) from "
+            f"{100 * chain.misfit:.3g} % to {50 * chain.misfit:.3g} % of the signal: record more "
+            "distances, set the distances more exactly, or mount the sensor farther behind the contact "
+            "surface, where its curve fits better."
         )
         yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
 

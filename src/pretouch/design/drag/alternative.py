@@ -51,9 +51,9 @@ def drag_alternative(design: GainDesign) -> PageSection | None:
     runs = (with_drag, run)
     accelerations = [pretty_unit(format_quantity(float(r.end.largest_acceleration), "m/s^2")) for r in runs]
     text = (
-        f"With a virtual drag {DRAG.number.equals(drag)}, the contact speed would be "
-        f"{format_quantity(after, 'm/s')} instead of {format_quantity(before, 'm/s')}, at the same excursion. "
-        f"The largest acceleration would be {accelerations[0]} instead of {accelerations[1]}."
+        f"With a virtual drag of the same excursion ({DRAG.number.equals(drag)}), the contact speed "
+        f"would be {format_quantity(after, 'm/s')} instead of {format_quantity(before, 'm/s')}, and "
+        f"the largest acceleration would be {accelerations[0]} instead of {accelerations[1]}."
     )
     if not push:
         text += f" The virtual drag reduces every approach speed to {100 * after / speed:.3g} % of its value."

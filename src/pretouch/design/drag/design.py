@@ -1,4 +1,4 @@
-"""Choose the virtual drag phi so that it meets a limit or a required ratio of contact to approach speed.
+"""Choose the coefficient phi of the virtual drag that meets a limit or a required ratio of contact to approach speed.
 
 No optimization is needed: ratio and excursion trade off along one curve, and each limit selects one point of it.
 """
@@ -25,7 +25,7 @@ from .result import DragDesign, predict_drag
 def drag_by(
     sensor: SensorModel, distance: float, mass: float, *, impact: ImpactModel | None = None, **effect: Any
 ) -> DragDesign:
-    """Find the coefficient phi of the virtual drag that has exactly one required effect, such as a largest excursion.
+    """Find the coefficient phi with which the virtual drag meets one requirement, such as a largest excursion.
 
     Args:
         sensor: the sensor curve, which must be valid down to contact.
@@ -88,7 +88,7 @@ def why_no_drag(scenario: Scenario) -> str:
 
 
 def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
-    """Return the drag [N s^2] with a required effect, and the largest approach speed [m/s] with this effect."""
+    """Return the drag phi [N s^2] that a task requires, and the largest approach speed [m/s] for this drag."""
     speed = effect.largest_speed or -float(task.scenario.relative_velocity)
     mass, distance = float(task.scenario.admittance.mass), float(task.scenario.distance)
     drag, kept = replace(effect, largest_speed=speed).drag(task.sensor, distance, mass, task.impact)
@@ -98,7 +98,7 @@ def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
 @check_arguments
 @with_file_location
 def design_drag(task: Task) -> DragDesign:
-    """Design the virtual drag that has the effect which the task requires, such as a largest excursion.
+    """Design the virtual drag that meets the requirement of a task, such as a largest excursion.
 
     Args:
         task: the encounter, which starts at the detection distance, the sensor, and `drag_effect`. The default of the

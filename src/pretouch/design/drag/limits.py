@@ -1,4 +1,4 @@
-"""Find the virtual drag that exactly meets a limit, such as the largest excursion of the robot."""
+"""Find the virtual drag with which a quantity, such as the excursion of the robot, just reaches its limit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _UNITS: Final = {"ratio": "", "excursion": "m", "acceleration": "m/s^2", "contac
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragEffect(Value):
-    """The effect that a virtual drag must have, such as a largest excursion or contact speed.
+    """The requirement by which a virtual drag is chosen, such as a largest excursion or contact speed.
 
     Exactly one effect is given. It refers to an object in uniform motion.
 
@@ -80,7 +80,7 @@ class DragEffect(Value):
     def drag(
         self, sensor: SensorModel, distance: float, mass: float, impact: ImpactModel | None = None
     ) -> tuple[Any, float]:
-        """Find the virtual drag that has the required effect on an approaching object.
+        """Find the virtual drag that meets this requirement for an approaching object.
 
         Args:
             sensor: the sensor curve, which must be valid down to contact.
@@ -212,8 +212,8 @@ def strongest_by_excursion(  # noqa: PLR0917
         if high == strongest:
             raise InvalidInputError(
                 f"excursion: the limit of {limit:g} m is too large to choose a virtual drag, because even the "
-                f"strongest drag of the search (speed ratio {_STRONGEST:g}) stays below the limit; choose the "
-                "drag by its speed ratio instead"
+                f"strongest drag of the search, with the speed ratio {_STRONGEST:g}, stays below the limit; "
+                "choose the drag by its speed ratio instead"
             )
         low, under, high = high, over, min(2 * high, strongest)
     for _ in range(_PASSES):
@@ -232,7 +232,7 @@ def strongest_by_excursion(  # noqa: PLR0917
 
 
 def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: float) -> float:
-    """Find the strongest virtual drag whose peak acceleration over squared approach speed stays within a limit.
+    """Find the strongest virtual drag whose peak acceleration per squared approach speed stays within a limit.
 
     This peak is not monotone in phi.
 
@@ -264,9 +264,10 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
     excess, steepness = math.log(float(peaks(np.array([high]))[0]) / limit), 0.5
     if high == strongest < top and excess <= 0:
         raise InvalidInputError(
-            f"acceleration: the limit of {limit:g}/m times v^2 is too large to choose a virtual drag, because "
-            f"even the strongest drag of the search (speed ratio {_STRONGEST:g}) stays below the limit; choose "
-            "the drag by its speed ratio instead"
+            f"acceleration: the limit of {limit:g} 1/m on acceleration divided by squared approach speed "
+            "is too large to choose a virtual drag, because even the strongest drag of the search, with "
+            f"the speed ratio {_STRONGEST:g}, stays below the limit; choose the drag by its speed ratio "
+            "instead"
         )
     for _ in range(_PASSES):
         if excess <= _MET:
@@ -280,6 +281,6 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
         steepness = float(np.clip((excess - beyond[end]) / math.log(high / grid[end]), 0.0, 1.0))
         high, excess = float(grid[end]), float(beyond[end])
     raise InvalidInputError(
-        f"acceleration: the search for a virtual drag failed for a limit of {limit:g}/m times v^2; change the "
-        "limit slightly"
+        f"acceleration: the search for a virtual drag failed for a limit of {limit:g} 1/m on "
+        "acceleration divided by squared approach speed; change the limit slightly"
     )

@@ -62,7 +62,7 @@ def drag_page(design: DragDesign) -> Page:
     if acceleration:
         warnings.append(
             "the virtual drag was designed for an object in uniform motion, but this object accelerates "
-            f"{'toward' if acceleration > 0 else 'away from'} the robot by "
+            f"{('toward' if acceleration > 0 else 'away from')} the robot at "
             f"{pretty_unit(format_quantity(abs(acceleration), 'm/s^2'))}"
         )
     if -float(design.scenario.relative_velocity) > design.largest_speed:

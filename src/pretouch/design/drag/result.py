@@ -1,4 +1,4 @@
-"""Define the result of a virtual drag design, with the predicted effect at every approach speed."""
+"""Define the result of a virtual drag design, which predicts the contact for every approach speed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PREMISES: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DragDesign(Described, Value):
-    """A designed virtual drag with its predicted effects at every approach speed.
+    """A designed virtual drag with its predicted contact at every approach speed.
 
     Only a design of a task has an encounter and a report page.
 
@@ -186,7 +186,7 @@ class DragDesign(Described, Value):
         return -result.contact.relative_velocity
 
     def seen_from(self, distance: ArrayLike) -> DragDesign:
-        """Return the effects of the same drag if the sensor detects the object at other distances [m].
+        """Return the results of the same drag if the sensor detects the object at other distances [m].
 
         The smallest distance has the fastest contact, and the largest distance has the largest excursion. So the two
         ends of an uncertain detection distance bound the effects. An object that stops and starts again counts as

@@ -152,7 +152,7 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     if not choice.distance_to_front > _BEHIND:
         return "The choice lies on the Pareto front."
     text = (
-        "The front is better than the choice in every quantity, by at least "
+        "The front is better than your choice in every quantity, by at least "
         f"{100 * choice.distance_to_front:.2g} % of its range."
     )
     if len(front.quantities) == 2:
@@ -171,8 +171,9 @@ def _evidence(front: ParetoFront) -> PageSection:
         ("Pareto front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
         (
             "largest error",
-            f"the front is accurate to {100 * front.approximation_error:.2g} % of its range: no searched design, "
-            "and none between the points, is better by more in all quantities at once",
+            f"the error of the Pareto front is at most {100 * front.approximation_error:.2g} % of its "
+            "range: no other design that the search evaluated improves all quantities by more than this "
+            "error",
         ),
     )
     return PageSection(title="Evidence", titled=True, blocks=(PageTable(rows=rows, wraps=True, brief=True),))

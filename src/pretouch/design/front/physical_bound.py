@@ -126,7 +126,7 @@ class PhysicalBound(Value):
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
-        """Return the excursion at which a braking obstacle's speed is the robot's speed limit plus a contact speed."""
+        """Return the excursion at which a braking obstacle's speed is the robot's top speed plus the contact speed."""
         if self.acceleration <= 0:
             return np.full(np.shape(w), np.nan)
         return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)

@@ -144,6 +144,7 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
     for name, distribution in task.uncertainty.items():
         if type(distribution) is Interval:
             raise InvalidInputError(
-                f"uncertainty {name}: an interval has no probabilities, but the measure {measure.label!r} needs "
-                "probabilities; use Uniform if all values are equally likely, or the measure WorstCase"
+                f"uncertainty {name}: an interval has no probabilities, but the risk measure {measure.label!r} "
+                "needs probabilities; use Uniform if all values are equally likely, or the risk measure "
+                "WorstCase"
             )

@@ -62,8 +62,8 @@ def checked_measure(measure: Any) -> Measure:
     for name in ("label", "estimate"):
         if not issubclass(home[name], home["of"]):
             raise InvalidInputError(
-                f"measure: the class {type(measure).__name__} overrides the method `of`, but inherits `{name}` "
-                f"from {home[name].__name__}; override `{name}` as well"
+                f"measure: the class {type(measure).__name__} overrides the method `of`, but inherits the "
+                f"method `{name}` from {home[name].__name__}; override `{name}` as well"
             )
     if isinstance(measure, WorstCase) and home["of"] is not WorstCase:
         raise InvalidInputError(

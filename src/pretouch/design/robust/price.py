@@ -1,4 +1,4 @@
-"""Compute how much a robust gain loses compared with the optimal gain for an exactly known input."""
+"""Compute how much better a gain could be if an uncertain input, such as the object's speed, were known exactly."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class RobustProblem(GainProblem):
         return limits_of(self.task.constraints)
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Compute the risk measure and the constraints at several gains, which are scaled for the search."""
+        """Compute the risk measure and the constraints for several gains, given as values of the search variable."""
         gains = self.axis.gain(coordinate)
         parts = list(self._parts(gains))
         return Landscape(
@@ -85,7 +85,7 @@ class RobustProblem(GainProblem):
         return self.criterion(which).slope(result.end, of)
 
     def lowest_needed(self) -> float:
-        """Return a scaled gain on the search axis beyond which no stronger gain can be optimal.
+        """Return the value of the search variable beyond which no stronger gain can be optimal.
 
         Gains are evaluated from the weakest to the strongest. Part of the measure can only grow with the gain; the
         search ends when this part exceeds the best measure so far.

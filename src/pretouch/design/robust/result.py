@@ -253,7 +253,8 @@ class RobustDesign(Answer):
         nominal = f"the {self.nominal_name} {self.number.text(self.nominal_gain)}"
         if not math.isfinite(v.nominal):
             return (
-                f"{text} With {nominal}, so many encounters end without contact that the objectives cannot be compared."
+                f"{text} With {nominal}, so many encounters end without contact that the objectives of the "
+                "two gains cannot be compared."
             )
         change = 100 * (v.nominal / v.value - 1)
         worse, conjunction = ("worse", "and") if change >= 0 else ("better", "but")
@@ -293,8 +294,9 @@ def _conflict(design: RobustDesign) -> str:
         if magnitude > c.limit:
             reasons.append(
                 f"the {c.name} cannot be limited to {format_quantity(c.limit, unit)} "
-                f"{'in every sample' if p == 1 else f'in {100 * p:g} % of the samples'}; the nearest achievable "
-                f"value is {format_quantity(magnitude, unit)}, reached at {design.number.equals(gain)}"
+                f"{('in every sample' if p == 1 else f'in {100 * p:g} % of the samples')}; the smallest limit "
+                f"that can be met as often is {format_quantity(magnitude, unit)}, with "
+                f"{design.number.equals(gain)}"
             )
     if reasons:
         return "; ".join(reasons)
@@ -321,6 +323,6 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
             )
     if design.gain in design.bounds:
         yield (
-            f"the optimum lies on the bound {design.number.text(design.gain)}; a wider range may contain a "
-            f"better {design.number.name}"
+            f"the optimal {design.number.name} lies on its bound {design.number.text(design.gain)}; a "
+            "wider range may contain a better value"
         )

@@ -147,7 +147,7 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 
 @cache_by_curve(256)
 def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, Any, float, float, bool, Any]:
-    """Return the arguments of the compiled search for the sensor curve up to `reach` [m], and their arrays."""
+    """Return the arguments of the compiled search that describe the sensor curve, and the arrays with its data."""
     slope, ends, falling = float(sensor.log_slope(0.0)), sensor.valid_range, falls(sensor, reach)
     if linear:
         return slope, None, None, *ends, falling, None

@@ -20,7 +20,7 @@ _AT_END = 1e-9  # distance from a bound, as a share of the range of u, within wh
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainAxis:
-    """The scaled axis on which the search varies the gain: linear near zero, and logarithmic far from zero.
+    """The search variable for the gain: proportional to weak gains, and logarithmic in strong gains.
 
     The coordinate is u = asinh(gain / s) with a gain s.
 
@@ -36,7 +36,7 @@ class GainAxis:
 
     @classmethod
     def between(cls, bounds: Sequence[float], number: LawNumber | None = None) -> GainAxis:
-        """Make the scaled axis of gains between two bounds, at least one of which must be a mitigating gain."""
+        """Make the search variable for gains between two bounds, at least one of which must be a mitigating gain."""
         unit = "N*s" if number is None else number.unit
         low, high = bounds
         low, high = finite(low, "bounds", unit), finite(high, "bounds", unit)
@@ -47,14 +47,15 @@ class GainAxis:
         if number is not None and max(number.sign * low, number.sign * high) <= 0:
             shown = pretty_unit(unit)
             raise InvalidInputError(
-                f"bounds: {low:g} to {high:g} {shown} make the robot chase the object; mitigating {number.name}s are "
-                f"{number.mitigating}. Did you mean {0.0 - high:g} to {0.0 - low:g} {shown}?"
+                f"bounds: the range from {low:g} to {high:g} {shown} makes the robot chase the object, "
+                f"because a {number.name} that mitigates the impact is {number.mitigating}. Did you mean "
+                f"{0.0 - high:g} to {0.0 - low:g} {shown}?"
             )
         return cls(low=low, high=high)
 
     @property
     def scale(self) -> float:
-        """The magnitude of the gain at which the scaled axis changes from linear to logarithmic."""
+        """The magnitude of the gain at which the search variable changes from linear to logarithmic."""
         small, large = sorted((abs(self.low), abs(self.high)))
         return small if self.low * self.high > 0 else 1e-3 * large
 
@@ -65,16 +66,16 @@ class GainAxis:
 
     @property
     def span(self) -> tuple[float, float]:
-        """The two bounds of the gain as scaled values, the lower bound first."""
+        """The two bounds of the gain as values of the search variable, the lower bound first."""
         low, high = self.coordinate(np.array(self.ends))
         return float(low), float(high)
 
     def coordinate(self, gain: FloatArray | float) -> FloatArray:
-        """Convert a gain to its scaled value on the search axis."""
+        """Convert a gain to the search variable."""
         return np.asarray(np.arcsinh(np.asarray(gain) / self.scale))
 
     def gain(self, coordinate: FloatArray | float) -> FloatArray:
-        """Convert a scaled value of the search axis to a gain, which never lies outside the bounds."""
+        """Convert a value of the search variable to a gain, which never lies outside the bounds."""
         # It is exactly a bound if the coordinate is that of the bound up to rounding.
         gain = np.clip(self.scale * np.sinh(coordinate), self.low, self.high)
         for bound, end in zip(self.ends, self.span, strict=True):
@@ -82,10 +83,10 @@ class GainAxis:
         return gain
 
     def is_end(self, coordinate: FloatArray | float) -> BoolArray:
-        """Return which scaled values on the search axis equal a bound of the gain."""
+        """Return which values of the search variable equal a bound of the gain."""
         low, high = self.span
         return np.asarray(np.minimum(np.abs(coordinate - low), np.abs(coordinate - high)) <= _AT_END * (high - low))
 
     def stretch(self, gain: float) -> float:
-        """Return the derivative of the gain with respect to its scaled value on the search axis."""
+        """Return the derivative of the gain with respect to the search variable."""
         return math.hypot(gain, self.scale)

@@ -1,15 +1,23 @@
-"""Time verdicts, and measure the advantage of a gain designed on a loop over the ideal one.
+"""Time verdicts and commands, and measure the advantage of a gain designed on a loop over the ideal one.
 
-Run with `python -m benchmarks.verdicts`; `--quick` uses one loop and few runs.
+Run with `python -m benchmarks.verdicts`; `--quick` uses one loop and few runs, `--commands` only times the commands.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import subprocess
+import sys
+import tempfile
 import time
+from collections import Counter
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pretouch as pt
+from pretouch.simulation import native_loop, result
 
 from .solving import SCENARIO, SENSORS
 
@@ -41,6 +49,14 @@ VERDICTS = {
     "the same, robot and contact": (replace(FAST, plant=ROBOT, contact=CONTACT), None),
     "the same, an uncertain curve": (FAST, CURVE),
     "10 kHz, filters of the letter": (LETTER, None),
+}
+EXAMPLES = Path(__file__).parents[1] / "examples"
+COMMANDS = {
+    "verify loop.toml": ("verify", "loop.toml"),
+    "robust robust.toml": ("robust", "robust.toml"),
+    "pareto tradeoff.toml": ("pareto", "tradeoff.toml"),
+    "design approach.toml": ("design", "approach.toml"),
+    "simulate loop.toml": ("simulate", "loop.toml"),
 }
 DESIGNS = {"250 readings per second": FAST, "60 per second, exposure 16 ms, delay 4 ms": SLOW}
 
@@ -90,11 +106,68 @@ def designs(samples: int, most: int) -> list[str]:
     return rows
 
 
+def processor_time(arguments: list[str]) -> float:
+    """Return the processor time of a command in a new process [s], with all of its threads and imports."""
+    with tempfile.TemporaryDirectory() as folder:
+        before = os.times()
+        subprocess.run([sys.executable, "-m", "pretouch", *arguments], cwd=folder, check=False, capture_output=True)
+        after = os.times()
+    return after.children_user + after.children_system - before.children_user - before.children_system
+
+
+def commands(rounds: int) -> list[str]:
+    """Time commands on examples in turns, and return a row for each with its smallest processor times."""
+    times: dict[tuple[str, str], float] = {}
+    for _ in range(rounds):
+        for name, (verb, file) in COMMANDS.items():
+            for option in ("--no-report", "--report"):
+                seconds = processor_time([verb, str(EXAMPLES / file), option])
+                times[name, option] = min(seconds, times.get((name, option), seconds))
+    return [
+        f"{name:28s}{times[name, '--no-report']:8.2f} s{times[name, '--report']:8.2f} s with report"
+        for name in COMMANDS
+    ]
+
+
+def simulated(changes: bool) -> str:
+    """Verify the gain of the example, and return a row with the numbers of simulated runs and controller steps."""
+    counts: Counter[str] = Counter()
+    module: Any = result  # which calls the function by this name
+    run_loop = module.run_loop
+
+    def counted(loop: Any, which: Any, *rest: Any, **more: Any) -> Any:
+        outputs = run_loop(loop, which, *rest, **more)
+        ends = outputs[0][:, native_loop.RESULT_COLUMNS.index("end_time")]
+        kind = "at rest" if loop.horizon > 10 * loop.follow_time + 5 else "in encounters"
+        counts[f"runs {kind}"] += len(which)
+        counts[f"steps {kind}"] += int((ends / loop.laws[0].period).sum())
+        return outputs
+
+    task = pt.load_scenario(EXAMPLES / "loop.toml")
+    module.run_loop = counted
+    start = time.process_time()
+    try:
+        pt.verify_gain(task, changes=changes)
+    finally:
+        module.run_loop = run_loop
+    seconds = time.process_time() - start
+    numbers = ", ".join(f"{number:,} {kind}" for kind, number in sorted(counts.items()))
+    return f"{'with' if changes else 'without'} changes: {seconds:.2f} s of processor time, {numbers}"
+
+
 def main() -> None:
     """Print all results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdicts", description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one loop, few runs")
-    quick = parser.parse_args().quick
+    parser.add_argument("--commands", action="store_true", help="only commands, and the runs of a verdict")
+    options = parser.parse_args()
+    quick = options.quick
+    print("\nprocessor time of a new process, smallest of several")
+    print("\n".join(commands(1 if quick else 3)))
+    print("\nsimulated by pretouch verify examples/loop.toml")
+    print("\n".join(simulated(changes) for changes in (False, True)))
+    if options.commands:
+        return
     runs, samples, most = (20, 16, 1) if quick else (1000, 256, len(VERDICTS))
     print(f"\nverdicts over {runs} runs, warm")
     print("\n".join(verdict_times(runs, most)))

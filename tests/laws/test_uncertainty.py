@@ -21,6 +21,7 @@ from pretouch.uncertainty import (
     Uniform,
     sample_inputs,
 )
+from pretouch.uncertainty.sobol import MOST_DIMENSIONS, scrambled_sobol
 from properties import examples
 
 KNOWN: dict[str, tuple[Distribution, object]] = {
@@ -167,3 +168,18 @@ def test_correlated_inputs_have_the_covariance_that_was_given() -> None:
 def test_what_makes_no_sense_is_refused(make: object, words: str) -> None:
     with pytest.raises(InvalidInputError, match=words.replace("(", r"\(")):
         make()
+
+
+@pytest.mark.parametrize(("doublings", "dimensions"), [(0, 1), (1, 2), (10, 7), (12, MOST_DIMENSIONS)])
+def test_points_of_the_sobol_sequence_are_those_of_scipy(doublings: int, dimensions: int) -> None:
+    """Bit by bit: sums of powers of two are exact."""
+    own = scrambled_sobol(doublings, dimensions, np.random.default_rng(doublings))
+    scipy = stats.qmc.Sobol(dimensions, rng=np.random.default_rng(doublings)).random_base2(doublings)
+    assert np.array_equal(own, scipy)
+
+
+def test_more_inputs_than_tabulated_dimensions_are_sampled_by_scipy() -> None:
+    names = [f"obstacle.{k}" for k in range(MOST_DIMENSIONS + 1)]
+    drawn = sample_inputs({name: Uniform(low=0.0, high=1.0) for name in names}, 8, seed=3)
+    scipy = stats.qmc.Sobol(len(names), rng=np.random.default_rng(3)).random_base2(3)
+    assert np.allclose(np.column_stack([drawn[name] for name in names]), scipy, rtol=0, atol=1e-15)

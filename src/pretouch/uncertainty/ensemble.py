@@ -24,6 +24,7 @@ from pretouch.motion.solution import Solution
 from pretouch.sensors import SensorModel
 
 from .distributions import JointDistribution
+from .sobol import MOST_DIMENSIONS, scrambled_sobol
 
 Uncertainty: TypeAlias = Mapping[str, JointDistribution]
 """Distributions of inputs by name, such as `obstacle.velocity`; a joint distribution has any name."""
@@ -113,13 +114,16 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
 def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray:
     """Return random sample points in a unit cube that has one dimension per uncertain input."""
     rng = np.random.default_rng(seed)
+    doublings = max(count - 1, 0).bit_length()  # the Sobol sequence is balanced for powers of two
     if sampling == "random":
         points = rng.random((count, dimensions))
+    elif sampling == "sobol" and dimensions <= MOST_DIMENSIONS:
+        points = scrambled_sobol(doublings, dimensions, rng)[:count]
     else:
-        from scipy.stats import qmc  # noqa: PLC0415 - half a second to load, only when something is sampled
+        from scipy.stats import qmc  # noqa: PLC0415 - half a second to load, only when it is needed
 
-        if sampling == "sobol":  # the Sobol sequence is balanced for powers of two
-            points = qmc.Sobol(dimensions, rng=rng).random_base2(max(count - 1, 0).bit_length())[:count]
+        if sampling == "sobol":
+            points = qmc.Sobol(dimensions, rng=rng).random_base2(doublings)[:count]
         else:
             points = qmc.LatinHypercube(dimensions, rng=rng).random(count)
     return np.asarray(np.clip(points, 2.0**-54, 1 - 2.0**-53))

@@ -31,6 +31,8 @@ _ALMOST: Final = 1 - EFFECT  # score of a gain without effect: better than a gai
 _ROUNDING: Final = 1e-12  # share of a limit, as in the validation of robust designs
 _COMPARED: Final = 200  # runs on which changes are compared
 _COMPARED_SENSORS: Final = 100  # the same if each run has its own sensor curve, which is tabulated first
+_FIRST: Final = 0.16  # share of these runs after which gains that certainly miss a requirement are given up
+_LEAST_FIRST: Final = 16  # fewer runs than that are not worth a separate call
 _IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # quantities that arise after the first touch
 
 
@@ -76,14 +78,15 @@ class Draws:
         """Distance at the start of each encounter [m]."""
         return self._each(self.scenarios.distance)
 
-    def run(self, loop: ClosedLoop, gain: ArrayLike, count: int | None = None) -> SimulationResult:
-        """Simulate all encounters, or only the first `count` encounters, with one or several gains."""
+    def run(self, loop: ClosedLoop, gain: ArrayLike, count: int | None = None, *, first: int = 0) -> SimulationResult:
+        """Simulate all encounters, or only those from `first` to `count`, with one or several gains."""
         # Several gains have the shape (m, 1).
-        n = self.task.verify.runs if count is None else count
-        several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
+        which = slice(first, self.task.verify.runs if count is None else count)
+        several = map_fields(self.scenarios, lambda v: v[which] if np.ndim(v) else v)
+        later = loop.after(first)
         if not self.sensors:
-            return loop.run(several, self.task.sensor, gain)
-        return loop.run_each(several, self.sensors[:n], gain)
+            return later.run(several, self.task.sensor, gain)
+        return later.run_each(several, self.sensors[which], gain)
 
     def predicted(self, gain: float) -> FloatArray:
         """Predict the contact speed of each encounter in continuous time [m/s]; NaN without contact."""
@@ -130,6 +133,10 @@ class Requirement(NamedTuple):
         """True if enough runs meet the condition."""
         return self.standing >= 1 - _ROUNDING
 
+    def after(self, further: int) -> Requirement:
+        """Return the requirement as it would be if it was met in all of some further runs."""
+        return self._replace(held=np.concatenate([self.held, np.ones(further, dtype=bool)]))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopOutcomes:
@@ -167,6 +174,10 @@ class LoopOutcomes:
         if effect is None or not (effect.is_harder or effect.is_absent):
             return 1.0
         return min(effect.unmitigated / effect.speed, _ALMOST) if effect.is_harder else _ALMOST
+
+    def best_standing(self, further: int) -> float:
+        """Return the largest score that the gain can have after some further runs."""
+        return min(r.after(further).standing for r in self.requirements)
 
     @property
     def is_kept(self) -> bool:
@@ -222,9 +233,21 @@ class LoopProblem:
 
     def appraise_each(self, gains: FloatArray) -> list[LoopOutcomes]:
         """Simulate the same encounters with each of several gains, and compute limits and objective of every run."""
-        loop = self.compared(self.draws.task.loop)
-        runs = self.draws.run(loop, gains[:, None], self.draws.compared)
-        return [self.appraised(part_of(runs, i), loop, gain) for i, gain in enumerate(gains.tolist())]
+        # A gain is given up if its first runs miss a requirement so often that all runs together must miss it. All
+        # runs would give the same decision, so it has no error.
+        draws, loop = self.draws, self.compared(self.draws.task.loop)
+        several = draws.compared
+        first = math.ceil(_FIRST * several)
+        first = several if first < _LEAST_FIRST else first
+        runs = draws.run(loop, gains[:, None], first)
+        outcomes = [self.appraised(part_of(runs, i), loop, gain) for i, gain in enumerate(gains.tolist())]
+        open_ones = [i for i, one in enumerate(outcomes) if one.best_standing(several - first) >= 1 - _ROUNDING]
+        if first == several or not open_ones:
+            return outcomes
+        rest = draws.run(loop, gains[open_ones, None], several, first=first)
+        for k, i in enumerate(open_ones):
+            outcomes[i] = self.appraised(joined(outcomes[i].result, part_of(rest, k)), loop, float(gains[i]))
+        return outcomes
 
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
         """Compute the results of simulated runs: the objective, the limits, and the change of the contact speed."""
@@ -265,6 +288,12 @@ def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
     """Return the results of selected simulated runs, without time series."""
     columns = {name: column[which] for name, column in result.columns.items()}
     return SimulationResult(columns, result.contact_list[which], result.trace_of)
+
+
+def joined(first: SimulationResult, rest: SimulationResult) -> SimulationResult:
+    """Return the results of two sets of simulated runs as one set, without time series."""
+    columns = {name: np.concatenate([column, rest.columns[name]]) for name, column in first.columns.items()}
+    return SimulationResult(columns, np.concatenate([first.contact_list, rest.contact_list]), first.trace_of)
 
 
 def simulated_quantity(

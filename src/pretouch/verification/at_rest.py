@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,9 @@ from pretouch._core.units import format_quantity
 from pretouch.control import Controller
 from pretouch.design import Task
 from pretouch.motion import Obstacle, Scenario
-from pretouch.simulation import IdealPlant
+from pretouch.simulation import ClosedLoop, IdealPlant
+
+from .stability import rounded_up
 
 _REST: Final = 30.0  # s: longest time at rest
 _STEPS: Final = 30_000  # largest number of controller steps: a fast controller is simulated for a shorter time
@@ -24,12 +26,26 @@ _SCANS: Final = 5  # runs at each distance, to find the worst distance
 # Distances to try: those at which the mean reading exceeds the floor by these numbers of standard deviations of noise.
 _DEVIATIONS: Final = np.array([-0.5, 0.0, 0.5, 1.0, 1.5, 2.5, 4.0, 8.0])
 _STILL: Final = 1e-3  # m: a robot that moves less counts as still
-_KEPT: Final = 0.9  # target for the drift with a lower floor, as a share of _STILL
+_KEPT: Final = 0.7  # target for the motion with a lower floor, as a share of _STILL; fewer runs show smaller motions
 _WORTH: Final = 0.95  # a lower floor is tried only if it is below this share of a floor that suffices
 _QUIET: Final = 0.3  # share of _STILL: with a smaller mean, fewer than 1 run of 20 exceeds _STILL
 _TRIES: Final = 4  # number of higher floors that are tried
+_LEAST: Final = 1e-9  # m: a smaller motion counts as this motion in a power law
 _FARTHEST: Final = 2.0  # m
 _PLACES: Final = 2001  # number of distances from contact to _FARTHEST
+
+
+class _Scan(NamedTuple):
+    """A few simulated runs of a robot at rest at each of several distances, with one signal floor."""
+
+    loop: ClosedLoop  # the loop at rest
+    places: FloatArray  # distances to the object [m]
+    largest: FloatArray  # largest motion of each run [m], shape (places, runs)
+
+    @property
+    def mean(self) -> FloatArray:
+        """The mean over the runs of the largest motion at each distance [m]."""
+        return np.asarray(self.largest.mean(axis=1))
 
 
 def creep_in_words(task: Task, gain: float) -> Iterator[str]:
@@ -38,13 +54,16 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
     if not isinstance(law, Controller) or not gain:
         return
     floor = law.conditioning.floor
-    worst, moved = _drift(task, gain, law, floor)
+    scan = _scan(task, gain, law, floor)
+    if scan is None:  # nothing is ever detected
+        return
+    worst, moved = _bound(task, gain, scan)
     if not moved > _STILL:
         return
     where, far, still = (format_quantity(x, "m", 3) for x in (worst, moved, _STILL))
-    text = f"Sensor noise alone moves a robot at rest by up to {far} within {_rest(law):g} s"
+    text = f"Sensor noise alone moves a robot at rest by up to {far} within {_duration(law):g} s"
     place = f"These values hold at the worst distance, {where}, in 95 % of the runs ({_RESTS} runs, 95 % confidence)."
-    quiet = _quiet_floor(task, gain, law, moved)
+    quiet = _quiet_floor(task, gain, law, scan, moved)
     if quiet is None:
         yield (
             f"{text}: no tried floor of the controller keeps this motion within {still}, so reduce the "
@@ -58,55 +77,77 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
     )
 
 
-def _rest(law: Controller) -> float:
+def _duration(law: Controller) -> float:
     """Return the time [s] for which the motion of a robot at rest is simulated."""
     return float(f"{min(_REST, _STEPS * law.period):.3g}")
 
 
-def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> float | None:
+def _quiet_floor(task: Task, gain: float, law: Controller, scan: _Scan, moved: float) -> float | None:
     """Return a signal floor with which noise does not move a robot at rest; None if no such floor is found."""
     # With the present floor, the robot moves by `moved` [m].
-    below = floor = law.conditioning.floor
-    far = moved
+    below = law.conditioning.floor
     for _ in range(_TRIES):
-        floor = float(f"{1.1 * floor * moved / _STILL:.2g}")
-        _, moved = _drift(task, gain, law, floor)
+        floor = float(f"{1.1 * below * moved / _STILL:.2g}")
+        higher = _scan(task, gain, law, floor)
+        if higher is None:
+            return None
+        # A floor that is too high reduces the detection distance. So a floor between both is tried first. It follows
+        # from a power law, whose exponent is that of the runs that find the worst distances.
+        fall = math.log(max(scan.largest.max(), _LEAST) / max(higher.largest.max(), _LEAST))
+        part = min(math.log(moved / (_KEPT * _STILL)) / fall, 1.0) if fall > 0 else 1.0
+        between = rounded_up(below * (floor / below) ** part)
+        if below < between < _WORTH * floor:
+            middle = _scan(task, gain, law, between)
+            if middle is not None and _bound(task, gain, middle, until=_STILL)[1] <= _STILL:
+                return between
+        _, moved = _bound(task, gain, higher, until=_STILL)
         if moved <= _STILL:
-            break
-        below, far = floor, moved
-    else:
-        return None
-    # A floor that is too high reduces the detection distance. So a floor between the last two is tried, by a power law.
-    part = math.log(far / (_KEPT * _STILL)) / math.log(far / moved)
-    between = float(f"{below * (floor / below) ** min(part, 1.0):.2g}")
-    return between if below < between < _WORTH * floor and _drift(task, gain, law, between)[1] <= _STILL else floor
+            return floor
+        below, scan = floor, higher
+    return None
 
 
-def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[float, float]:
-    """Return the distance [m] at which noise moves a robot at rest most, and a 95 % bound of this motion [m].
-
-    The largest of 59 runs exceeds the 95 % quantile with a confidence of 95 %, since 0.95^59 = 0.048. Separate runs
-    find the worst distances. The robot follows the virtual object exactly.
-    """
+def _scan(task: Task, gain: float, law: Controller, floor: float) -> _Scan | None:
+    """Simulate a robot at rest a few times at each of several distances; None if it detects nothing at any distance."""
     places = np.unique(_places(task, law, floor, _DEVIATIONS))
     places = places[places > 0]
     if not len(places):
-        return 0.0, np.nan  # nothing is ever detected
+        return None
     loop = replace(task.loop, law=replace(law, conditioning=replace(law.conditioning, floor=floor)))
-    at_rest = replace(loop, plant=IdealPlant(), contact=None, horizon=_rest(law), seed=task.loop.seed + 1)
+    at_rest = replace(loop, plant=IdealPlant(), contact=None, horizon=_duration(law), seed=task.loop.seed + 1)
+    return _Scan(at_rest, places, _largest(task, gain, at_rest, places, _SCANS))
 
-    def largest(places: FloatArray, count: int, first: int) -> FloatArray:
-        note_work("simulating a robot at rest")
-        here = Scenario(admittance=task.scenario.admittance, obstacle=Obstacle(position=np.repeat(places, count)))
-        excursions = at_rest.after(first).run(here, task.sensor, gain).largest_excursion
-        return np.asarray(excursions).reshape(len(places), count)
 
-    scanned = largest(places, _SCANS, 0).mean(axis=1)
-    worst = places[np.argsort(scanned)[-2:]]
-    if not scanned.max() > _QUIET * _STILL:
-        return float(worst[-1]), float(scanned.max())
-    moved = largest(worst, _RESTS, len(places) * _SCANS).max(axis=1)
-    return float(worst[moved.argmax()]), float(moved.max())
+def _bound(task: Task, gain: float, scan: _Scan, until: float = math.inf) -> tuple[float, float]:
+    """Return the distance [m] at which noise moves a robot at rest most, and a 95 % bound of this motion [m].
+
+    The largest of 59 runs exceeds the 95 % quantile with a confidence of 95 %, since 0.95^59 = 0.048. They are other
+    runs than those that find the worst distances. The robot follows the virtual object exactly. If a run exceeds
+    `until` [m], the motion of this run is returned, because further runs cannot reduce the bound.
+    """
+    order = np.argsort(scan.mean)[::-1]
+    worst, most = float(scan.places[order[0]]), float(scan.mean.max())
+    if not most > _QUIET * _STILL:
+        return worst, most
+    place, moved = np.unravel_index(scan.largest.argmax(), scan.largest.shape)[0], float(scan.largest.max())
+    if moved > until:
+        return float(scan.places[place]), moved
+    loop, moved = scan.loop.after(scan.largest.size), 0.0
+    for place in order[:2]:
+        here = float(_largest(task, gain, loop, scan.places[[place]], _RESTS).max())
+        worst, moved = (float(scan.places[place]), here) if here > moved else (worst, moved)
+        if moved > until:
+            break
+        loop = loop.after(_RESTS)
+    return worst, moved
+
+
+def _largest(task: Task, gain: float, loop: ClosedLoop, places: FloatArray, count: int) -> FloatArray:
+    """Simulate a robot at rest several times at each distance; return its largest motions [m]."""
+    note_work("simulating a robot at rest")
+    here = Scenario(admittance=task.scenario.admittance, obstacle=Obstacle(position=np.repeat(places, count)))
+    excursions = loop.run(here, task.sensor, gain).largest_excursion
+    return np.asarray(excursions).reshape(len(places), count)
 
 
 def _places(task: Task, law: Controller, floor: float, deviations: FloatArray) -> FloatArray:

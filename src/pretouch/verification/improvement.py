@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from pretouch._core.numbers import FloatArray, finite_or_none
+from pretouch._core.numbers import FloatArray, IntArray, finite_or_none
 from pretouch._core.progress import note_work
 from pretouch._core.values import Value
 from pretouch.design import GainDesign, Task
@@ -41,19 +41,21 @@ class LoopCurve(Value):
         standing: score, at most 1: the smallest ratio of the share of runs that meet a limit to the required share;
             lower if contact is no softer than without mitigation.
         share: share of the runs that meet all limits.
-        runs: number of runs of each gain.
+        runs: number of runs of each gain. It is smaller if the first runs already show that the gain misses a
+            requirement; the other columns are then results of these runs.
     """
 
     gain: FloatArray
     objective: FloatArray
     standing: FloatArray
     share: FloatArray
-    runs: int
+    runs: IntArray
 
     def __repr__(self) -> str:
         if not len(self.gain):
             return "<LoopCurve: no gain>"
-        return f"<LoopCurve: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g}, {self.runs} runs>"
+        ends = f"{self.gain[0]:g} to {self.gain[-1]:g}"
+        return f"<LoopCurve: {len(self.gain)} gains from {ends}, up to {self.runs.max()} runs each>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +139,7 @@ def find_improvements(
     loop = task.loop
     search = _best_on_loop(problem, verified)
     optimum, best, changes = search.best, None, []
-    better = search.nearest if optimum is None else optimum
+    better = search.nearest() if optimum is None else optimum
     if better is not None:
         # All runs are used, because the gain would look too good on only those runs by which it was chosen.
         same, margin = math.isclose(better, gain, rel_tol=_SAME), stability_margin(verified.limit, better)
@@ -210,6 +212,8 @@ class _Tried(NamedTuple):
     standing: float  # score, at most 1
     share: float  # share of the runs that meet all limits
     kept: bool  # whether all requirements are met
+    runs: int  # number of runs
+    bound: float  # the score is at most this after all runs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -231,7 +235,7 @@ class _Search:
                 f"searching for the best gain on the simulated loop; {len(self.tried)} gains were simulated so far"
             )
             for place, gain, o in zip(new, gains.tolist(), self.problem.appraise_each(gains), strict=True):
-                self.tried[place] = _Tried(gain, o.mean, o.standing, o.whole_share, o.is_kept)
+                self.tried[place] = self._tried(gain, o)
         of = (self.tried[round(u, _DIGITS)] for u in coordinate.tolist())
         return np.array([one.objective if one.kept else math.inf for one in of])
 
@@ -245,19 +249,40 @@ class _Search:
         kept = [one for one in sorted(self.tried.values()) if one.kept]
         return min(kept, key=lambda one: one.objective).gain if kept else None
 
-    @property
+    def _tried(self, gain: float, outcomes: LoopOutcomes) -> _Tried:
+        """Summarize the simulated results of a gain."""
+        runs = outcomes.result.shape[0]
+        open_runs = self.problem.draws.compared - runs
+        bound = outcomes.best_standing(open_runs) if open_runs else outcomes.standing
+        return _Tried(
+            *(gain, outcomes.mean, outcomes.standing, outcomes.whole_share, outcomes.is_kept and not open_runs),
+            *(runs, bound),
+        )
+
     def nearest(self) -> float | None:
-        """The tried gain with the best score; None if no gain was tried."""
-        tried = sorted(self.tried.values())
-        return max(tried, key=lambda one: (one.standing, -one.objective)).gain if tried else None
+        """Return the tried gain with the best score over all runs; None if no gain was tried."""
+        # Gains that were given up are simulated further, as long as their score can still be the best one.
+        whole, loop = self.problem.draws.compared, self.problem.compared(self.problem.draws.task.loop)
+        while self.tried:
+            complete = [one for one in sorted(self.tried.values()) if one.runs == whole]
+            best = max(complete, key=lambda one: (one.standing, -one.objective), default=None)
+            place, most = max(
+                ((place, one) for place, one in self.tried.items() if one.runs < whole),
+                key=lambda item: item[1].bound,
+                default=(0.0, best),
+            )
+            if best is not None and (most is best or most is None or most.bound < best.standing):
+                return best.gain
+            if most is not None:
+                self.tried[place] = self._tried(most.gain, self.problem.appraise(loop, most.gain, whole))
+        return None
 
     @property
     def curve(self) -> LoopCurve:
         """The results of all tried gains, sorted by the gain."""
         columns = np.array(sorted(self.tried.values()), dtype=np.float64).reshape(-1, len(_Tried._fields)).T
-        gain, objective, standing, share, _ = columns
-        runs = self.problem.draws.compared
-        return LoopCurve(gain=gain, objective=objective, standing=standing, share=share, runs=runs)
+        gain, objective, standing, share, _, runs, _ = columns
+        return LoopCurve(gain=gain, objective=objective, standing=standing, share=share, runs=runs.astype(np.int64))
 
 
 def _best_on_loop(problem: LoopProblem, verified: Verified) -> _Search:

@@ -183,10 +183,10 @@ def rate_for_margin(loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain:
     return lowest_rate(sensor, _virtual_admittance(law), gain, margin=margin, **encounter)
 
 
-def rounded_up(rate: float) -> float:
-    """Return a rate [Hz] rounded up to two digits, so that the result is never below the required rate."""
-    step = 10.0 ** (math.floor(math.log10(rate)) - 1)
-    return float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
+def rounded_up(value: float) -> float:
+    """Return a positive number, such as a rate [Hz], rounded up to two digits, so that it is never below the number."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.ceil(value / step - 1e-9) * step:.3g}")
 
 
 def _virtual_admittance(law: Controller) -> Admittance:

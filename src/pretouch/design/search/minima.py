@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
-from .polynomials import FIT, NODE_COUNT, NODES, minimize_polynomials
+from .polynomials import FIT, NODES, minimize_polynomials
 from .scan import EXACT, Effort, Evaluate, Scan, scan
 
 _LOOP_ROUNDING: Final = 1e-12  # relative rounding error of an objective from some hundred steps of a loop
@@ -92,7 +92,7 @@ def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[fl
     left, right = low, high
     best = (low, math.inf)
     for _ in range(24):
-        u = np.linspace(left, right, NODE_COUNT)
+        u = np.linspace(left, right, effort.nodes)
         values = function(u)
         i = int(np.argmin(values))
         if values[i] <= best[1]:
@@ -104,7 +104,7 @@ def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[fl
                 return *polished, False
             if at_end and right - left < 1e-3 * (high - low):
                 break
-        left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, NODE_COUNT - 1)])
+        left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, effort.nodes - 1)])
         if right - left < effort.finest * max(1.0, abs(left)):
             break
     return *best, True

@@ -17,8 +17,23 @@ struct GaussTables {
     double so_far[GAUSS][GAUSS];       // [point][place]: integral from -1 to each point
     double to_come[GAUSS][GAUSS];      // [point][place]: integral from each point to 1
     double change[GAUSS][GAUSS];       // [point][place]: derivative at each point
+    double last[2][GAUSS];             // [degree - 14][point]: the last two Legendre coefficients
     double fine[GAUSS][FINE];          // [point][place]: value at equally spaced places
 };
+
+// P_(n+1) = a z P_n - b P_(n-1), and the integral of P_n is (P_(n+1) - P_(n-1)) times c.
+struct LegendreFactors {
+    double a[GAUSS + 1], b[GAUSS + 1], c[GAUSS + 1];
+};
+
+static constexpr LegendreFactors legendre_factors() {
+    LegendreFactors f = {};
+    for (int n = 0; n <= GAUSS; n++)
+        f.a[n] = (2 * n + 1.0) / (n + 1), f.b[n] = double(n) / (n + 1), f.c[n] = 1.0 / (2 * n + 1);
+    return f;
+}
+
+constexpr LegendreFactors FACTORS = legendre_factors();
 
 // P_n and P_n' for n from 0 to GAUSS.
 struct Legendre {
@@ -30,7 +45,7 @@ static constexpr Legendre legendre(double z) {
     Legendre p = {};
     p.value[0] = 1.0, p.value[1] = z, p.slope[0] = 0.0, p.slope[1] = 1.0;
     for (int n = 1; n < GAUSS; n++) {
-        p.value[n + 1] = ((2 * n + 1) * z * p.value[n] - n * p.value[n - 1]) / (n + 1);
+        p.value[n + 1] = FACTORS.a[n] * z * p.value[n] - FACTORS.b[n] * p.value[n - 1];
         p.slope[n + 1] = p.slope[n - 1] + (2 * n + 1) * p.value[n];
     }
     return p;
@@ -38,7 +53,7 @@ static constexpr Legendre legendre(double z) {
 
 // The integral of P_n from -1.
 static constexpr double legendre_integral(const Legendre &p, int n, double z) {
-    return n == 0 ? 1.0 + z : (p.value[n + 1] - p.value[n - 1]) / (2 * n + 1);
+    return n == 0 ? 1.0 + z : (p.value[n + 1] - p.value[n - 1]) * FACTORS.c[n];
 }
 
 static constexpr double fine_place(int k) { return -1.0 + 2.0 * k / (FINE - 1); }
@@ -61,6 +76,7 @@ static constexpr GaussTables gauss_tables() {
         t.share[i] = 0.5 * (1.0 + t.node[i]);
         const Legendre at_point = legendre(t.node[i]);
         for (int n = 0; n < GAUSS; n++) t.coefficient[i][n] = 0.5 * (2 * n + 1) * t.weight[i] * at_point.value[n];
+        t.last[0][i] = t.coefficient[i][GAUSS - 2], t.last[1][i] = t.coefficient[i][GAUSS - 1];
     }
     for (int place = 0; place < GAUSS; place++) {
         const Legendre p = legendre(t.node[place]);

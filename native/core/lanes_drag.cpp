@@ -85,13 +85,9 @@ inline Nodes so_far(const Nodes &nodes) { return times(nodes, AT.so_far); }
 inline double last_terms(const Nodes &nodes) {
     Lanes largest = absolute(nodes.at[0]);
     for (int j = 1; j < VECTORS; j++) largest = most(absolute(nodes.at[j]), largest);
-    double greatest = largest[0], terms[2] = {};
+    double greatest = largest[0];
     for (int i = 1; i < WIDTH; i++) greatest = most(greatest, largest[i]);
-    for (int i = 0; i < GAUSS; i++) {
-        terms[0] += nodes[i] * AT.coefficient[i][GAUSS - 2];
-        terms[1] += nodes[i] * AT.coefficient[i][GAUSS - 1];
-    }
-    return (fabs(terms[0]) + fabs(terms[1])) / greatest;
+    return (fabs(sum(nodes, AT.last[0])) + fabs(sum(nodes, AT.last[1]))) / greatest;
 }
 
 // The Legendre polynomials through values at the points.
@@ -99,9 +95,8 @@ struct Polynomial {
     double terms[GAUSS];
 
     explicit Polynomial(const Nodes &nodes) {
-        for (int n = 0; n < GAUSS; n++) terms[n] = 0.0;
-        for (int i = 0; i < GAUSS; i++)
-            for (int n = 0; n < GAUSS; n++) terms[n] += nodes[i] * AT.coefficient[i][n];
+        const Nodes found = times(nodes, AT.coefficient);
+        for (int j = 0; j < VECTORS; j++) store(terms + j * WIDTH, found.at[j]);
     }
 
     double operator()(double z) const {
@@ -128,7 +123,7 @@ double place_of(const Nodes &rates, double total) {
         if (excess >= 0.0) high = z;
         const double step = excess / slope;
         z -= step;
-        if (fabs(step) <= 1e-16 || high - low <= 1e-16) break;
+        if (fabs(step) <= 1e-15 || high - low <= 1e-15) break;  // Newton's method has converged to rounding
     }
     return least(most(z, -1.0), 1.0);
 }
@@ -137,17 +132,9 @@ struct Maximum {
     double value, place;
 };
 
-// The maximum of the polynomial through values at the points, if it exceeds a bound; else that bound, and NaN.
-Maximum maximum(const Nodes &nodes, const Lanes *fine, double sign, double bound) {
-    int best = 0;
-    double values[FINE];
-    for (int k = 0; k < FINE; k++) {
-        values[k] = sign * fine[k / WIDTH][k % WIDTH];
-        if (values[k] > values[best]) best = k;
-    }
-    const int middle = best == 0 ? 1 : best == FINE - 1 ? FINE - 2 : best;
-    const double bend = fabs(values[middle - 1] - 2.0 * values[middle] + values[middle + 1]);
-    if (!(values[best] + bend > bound)) return {bound, NOT_A_NUMBER};  // a parabola exceeds its samples by bend / 8
+// The maximum of the polynomial through values at the points next to the best of its values at equally spaced places,
+// times a sign.
+Maximum refined_maximum(const Nodes &nodes, int best, double value, double sign) {
     const Polynomial polynomial(nodes);
     const double start = fine_place(best), low = fine_place(best > 0 ? best - 1 : 0);
     const double high = fine_place(best < FINE - 1 ? best + 1 : best);
@@ -160,10 +147,23 @@ Maximum maximum(const Nodes &nodes, const Lanes *fine, double sign, double bound
             slope += polynomial.terms[n] * p.slope[n];
             curve += polynomial.terms[n] * second[n];
         }
-        if (sign * curve < 0.0) z = least(most(z - slope / curve, low), high);
+        if (!(sign * curve < 0.0)) break;
+        const double next = least(most(z - slope / curve, low), high), moved = fabs(next - z);
+        z = next;
+        if (moved < 1e-8) break;  // the value is exact to the square of this
     }
     const double refined = sign * polynomial(z);
-    const Maximum found = refined > values[best] ? Maximum{refined, z} : Maximum{values[best], start};
+    return refined > value ? Maximum{refined, z} : Maximum{value, start};
+}
+
+// The maximum of the polynomial times a sign, if it exceeds a bound; else the bound, and NaN.
+Maximum maximum(const Nodes &nodes, const double *values, int best, double sign, double bound) {
+    const int middle = best == 0 ? 1 : best == FINE - 1 ? FINE - 2 : best;
+    const double before = values[middle - 1], at = values[middle], after = values[middle + 1];
+    const double bend = fabs(before - 2.0 * at + after), value = sign * values[best];
+    if (!(value + bend > bound)) return {bound, NOT_A_NUMBER};  // a parabola exceeds its samples by bend / 8
+    const bool at_end = best != middle && fabs(at - values[best]) > 2.0 * bend;  // and the slope goes on there
+    const Maximum found = at_end ? Maximum{value, fine_place(best)} : refined_maximum(nodes, best, value, sign);
     return found.value > bound ? found : Maximum{bound, NOT_A_NUMBER};
 }
 
@@ -411,9 +411,18 @@ class Approach {
             const Lanes value = all(nodes[i]);
             for (int k = 0; k < FINE / WIDTH; k++) fine[k] += value * load(AT.fine[i] + k * WIDTH);
         }
-        const Maximum high = maximum(nodes, fine, 1.0, largest), low = maximum(nodes, fine, -1.0, smallest);
-        largest = high.value, smallest = low.value;
-        return high.place;
+        double values[FINE];
+        for (int k = 0; k < FINE / WIDTH; k++) store(values + k * WIDTH, fine[k]);
+        Lanes high = fine[0], low = fine[0];
+        for (int k = 1; k < FINE / WIDTH; k++) high = most(fine[k], high), low = least(fine[k], low);
+        double top = high[0], bottom = low[0];
+        for (int k = 1; k < WIDTH; k++) top = most(high[k], top), bottom = least(low[k], bottom);
+        int best = 0, worst = 0;
+        while (best < FINE - 1 && values[best] != top) best++;
+        while (worst < FINE - 1 && values[worst] != bottom) worst++;
+        const Maximum found = maximum(nodes, values, best, 1.0, largest);
+        largest = found.value, smallest = maximum(nodes, values, worst, -1.0, smallest).value;
+        return found.place;
     }
 
     void follow_gradients() {

@@ -129,40 +129,44 @@ def _path_inputs(request: DragRequest, begins: FloatArray, on: IntArray) -> tupl
     return tuple(np.ascontiguousarray(c) if len(on) == len(c) else c[on] for c in (*approach, *obstacle))
 
 
-def _approach_start(request: DragRequest, high: FloatArray) -> tuple[FloatArray, IntArray]:
+def _approach_start(request: DragRequest, high: Any) -> tuple[FloatArray, IntArray]:
     """Return the time at which each object begins to approach, and how encounters without any approach end."""
     # An approach has the status -1.
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
     begins = np.zeros(count)
-    with np.errstate(over="ignore"):  # an infinite result means that the approach never begins
-        np.divide(-v, a, out=begins, where=request.returns)
-    lost = np.flatnonzero(request.farthest > high)
-    room = high[lost] - request.distance[lost]
-    begins[lost] = 2 * room / (v[lost] + np.sqrt(np.maximum(v[lost] ** 2 + 2 * a[lost] * room, 0.0)))
-    status[lost] = ContactStatus.LEFT_RANGE
-    status[(status < 0) & (request.farthest > LARGEST_START)] = ContactStatus.UNRESOLVED
-    late = request.returns & (begins >= request.horizon)
+    if request.returns.any():
+        with np.errstate(over="ignore"):  # an infinite result means that the approach never begins
+            np.divide(-v, a, out=begins, where=request.returns)
+    if (request.farthest > np.minimum(high, LARGEST_START)).any():
+        far = (status < 0) & (request.farthest > LARGEST_START)
+        begins[far], status[far] = 0.0, ContactStatus.UNRESOLVED
+        lost = np.flatnonzero(request.farthest > high)
+        room = np.broadcast_to(high, count)[lost] - request.distance[lost]
+        begins[lost] = 2 * room / (v[lost] + np.sqrt(np.maximum(v[lost] ** 2 + 2 * a[lost] * room, 0.0)))
+        status[lost] = ContactStatus.LEFT_RANGE
+    late = begins >= request.horizon
     begins[late], status[late] = request.horizon, ContactStatus.HORIZON
-    begins[status == ContactStatus.UNRESOLVED] = 0.0
     return begins, status
 
 
-def _final_status(request: DragRequest, status: IntArray, end: dict[str, FloatArray], low: FloatArray) -> IntArray:
+def _final_status(request: DragRequest, status: IntArray, end: dict[str, FloatArray], low: float) -> IntArray:
     """Return how each encounter ended, for example in contact or at the end of the sensor curve."""
     # Distance and l' of a touch are set to zero.
+    if low > 0:
+        return np.where(status == ContactStatus.CONTACT, ContactStatus.LEFT_RANGE, status)
+    turns = (request.velocity < 0) & (request.acceleration > 0)
+    if not turns.any():
+        return status
     b, time, distance, speed = request.bodies, end["time"], end["distance"], end["relative_velocity"]
     terms = np.abs(b["p"]) + (np.abs(b["v"]) + np.abs(b["a"]) * time / 2) * time
-    turns = (request.velocity < 0) & (request.acceleration > 0)
     beyond = np.full(len(time), np.inf)  # the distance beyond l = 0 at which the run would come to rest [m]
     with np.errstate(over="ignore"):  # an infinite result means that the acceleration is negligible
         np.divide(speed**2, 2 * request.acceleration, out=beyond, where=turns)
     near_touch = (status == ContactStatus.CONTACT) & (beyond <= RESOLUTION * terms)
     touches = near_touch | (turns & (status == ContactStatus.NEVER) & (distance <= RESOLUTION * terms))
-    touches &= low <= 0
     distance[touches], speed[touches] = 0.0, 0.0
-    status = np.where(touches, ContactStatus.CONTACT, status)
-    return np.where((status == ContactStatus.CONTACT) & (low > 0), ContactStatus.LEFT_RANGE, status)
+    return np.where(touches, ContactStatus.CONTACT, status)
 
 
 def _displacement(c: DragColumns) -> FloatArray:

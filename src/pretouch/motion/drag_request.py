@@ -60,7 +60,9 @@ class DragRequest(Value):
         """Initial position, velocity and acceleration of obstacle, robot and reference as in L(9)."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
         columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.drag)
-        flat = [np.broadcast_to(c, self.shape).astype(np.float64).reshape(-1) for c in columns]
+        flat = np.empty((len(columns), self.size))
+        for row, column in zip(flat, columns, strict=True):
+            row[:] = column if np.ndim(column) == 0 else np.broadcast_to(column, self.shape).reshape(-1)
         return dict(zip((*names, "r", "phi"), flat, strict=True))
 
     @property
@@ -113,13 +115,13 @@ class DragRequest(Value):
         return reach_to(np.minimum(self.farthest, LARGEST_START))
 
     @cached_property
-    def ends(self) -> tuple[FloatArray, FloatArray]:
-        """The smallest distance [m] of each curve, or 0 if it includes contact, and the largest distance [m]."""
+    def ends(self) -> tuple[float, Any]:
+        """The smallest valid distance [m], or 0 if the curves include contact, and the largest one of each curve."""
         if self.many is None:
             low, high = self.sensor.valid_range
-            return np.full(self.size, max(low, 0.0)), np.full(self.size, high)
+            return max(low, 0.0), high
         ends = np.array([sensor.valid_range[1] for sensor in self.many.sensors])
-        return np.zeros(self.size), np.broadcast_to(ends, self.shape).reshape(-1)
+        return 0.0, np.broadcast_to(ends, self.shape).reshape(-1)
 
     def curves(self, which: IntArray) -> Curves:
         """Return the polynomials that approximate the curves of selected encounters."""

@@ -23,6 +23,7 @@ from numpy.polynomial import legendre
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
+from pretouch.motion.drag import DragColumns
 from pretouch.motion.layout import ContactStatus
 from pretouch.sensors import SensorModel
 
@@ -51,11 +52,6 @@ def so_far(values: FloatArray) -> FloatArray:
     """Integrate over each interval from its start up to each of its quadrature nodes."""
     # Each interval has the variable z from -1 to 1. The result has the shape (n, nodes).
     return np.asarray(values @ _SO_FAR)
-
-
-def evaluate_at(values: FloatArray, z: FloatArray) -> FloatArray:
-    """Interpolate values that are given at the quadrature nodes to one position in each interval."""
-    return np.asarray(np.einsum("ij,ij->i", legendre.legvander(z, NODES - 1), values @ TO_TERMS.T))
 
 
 def where_reached(rates: FloatArray, total: FloatArray) -> FloatArray:
@@ -329,3 +325,41 @@ def _evaluate(sensor: SensorModel, approach: DragApproach, cells: DragCells) -> 
     with np.errstate(invalid="ignore", divide="ignore"):
         pace = length / np.sqrt(squares)
     return _Nodes(distance, slope, length, growth, grown, squares, pace, whole, last, pace @ WEIGHTS)
+
+
+def solved(columns: DragColumns) -> DragPath:
+    """Follow the approaches that a compiled solution has, from the same starts."""
+    r, on = columns.request, columns.lanes
+    square = np.where(r.returns, 0.0, r.velocity**2)
+    approach = DragApproach(r.strength, r.acceleration, r.farthest, square, columns.begins)
+    return follow(r.sensor, DragApproach(*(column[on] for column in approach)), r.ends[0], r.horizon)
+
+
+_FINE: Final = np.linspace(-1.0, 1.0, 33)
+_AT_FINE: Final[FloatArray] = legendre.legvander(_FINE, NODES - 1) @ TO_TERMS
+_RATE: Final[FloatArray] = np.asarray(legendre.legder(TO_TERMS), dtype=np.float64)
+_BEND: Final[FloatArray] = np.asarray(legendre.legder(TO_TERMS, 2), dtype=np.float64)
+
+
+def largest_rates(path: DragPath) -> FloatArray:
+    """Return the largest k g^2 l'^2 [m/s^2] of each approach: the peak of the interpolating polynomials."""
+    largest = np.zeros(len(path.status))
+    for cells, nodes in path.walk():
+        rate = path.approach.strength[cells.lane, None] * nodes.slope**2 * nodes.square
+        np.maximum.at(largest, cells.lane, _largest(rate))
+    return largest
+
+
+def _largest(values: FloatArray) -> FloatArray:
+    """Return the maximum of an interpolating polynomial on each distance interval."""
+    fine = values @ _AT_FINE.T
+    z = _FINE[fine.argmax(axis=1)]
+    low, high = np.maximum(z - 0.0625, -1.0), np.minimum(z + 0.0625, 1.0)
+    rate, bend = values @ _RATE.T, values @ _BEND.T
+    for _ in range(4):
+        slope = np.einsum("ij,ij->i", legendre.legvander(z, NODES - 2), rate)
+        curve = np.einsum("ij,ij->i", legendre.legvander(z, NODES - 3), bend)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = np.where(curve < 0, np.clip(z - slope / curve, low, high), z)
+    there = np.einsum("ij,ij->i", legendre.legvander(z, NODES - 1), values @ TO_TERMS.T)
+    return np.maximum(fine.max(axis=1), there)

@@ -42,7 +42,7 @@ constexpr double BEFORE_REST = 0.4;  // cell width over the distance to a virtua
 constexpr double GROWTH = 3.0;  // largest q on a cell; a polynomial of degree 15 then equals its exponential to rounding
 constexpr double MAX_GROWTH = 100.0;  // larger values of q are limited to this one to avoid overflow
 constexpr int MAX_CELLS = 4000;
-constexpr double HOPELESS = 1e3 * MAX_CELLS;  // a path of so many cells of the present width is given up at once
+constexpr double HOPELESS = 4.0 * GROWTH * MAX_CELLS;  // q of a pushed object that twice as many cells do not reach
 constexpr int DRAG_ROWS = 6, DRAG_PEAKS = 7, DRAG_GRADIENTS = 5;
 
 enum Ending : int64_t { ON = -1, CONTACT = 0, NEVER_IN_CONTACT = 1, LATE = 2, UNRESOLVED = 4 };
@@ -291,7 +291,7 @@ class Approach {
         for (int k = 0; k < MAX_CELLS && status == ON; k++) {
             const double border = curve.border(row), room = distance - border;
             Cell cell = next_cell(room, scale);
-            if (!(room <= HOPELESS * widest)) break;
+            if (is_hopeless(room)) break;
             const double missed = shorten_to_end(cell), of_growth = last_terms(course.grown), of_pace = last_terms(course.pace);
             const double error = most(most(of_growth, of_pace), missed);
             const bool good = of_growth <= TOLERANCE && of_pace <= TOLERANCE && missed <= TOLERANCE && course.duration < INFINITE;
@@ -336,6 +336,18 @@ class Approach {
             far = smaller_number(far, twice * far > square ? rest : near);
         }
         return {distance, far, square == 0.0 ? 1.0 : 0.0, square, time, row};
+    }
+
+    // Whether the cells are too narrow to get on, or far too many. Without a push, an object soon rests or is late.
+    bool is_hopeless(double room) const {
+        if (distance - widest == distance) return true;
+        if (cells > 0 || acceleration >= 0.0 || widest * MAX_CELLS >= room) return false;
+        double total = 0.0;
+        for (int j = 0; j < GAUSS; j++) {
+            const double g = curve.slope(distance - AT.share[j] * room, row);
+            total += AT.weight[j] * strength * g * g * room;
+        }
+        return total > HOPELESS;
     }
 
     // Shortens a cell in which the object comes to rest, or in which the horizon ends. Returns the relative error of that

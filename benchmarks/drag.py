@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from mujoco_witness import witness_encounter
 
-from . import bounds
+from . import bounds, drag_times
 from .peers.protocol import missing
 
 ADMITTANCE = {"mass": 1.0, "damping": 10.0, "stiffness": 25.0}
@@ -380,6 +380,7 @@ def sections(quick: bool) -> Iterator[tuple[str, Lines]]:
         rows = tuple(Setting(name=f"{name}, {speed:g} m/s", speed=speed, part=which) for speed in speeds)
         yield name, compared(rows, size)
     yield "share of the speed that is left at 1 kHz, over rho", ratios(size)
+    yield "processor times next to NumPy", Lines(*drag_times.lines(quick))
     count = 2_000 if quick else 100_000
     yield f"bounds of docs/drag.md over {count:,} encounters", Lines(*bounds.measure(count))
     yield "beside MuJoCo", witnessed(WITNESSED[-1:] if quick else WITNESSED)

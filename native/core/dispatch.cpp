@@ -82,6 +82,13 @@ void pretouch_follow_gradients(const double *values, int64_t n, const double *ga
     CHOSEN(follow_gradients)(values, n, gains, curve, shape, horizon, found, status);
 }
 
+// ---- approaches under the virtual drag ----
+
+void pretouch_drag_approaches(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves, double horizon,
+                              const pretouch_approaches *wanted) {
+    CHOSEN(drag_approaches)(inputs, n, curves, horizon, wanted);
+}
+
 // ---- designs ----
 
 void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves,

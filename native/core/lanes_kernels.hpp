@@ -17,6 +17,9 @@ void solve_series(const double *values, int64_t n, const double *gains, const pr
 void follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
                       const double *shape, double horizon, double *found, int8_t *status);
 
+void drag_approaches(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves, double horizon,
+                     const pretouch_approaches *wanted);
+
 void find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves,
                 const pretouch_pieces *pieces, double nearest, double farthest, int falling, double horizon, const double *terms, int64_t k, const double *limits, int64_t limit_count, double scale,
                 double strong, double weak, double low, double high, double *out);

@@ -99,6 +99,34 @@ PRETOUCH_API void pretouch_series_contacts(const pretouch_column *inputs, const 
                                            const pretouch_curves *curves, double horizon, double *out,
                                            double *gradients, double *peaks, int8_t *status);
 
+/* ---- approaches under the virtual drag (lanes_drag.cpp) ----
+ * inputs: k = phi / M, a_o, l, l'^2 and t at the start, k, l and l'^2 not negative; for peaks, the position
+ * relative to the robot's start, the velocity and the acceleration of the obstacle at t = 0; shape (n) each.
+ *
+ * Outputs: rows, shape (n, 6): t, l, l'^2, g at the end, 2 k int g^2 dl, and the estimated relative error of the
+ * duration; status: the values of ContactStatus; cells: how many intervals an approach has. The others are filled if not
+ * null, and only at ends that are not unresolved: peaks, shape (n, 7): the largest k g^2 l'^2 and its distance, the
+ * smallest, the largest and the smallest velocity, the largest and the smallest travel of the robot; gradients, shape (n,
+ * 2, 5): derivatives of l'^2 and t at the end by k, a_o, l and l'^2 at the start, and the parameter of `changes`; nodes:
+ * distances of the 16 quadrature points of each interval; balance, shape (n, 2): k int s' ds and its moment; trace, shape
+ * (n, m, 2): l and |l'| at ascending times, shape (n, m), that lie in the approach.
+ *
+ * first: index of the first interval of each approach, for nodes and for values at nodes: changes (dg/d(parameter)) for
+ * gradients, and log_outputs (ln xi) for balance; null without any of them. */
+typedef struct {
+    double *rows;
+    int64_t *status, *cells;
+    double *peaks, *gradients, *nodes, *balance;
+    const int64_t *first;
+    const double *changes, *log_outputs;
+    const double *times;
+    int64_t m;
+    double *trace;
+} pretouch_approaches;
+
+PRETOUCH_API void pretouch_drag_approaches(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves,
+                                           double horizon, const pretouch_approaches *wanted);
+
 /* ---- designs (lanes_design.cpp) ---- */
 /* inputs: as values above, shape (10, n). slope: g at l = 0. curves and pieces: the curve, both null if that is g
  * everywhere; then the distances from `nearest` to `farthest` are valid. falling: whether

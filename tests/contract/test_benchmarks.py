@@ -152,6 +152,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
             [
                 r"0\.3 m/s +letter .* drag .* required mean <= 48",
                 r"VCNL4040",
+                r"40 encounters with all peaks, table +\S+ ms",
                 r"\(6\) peak acceleration +[01]\.",
                 r"missed requirements:",
             ],

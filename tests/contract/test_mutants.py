@@ -59,7 +59,7 @@ def test_python_is_changed_where_it_decides_something() -> None:
 
 
 def test_every_mutant_of_a_module_is_python_still() -> None:
-    text = Path(__file__).parents[2].joinpath("src/pretouch/motion/drag_demands.py").read_text(encoding="utf-8")
+    text = Path(__file__).parents[2].joinpath("src/pretouch/motion/drag.py").read_text(encoding="utf-8")
     every = [mutant for ways in mutants_of("src/x.py", text).values() for mutant in ways]
     assert len(every) > 100
     for mutant in every[::7]:

@@ -295,6 +295,8 @@ def test_knowing_more_never_costs(name: str) -> None:
     slope = np.gradient(price.best_gain, price.value)[i]
     near = abs(price.best_gain[i] - found.gain) <= abs(slope) * (price.value[1] - price.value[0])
     assert near == (price.loss[i] < price.loss.max() / 20)  # where the best gain is the robust one, nothing is lost
+    other = found.price(name, count=21, gain=1.1 * found.gain)
+    assert found.price_of(1.1 * found.gain, price) == other
     with pytest.raises(InvalidInputError, match="expected the name of an uncertain input"):
         found.price("plant.velocity")
 

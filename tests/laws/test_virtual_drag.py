@@ -466,5 +466,5 @@ def test_a_drag_on_numbers_without_a_square_is_refused(position: float, velocity
     if position > 1e6:  # the drag of a ratio follows from the distance alone
         verbs.append(lambda: design_drag(task.replace(scenario=far)))
     for verb in verbs:
-        with pytest.raises(InvalidInputError, match=r"found -?1e\+[23]00.*, expected .*at most 1e\+60"):
+        with pytest.raises(InvalidInputError, match=r"found -?1e\+[23]00.*, expected .*at most \d"):
             verb()

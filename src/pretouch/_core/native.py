@@ -31,7 +31,7 @@ DOUBLE: Final = ctypes.c_double
 VARIANTS: Final = ("base", "avx2", "avx512")
 """The kinds of processors for which kernels are compiled."""
 
-INTERFACE: Final = "5102cff465d1a115"
+INTERFACE: Final = "5b834d3e9fe7a14e"
 """Hash of the C headers that these calls match; native/build.py reports when they have changed."""
 
 _SWITCH: Final = "PRETOUCH_VARIANT"
@@ -98,9 +98,8 @@ def _check_file(path: Path) -> None:
 def _broken(path: Path, what: str) -> BrokenCoreError:
     origin = f" ({_LIBRARY} is set to this file)" if os.environ.get(_LIBRARY) else ""
     return BrokenCoreError(
-        f"the compiled core of pretouch cannot be used, because the file {path.name} in the folder "
-        f"{path.parent} {what}{origin}. Reinstall pretouch by pip; in a source tree, run python "
-        "native/build.py"
+        f"pretouch's compiled core cannot be used: {path.name} in {path.parent} {what}{origin}. Reinstall "
+        "pretouch by pip; in a source tree, run python native/build.py"
     )
 
 

@@ -12,7 +12,7 @@ from pretouch._core.blocks import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
-from pretouch.motion import DAMPER, ContinuousLaw, LawNumber, Scenario
+from pretouch.motion import DAMPER, DRAG, ContinuousLaw, LawNumber, Scenario
 from pretouch.motion.contact import ContactResult, ContactState
 from pretouch.motion.evaluator import NoisyEvaluator, with_noise_after
 from pretouch.motion.scenario import map_fields
@@ -134,8 +134,8 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """True for the virtual damper in continuous time, for which contact quantities have exact derivatives."""
-        return self.is_continuous and self.task.law == DAMPER
+        """True for the built-in laws in continuous time, for which contact quantities have exact derivatives."""
+        return self.is_continuous and self.task.law in {DAMPER, DRAG}
 
     @property
     def is_continuous(self) -> bool:

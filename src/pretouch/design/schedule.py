@@ -25,7 +25,6 @@ from pretouch._core.files import plain
 from pretouch._core.numbers import FloatArray, IntArray, finite, float_or_array, positive
 from pretouch._core.values import Value
 from pretouch.control import Output, Parts, Sample, VirtualDrag, drive, observe, push_by_drag
-from pretouch.motion.drag_path import NODES, WEIGHTS, so_far
 from pretouch.sensors import SensorModel
 
 from .drag import DragDesign, DragLimits, drag_by, predict_drag
@@ -39,7 +38,14 @@ _CUTS: Final = 8  # cutting planes per round
 _TOO_MUCH: Final = 1e3  # no cut is made at an excursion above this multiple of the constant drag's
 _HALVINGS: Final = 55
 _ROUNDING: Final = 1e-9
-_SHARES: Final = np.array([0.0, *(1 + legendre.leggauss(NODES)[0]) / 2, 1.0])  # start, Gauss nodes, end of a piece
+_COUNT: Final = 16  # Gauss nodes of a piece
+_NODES, _WEIGHTS = legendre.leggauss(_COUNT)
+_SO_FAR: Final = (
+    legendre.legvander(_NODES, _COUNT)
+    @ legendre.legint(np.eye(_COUNT), lbnd=-1)
+    @ np.linalg.inv(legendre.legvander(_NODES, _COUNT - 1))
+).T  # from values at the nodes to their integral up to each node
+_SHARES: Final = np.array([0.0, *(1 + _NODES) / 2, 1.0])  # start, Gauss nodes, end of a piece
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -265,17 +271,17 @@ class _Paths(NamedTuple):
     def growth(self, shares: FloatArray) -> FloatArray:
         """Return the exponent Q for each approach; the speed has fallen to exp(-Q) times the approach speed."""
         rate, share = self.strength[..., 1:-1] * self.length, shares[self.step][..., None]
-        ends = np.cumsum(share * (rate @ WEIGHTS)[..., None], axis=1)
+        ends = np.cumsum(share * (rate @ _WEIGHTS)[..., None], axis=1)
         starts = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], axis=1)
-        return np.concatenate([starts, starts + share * so_far(rate), ends], axis=2)
+        return np.concatenate([starts, starts + share * (rate @ _SO_FAR), ends], axis=2)
 
     def excursions(self, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the excursion for each reflectance [m], and its derivatives with respect to the drag of each step."""
         growth = self.growth(shares)[..., 1:-1]
         grown = np.exp(growth) * self.length
-        to_come = np.cumsum((grown @ WEIGHTS)[:, ::-1], axis=1)[:, ::-1, None] - so_far(grown)
-        excursion = ((np.expm1(growth) * self.length) @ WEIGHTS).sum(axis=1)
-        weighted = (self.strength[..., 1:-1] * self.length * to_come) @ WEIGHTS
+        to_come = np.cumsum((grown @ _WEIGHTS)[:, ::-1], axis=1)[:, ::-1, None] - grown @ _SO_FAR
+        excursion = ((np.expm1(growth) * self.length) @ _WEIGHTS).sum(axis=1)
+        weighted = (self.strength[..., 1:-1] * self.length * to_come) @ _WEIGHTS
         return excursion, _by_step(self.step, weighted, len(shares))
 
     def peaks(self, shares: FloatArray) -> FloatArray:
@@ -307,7 +313,7 @@ def _split_paths(constant: DragDesign, borders: FloatArray, offsets: FloatArray)
     step = np.searchsorted(borders[1:-1], middle, side="right")
     slope = np.asarray(sensor.log_slope(np.clip(start - width * _SHARES, 0.0, farthest)))
     strength = constant.drag / constant.mass * slope**2
-    whole = (strength[..., 1:-1] * width / 2) @ WEIGHTS
+    whole = (strength[..., 1:-1] * width / 2) @ _WEIGHTS
     return _Paths(step, width / 2, strength, _by_step(step, whole, steps))
 
 

@@ -72,7 +72,11 @@ def reach_of(scenario: Scenario) -> float:
     Encounters that start beyond LARGEST_START are ignored, since they must not change how the others are solved.
     """
     # Rounding limits how many different values occur.
-    distance = scenario.distance
+    return reach_to(scenario.distance)
+
+
+def reach_to(distance: Any) -> float:
+    """Return an upper limit of distances [m] up to LARGEST_START, rounded up to a power of two."""
     largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
     if largest > LARGEST_START:
         largest = _largest_start(distance) or largest
@@ -135,6 +139,35 @@ def line_windows(slope: float, top: float) -> FloatArray:
     row = np.array([[0.0, 0.0, top, 0.0, 0.0, 0.0, slope]])
     row.setflags(write=False)
     return row
+
+
+@cache_by_curve(256)
+def approach_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
+    """Return polynomials that describe any sensor curve on distance intervals, for approaches under the virtual drag.
+
+    They are those of `curve_windows` if there are any, else those of `curve_pieces`, which may raise a CurveError.
+    """
+    slope = sensor.constant_log_slope
+    if slope is not None:
+        table = np.array([[low, low, high, low, low, 0.0, slope]])
+    else:
+        table = curve_windows(sensor, low, high)
+        table = table if len(table) else windows_of_pieces(sensor, low, high)
+    table.setflags(write=False)
+    return table
+
+
+def windows_of_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
+    """Approximate any sensor curve by polynomials on adjacent intervals, in the form of `curve_windows`."""
+    pieces = curve_pieces(sensor, low, high)
+    middle, half = pieces[:, :1], pieces[:, 1:2]
+    table = np.zeros((len(pieces), TERMS + HIGH_DEGREE + 1))
+    borders = np.append((middle - half)[:, 0], pieces[-1, 0] + pieces[-1, 1])
+    table[:, EDGE] = table[:, LOW] = table[:, SWITCH] = borders[:-1]
+    table[:, TOP], table[:, MIDDLE] = borders[1:], pieces[:, 0]
+    powers = np.arange(1, pieces.shape[1] - 1)
+    table[:, TERMS + 1 : TERMS + 1 + len(powers)] = pieces[:, 2:] / powers / half ** (powers - 1.0)
+    return table
 
 
 def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | None:

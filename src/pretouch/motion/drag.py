@@ -10,23 +10,24 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, float_or_array, positive
-from pretouch._core.units import MAGNITUDES
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, Motion, motion_of
-from .curve import check_curve
+from .curve import LARGEST_START, approach_windows, check_curve, reach_to, shared_curve
 from .drag_demands import (
-    DragGradients,
     impulse_residual,
     largest_acceleration,
     largest_force,
     largest_speed,
     largest_travel,
 )
-from .drag_path import DragApproach, evaluate_at, follow, where_reached
+from .drag_gradients import DragRows
+from .drag_path import DragPath
 from .drag_request import DragRequest, make_drag_request
+from .gradients import ContactGradients, ManyGradients
 from .layout import RESOLUTION, ContactStatus
+from .many_curves import ManyCurves
 from .scenario import Scenario
 
 
@@ -48,19 +49,18 @@ class DragColumns(Value):
 
     def __init__(self, request: DragRequest) -> None:
         self.request = request
-        low, high = max(request.sensor.valid_range[0], 0.0), request.sensor.valid_range[1]
+        low, high = request.ends
         self.begins, status = _approach_start(request, high)
         self.lanes: IntArray = np.flatnonzero(status < 0)
         on = self.lanes
-        square = np.where(request.returns, 0.0, request.velocity**2)
-        approach = DragApproach(request.strength, request.acceleration, request.farthest, square, self.begins)
-        self.path = follow(request.sensor, DragApproach(*(c[on] for c in approach)), low, request.horizon)
+        self.path = DragPath(_path_inputs(request, self.begins, on), request.curves(on), request.horizon)
         time = self.begins.copy()
         distance = request.distance + (request.velocity + request.acceleration * time / 2) * time
         speed, force = request.velocity + request.acceleration * time, np.zeros_like(time)
-        status[on], time[on], distance[on] = self.path.status, self.path.time, self.path.distance
-        speed[on] = -np.sqrt(self.path.square)
-        force[on] = -request.bodies["phi"][on] * self.path.slope**2 * self.path.square
+        ends = self.path.rows
+        status[on], time[on], distance[on] = self.path.status, ends["time"], ends["distance"]
+        speed[on] = -np.sqrt(ends["square"])
+        force[on] = -request.bodies["phi"][on] * ends["slope"] ** 2 * ends["square"]
         time[status == ContactStatus.HORIZON] = request.horizon
         end = {"time": time, "distance": distance, "relative_velocity": speed, "virtual_force": force}
         self._columns: dict[str, Any] = dict(end)
@@ -97,24 +97,55 @@ class DragColumns(Value):
         return np.asarray(self._columns[name])
 
     @property
-    def gradients(self) -> DragGradients:
+    def status(self) -> IntArray:
+        """How each encounter ended, as the integer value of ContactStatus."""
+        return self._columns["status"]  # type: ignore[no-any-return]
+
+    @property
+    def settled_acceleration(self) -> FloatArray:
+        """The robot's acceleration relative to its reference at the end of each encounter [m/s^2]."""
+        return np.asarray(self.raw("virtual_force") / self.request.mass)
+
+    def reference(self, derivative: int) -> FloatArray:
+        """Return velocity (1) or acceleration (2) of the reference at the end of every encounter."""
+        b = self.request.bodies
+        return b["r_a"] if derivative == 2 else np.asarray(b["r_v"] + b["r_a"] * self.raw("time"))
+
+    @property
+    def gradients(self) -> ContactGradients | ManyGradients:
         """The exact derivatives of the state at contact under the virtual drag."""
-        return DragGradients(self)
+        if self.request.many is None:
+            return ContactGradients(self, DragRows(self))
+        each = [DragColumns(self.request.with_curve(i)) for i in range(len(self.request.many))]
+        return ManyGradients([ContactGradients(part, DragRows(part)) for part in each])
 
 
-def _approach_start(request: DragRequest, high: float) -> tuple[FloatArray, IntArray]:
+def _path_inputs(request: DragRequest, begins: FloatArray, on: IntArray) -> tuple[FloatArray, ...]:
+    """Return the inputs of `drag_approaches` for the encounters with an approach."""
+    b = request.bodies
+    square = np.where(request.returns, 0.0, request.velocity**2)
+    approach = (request.strength, request.acceleration, request.farthest, square, begins)
+    obstacle = (b["p"] - b["x0"], b["v"] + b["r_v"], b["a"] + b["r_a"])
+    return tuple(np.ascontiguousarray(c) if len(on) == len(c) else c[on] for c in (*approach, *obstacle))
+
+
+def _approach_start(request: DragRequest, high: Any) -> tuple[FloatArray, IntArray]:
     """Return the time at which each object begins to approach, and how encounters without any approach end."""
     # An approach has the status -1.
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
     begins = np.zeros(count)
-    with np.errstate(over="ignore"):  # an infinite result means that the approach never begins
-        np.divide(-v, a, out=begins, where=request.returns)
-    lost = np.flatnonzero(request.farthest > high)
-    room = high - request.distance[lost]
-    begins[lost] = 2 * room / (v[lost] + np.sqrt(np.maximum(v[lost] ** 2 + 2 * a[lost] * room, 0.0)))
-    status[lost] = ContactStatus.LEFT_RANGE
-    late = request.returns & (begins >= request.horizon)
+    if request.returns.any():
+        with np.errstate(over="ignore"):  # an infinite result means that the approach never begins
+            np.divide(-v, a, out=begins, where=request.returns)
+    if (request.farthest > np.minimum(high, LARGEST_START)).any():
+        far = (status < 0) & (request.farthest > LARGEST_START)
+        begins[far], status[far] = 0.0, ContactStatus.UNRESOLVED
+        lost = np.flatnonzero(request.farthest > high)
+        room = np.broadcast_to(high, count)[lost] - request.distance[lost]
+        begins[lost] = 2 * room / (v[lost] + np.sqrt(np.maximum(v[lost] ** 2 + 2 * a[lost] * room, 0.0)))
+        status[lost] = ContactStatus.LEFT_RANGE
+    late = begins >= request.horizon
     begins[late], status[late] = request.horizon, ContactStatus.HORIZON
     return begins, status
 
@@ -122,16 +153,18 @@ def _approach_start(request: DragRequest, high: float) -> tuple[FloatArray, IntA
 def _final_status(request: DragRequest, status: IntArray, end: dict[str, FloatArray], low: float) -> IntArray:
     """Return how each encounter ended, for example in contact or at the end of the sensor curve."""
     # Distance and l' of a touch are set to zero.
+    if low > 0:
+        return np.where(status == ContactStatus.CONTACT, ContactStatus.LEFT_RANGE, status)
+    turns = (request.velocity < 0) & (request.acceleration > 0)
+    if not turns.any():
+        return status
     b, time, distance, speed = request.bodies, end["time"], end["distance"], end["relative_velocity"]
     terms = np.abs(b["p"]) + (np.abs(b["v"]) + np.abs(b["a"]) * time / 2) * time
-    turns = (request.velocity < 0) & (request.acceleration > 0)
     beyond = np.full(len(time), np.inf)  # the distance beyond l = 0 at which the run would come to rest [m]
     with np.errstate(over="ignore"):  # an infinite result means that the acceleration is negligible
         np.divide(speed**2, 2 * request.acceleration, out=beyond, where=turns)
     near_touch = (status == ContactStatus.CONTACT) & (beyond <= RESOLUTION * terms)
     touches = near_touch | (turns & (status == ContactStatus.NEVER) & (distance <= RESOLUTION * terms))
-    if low > 0:
-        return np.where(status == ContactStatus.CONTACT, ContactStatus.LEFT_RANGE, status)
     distance[touches], speed[touches] = 0.0, 0.0
     return np.where(touches, ContactStatus.CONTACT, status)
 
@@ -158,7 +191,7 @@ def _settling(c: DragColumns) -> FloatArray:
 
 def _error(c: DragColumns) -> FloatArray:
     error = np.zeros(len(c.begins))
-    error[c.lanes] = c.path.error
+    error[c.lanes] = c.path.rows["error"]
     return error
 
 
@@ -186,12 +219,29 @@ _DERIVED: Final[dict[str, Callable[[DragColumns], Any]]] = {
 
 _HORIZON: Final = 600.0
 _PROBES: Final = 257
-_ROUNDING: Final = 1e-9
 
 
-def solve_drag(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, *, horizon: float = _HORIZON) -> ContactResult:
-    """Solve encounters under a virtual drag [N s^2], and return their states at contact."""
-    return ContactResult(DragColumns(make_drag_request(scenario, sensor, drag, horizon)), "quadrature")
+def solve_drag(
+    scenario: Scenario,
+    sensor: SensorModel,
+    drag: ArrayLike,
+    *,
+    horizon: float = _HORIZON,
+    many: ManyCurves | None = None,
+) -> ContactResult:
+    """Solve encounters under a virtual drag [N s^2], and return their states at contact.
+
+    Args:
+        scenario: the encounters.
+        sensor: the sensor curve.
+        drag: phi [N s^2].
+        horizon: longest time to contact that is searched [s].
+        many: one curve for each encounter along the last axis, made from `sensor`; None if all share `sensor`.
+
+    Returns:
+        The result.
+    """
+    return ContactResult(DragColumns(make_drag_request(scenario, sensor, drag, horizon, many)), "quadrature")
 
 
 def sample_drag(
@@ -211,15 +261,12 @@ def sample_drag(
     free = times - since
     distance = r.distance[:, None] + (r.velocity[:, None] + r.acceleration[:, None] * free / 2) * free
     speed = r.velocity[:, None] + r.acceleration[:, None] * free
-    for cells, nodes in columns.path.walk():
-        run = columns.lanes[cells.lane]
-        last = cells.time + nodes.duration * (1 + _ROUNDING)  # the next cell overwrites its own samples
-        inside = (times[run] >= cells.time[:, None]) & (times[run] <= last[:, None])
-        row, which = np.nonzero(inside & (times[run] > columns.begins[run, None]))
-        passed = np.clip(times[run[row], which] - cells.time[row], 0.0, nodes.duration[row])
-        z = where_reached(nodes.pace[row], passed)
-        distance[run[row], which] = cells.start[row] - cells.width[row] * cells.some(row).share(z)
-        speed[run[row], which] = -evaluate_at(np.sqrt(nodes.square[row]), z)
+    on = columns.lanes
+    trace = np.full((len(on), samples, 2), np.nan)
+    columns.path.sample(np.ascontiguousarray(times[on]), trace)
+    known = np.isfinite(trace[..., 0])
+    distance[on] = np.where(known, trace[..., 0], distance[on])
+    speed[on] = np.where(known, -trace[..., 1], speed[on])
     distance[:, -1], speed[:, -1] = columns.raw("distance"), columns.raw("relative_velocity")
     return _motion(columns, times, distance, speed)
 
@@ -237,7 +284,7 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
         G [1/m], of the same shape: a float for a scalar.
 
     Raises:
-        InvalidInputError: a distance is not positive, or too large (MAGNITUDES).
+        InvalidInputError: a distance is not positive, or too large (LARGEST_START).
 
     Examples:
         >>> from pretouch.sensors import ExponentialFirstOrder
@@ -246,17 +293,17 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
     """
     distances = np.asarray(positive(distance, "distance", "m"))
     flat = distances.reshape(-1)
-    if flat.max(initial=0.0) > MAGNITUDES[1]:
-        raise InvalidInputError(f"distance: found {flat.max():g} m, expected at most {MAGNITUDES[1]:g} m")
+    if flat.max(initial=0.0) > LARGEST_START:
+        raise InvalidInputError(f"distance: found {flat.max():g} m, expected at most {LARGEST_START:g} m")
     check_curve(sensor, flat)
-    grid = np.linspace(max(sensor.valid_range[0], 0.0), flat.max(initial=0.0), _PROBES)
+    low = max(sensor.valid_range[0], 0.0)
+    grid = np.linspace(low, flat.max(initial=0.0), _PROBES)
     steepest = float(np.abs(sensor.log_slope(grid)).max())
     strength = 1.0 / (steepest**2 * flat)  # small enough to resolve the exponential where g^2 is large
     none = np.zeros_like(flat)
-    path = follow(sensor, DragApproach(strength, none, flat, none + 1.0, none), float(grid[0]), np.inf)
-    total = np.zeros_like(flat)
-    for cells, nodes in path.walk():
-        total[cells.lane] += nodes.whole_growth
+    curves = shared_curve(approach_windows(sensor, low, min(reach_to(flat), sensor.valid_range[1])))
+    path = DragPath((strength, none, flat, none + 1.0, none, none, none, none), curves, np.inf)
+    total = path.rows["growth"]
     return float_or_array((total / (2 * strength)).reshape(distances.shape))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -10,13 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
-from pretouch._core.numbers import BoolArray, FloatArray, nonnegative, positive
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray, nonnegative, positive
 from pretouch._core.units import MAGNITUDES
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
+from pretouch.sensors.model import cache_by_curve
 
-from .curve import check_curve
-from .scenario import Scenario
+from .curve import LARGEST_START, Curves, approach_windows, check_curve, reach_to, shared_curve
+from .layout import Relative
+from .many_curves import ManyCurves
+from .scenario import Scenario, map_fields
 
 _PROBES: Final = 257
 _ROUNDING: Final = 1e-12
@@ -35,6 +40,7 @@ class DragRequest(Value):
         drag: phi [N s^2].
         horizon: longest time to contact that is searched [s].
         shape: the broadcast shape.
+        many: one curve for each encounter along the last axis; `sensor` is then the curve from which they are made.
     """
 
     scenario: Scenario
@@ -42,13 +48,21 @@ class DragRequest(Value):
     drag: Any
     horizon: float
     shape: tuple[int, ...]
+    many: ManyCurves | None = None
+
+    @property
+    def size(self) -> int:
+        """The number of encounters."""
+        return math.prod(self.shape)
 
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
         """Initial position, velocity and acceleration of obstacle, robot and reference as in equation L(9)."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
         columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.drag)
-        flat = [np.broadcast_to(c, self.shape).astype(np.float64).reshape(-1) for c in columns]
+        flat = np.empty((len(columns), self.size))
+        for row, column in zip(flat, columns, strict=True):
+            row[:] = column if np.ndim(column) == 0 else np.broadcast_to(column, self.shape).reshape(-1)
         return dict(zip((*names, "r", "phi"), flat, strict=True))
 
     @property
@@ -56,38 +70,90 @@ class DragRequest(Value):
         """The virtual mass M of each encounter [kg]."""
         return self.bodies["mass"]
 
-    @property
+    @cached_property
+    def relative(self) -> Relative:
+        """The inputs of all encounters, with positions and velocities relative to the reference."""
+        names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "phi", "r_v", "r_a")
+        return Relative(*(self.bodies[name] for name in names))
+
+    @cached_property
     def strength(self) -> FloatArray:
         """The virtual drag phi divided by the virtual mass [m] of each encounter."""
         return self.bodies["phi"] / self.mass
 
-    @property
+    @cached_property
     def distance(self) -> FloatArray:
         """The distance between robot and object at the start of each encounter [m]."""
         return self.bodies["p"] - self.bodies["x0"]
 
-    @property
+    @cached_property
     def velocity(self) -> FloatArray:
         """The relative velocity of the object at the start of each encounter [m/s]."""
         return _flush_underflow(self.bodies["v"] - self.bodies["u0"])
 
-    @property
+    @cached_property
     def acceleration(self) -> FloatArray:
         """The acceleration of the obstacle relative to the reference [m/s^2]."""
         return _flush_underflow(self.bodies["a"])
 
-    @property
+    @cached_property
     def returns(self) -> Any:
         """Whether the object first rests or recedes, and later accelerates toward the robot."""
         return (self.velocity >= 0) & (self.acceleration < 0)
 
-    @property
+    @cached_property
     def farthest(self) -> FloatArray:
         """The largest distance [m] between robot and object in each encounter."""
         rise = np.zeros_like(self.distance)
         with np.errstate(over="ignore"):  # infinite: farther than any sensor range
             np.divide(-(self.velocity**2), 2 * self.acceleration, out=rise, where=self.returns)
         return np.asarray(self.distance + rise)
+
+    @cached_property
+    def reach(self) -> float:
+        """An upper limit of the distances [m] at which approaches begin, as far as they are solved (LARGEST_START)."""
+        return reach_to(np.minimum(self.farthest, LARGEST_START))
+
+    @cached_property
+    def ends(self) -> tuple[float, Any]:
+        """The smallest valid distance [m], or 0 if the curves include contact, and the largest one of each curve."""
+        if self.many is None:
+            low, high = self.sensor.valid_range
+            return max(low, 0.0), high
+        ends = np.array([sensor.valid_range[1] for sensor in self.many.sensors])
+        return 0.0, np.broadcast_to(ends, self.shape).reshape(-1)
+
+    def curves(self, which: IntArray) -> Curves:
+        """Return the polynomials that approximate the curves of selected encounters."""
+        if self.many is None:
+            low, high = self.sensor.valid_range
+            return shared_curve(approach_windows(self.sensor, max(low, 0.0), min(self.reach, high)))
+        windows = self.many.complete_windows(self.reach)
+        return windows.table, windows.starts, self.curve_of(which)
+
+    def curve_of(self, which: IntArray) -> IntArray:
+        """Return the index of the curve of selected encounters."""
+        return np.ascontiguousarray(which % (1 if self.many is None else len(self.many)))
+
+    def at_curves(
+        self, function: Callable[[SensorModel, FloatArray], FloatArray], distance: FloatArray, which: IntArray
+    ) -> FloatArray:
+        """Evaluate a function of a curve and distances [m], shape (m, nodes), for selected encounters."""
+        if self.many is None:
+            return function(self.sensor, np.clip(distance, *self.sensor.valid_range))
+        values, curve_of = np.empty_like(distance), self.curve_of(which)
+        for i in np.unique(curve_of):
+            rows, sensor = curve_of == i, self.many.sensors[i]
+            values[rows] = function(sensor, np.clip(distance[rows], *sensor.valid_range))
+        return values
+
+    def with_curve(self, index: int) -> DragRequest:
+        """Return the inputs of all encounters that use the curve with an index along the last axis."""
+        if self.many is None:
+            return self
+        scenario = map_fields(self.scenario, lambda v: v[..., min(index, v.shape[-1] - 1)] if np.ndim(v) else v)
+        drag = np.broadcast_to(self.drag, self.shape)[..., index]
+        return make_drag_request(scenario, self.many.sensors[index], drag, self.horizon)
 
 
 def _flush_underflow(values: FloatArray) -> FloatArray:
@@ -100,7 +166,9 @@ _BEYOND: Final = (
 )
 
 
-def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float) -> DragRequest:
+def make_drag_request(
+    scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float, many: ManyCurves | None = None
+) -> DragRequest:
     """Check the inputs for solving encounters under the virtual drag, and flatten arrays of encounters.
 
     Args:
@@ -108,6 +176,7 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
         sensor: the sensor curve.
         drag: phi [N s^2].
         horizon: longest time to contact that is searched [s].
+        many: one curve for each encounter along the last axis, made from `sensor`.
 
     Returns:
         The request.
@@ -125,14 +194,16 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
             f"{scenario.shape} of the scenario"
         ) from None
     request = DragRequest(
-        scenario=scenario, sensor=sensor, drag=phi, horizon=positive(horizon, "horizon", "s"), shape=shape
+        scenario=scenario, sensor=sensor, drag=phi, horizon=positive(horizon, "horizon", "s"), shape=shape, many=many
     )
     for name, values in (("position", request.distance), ("velocity", request.velocity)):
         _refuse(np.abs(values) > MAGNITUDES[1], values, f"obstacle {name}: found {{0:g}}, {_BEYOND}")
+    if many is not None:
+        many.check(scenario)
     low, high = sensor.valid_range
     start = request.distance
     outside = (start < low) | (start > high)
-    if outside.any():
+    if many is None and outside.any():
         raise OutOfRangeError(
             f"obstacle position: the encounter starts at a distance of {start[outside][0]:g} m, but the "
             f"{sensor.name} curve is valid only from {low:g} m to {high:g} m; start the encounter when the "
@@ -140,8 +211,20 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
         )
     check_curve(sensor, request.farthest)
     _check_plant(request)
-    _check_curve(sensor, max(low, 0.0), float(min(high, request.farthest.max(initial=0.0))))
+    falls = many.windows(request.reach).falling if many else _falls(sensor, max(low, 0.0), min(high, request.reach))
+    if not falls:  # up to the reach; but only the range that encounters pass must fall
+        for curve in (sensor,) if many is None else many.sensors:
+            low, high = curve.valid_range
+            _check_curve(curve, max(low, 0.0), float(min(high, request.farthest.max(initial=0.0))))
     return request
+
+
+@cache_by_curve(256)
+def _falls(sensor: SensorModel, low: float, high: float) -> bool:
+    """Return True if the output of a sensor curve does not rise between two distances [m], which are probed."""
+    with np.errstate(all="ignore"):
+        slope = np.asarray(sensor.log_slope(np.linspace(low, high, _PROBES)))
+    return bool((np.isfinite(slope) & (slope <= 0)).all())
 
 
 def _check_plant(request: DragRequest) -> None:

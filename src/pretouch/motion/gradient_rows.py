@@ -58,6 +58,9 @@ class GradientRows(Picklable):
 
     __slots__ = ("_followed", "_rows", "_solution")
 
+    degree = 1
+    suspends_admittance = False
+
     def __init__(self, solution: Solution) -> None:
         self._solution = solution
         self._rows: FloatArray | None = None

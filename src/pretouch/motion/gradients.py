@@ -12,8 +12,9 @@ the recess, and of the unit of length. Derivatives by the other inputs already c
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Protocol, cast
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
-from pretouch.sensors.sensitivity import CurveSensitivity, curve_sensitivity
+from pretouch.sensors.sensitivity import CurveSensitivity, SlopeSensitivity, curve_sensitivity
 
 from .gradient_rows import GradientRows, bend_at_contact
 from .layout import RELATIVE_INPUTS, ContactStatus
@@ -61,6 +62,44 @@ _LENGTHS: Final = (
 )  # inputs that are proportional to the unit of length, including D_p
 
 
+class ContactSource(Protocol):
+    """Interface of an object with the contacts of several encounters, for their derivatives."""
+
+    request: Any
+
+    @property
+    def status(self) -> Any:
+        """How each encounter ended, as the integer value of ContactStatus."""
+
+    def raw(self, name: str) -> FloatArray:
+        """Return one quantity, such as the contact time, for all encounters as a one-dimensional array."""
+
+    @property
+    def settled_acceleration(self) -> FloatArray:
+        """The robot's acceleration relative to its reference at the end of each encounter [m/s^2]."""
+
+    def reference(self, derivative: int) -> FloatArray:
+        """Return velocity (1) or acceleration (2) of the reference at the end of every encounter."""
+
+
+class ContactRows(Protocol):
+    """Interface of an object that computes the derivatives of contact time and contact velocity.
+
+    Attributes:
+        degree: d if the force of the law is proportional to its number times s'^d, with s' = d(ln xi)/dt; 1 or 2.
+        suspends_admittance: whether the law switches off damping and stiffness of the admittance during an approach.
+    """
+
+    degree: int
+    suspends_admittance: bool
+
+    def take(self, which: Sequence[int]) -> FloatArray:
+        """Return the derivatives with respect to selected RELATIVE_INPUTS, shape (2, k, n)."""
+
+    def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
+        """Return the derivatives with respect to a parameter of the curve, shape (2, n)."""
+
+
 def input_names(sensor: SensorModel) -> tuple[str, ...]:
     """Return the names of all inputs that affect a contact: the gain first, sensor parameters last."""
     return (*_RELATIVE, *sensor_inputs(sensor))
@@ -95,6 +134,7 @@ class ContactGradients(Value):
 
     Args:
         solution: the encounters and their contacts.
+        rows: the derivatives of time and l' at contact; None for the virtual damper.
 
     Attributes:
         quantities: names of the quantities: `time`, `position`, `velocity`, `acceleration`, `displacement`,
@@ -117,13 +157,15 @@ class ContactGradients(Value):
         '(m/s)/(N*s)'
     """
 
-    solution: Solution
-    _rows: GradientRows = field(init=False, compare=False)
+    solution: ContactSource
+    rows: ContactRows | None = field(default=None, compare=False)
+    _rows: ContactRows = field(init=False, compare=False)
     quantities: tuple[str, ...] = field(init=False, default=tuple(_QUANTITIES))
     inputs: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_rows", GradientRows(self.solution))
+        rows = self.rows or GradientRows(cast("Solution", self.solution))
+        object.__setattr__(self, "_rows", rows)
         object.__setattr__(self, "inputs", input_names(self.solution.request.sensor))
 
     def of(self, quantity: str, by: str) -> Any:
@@ -173,13 +215,13 @@ class ContactGradients(Value):
         if by in _RELATIVE:
             inputs = _RELATIVE[by]
             time, speed = self._weighted_sum(inputs)
-            return _Change(solution, by, time, speed, inputs)
+            return _Change(solution, self._rows, by, time, speed, inputs)
         sensor, name = solution.request.sensor, by.removeprefix("sensor.")
         change = curve_sensitivity(sensor, name)
         low, high = sensor.valid_range
         if not low <= 0 <= high:  # the curve does not include contact
             undefined = np.full(solution.request.size, np.nan)
-            return _Change(solution, by, undefined, undefined)
+            return _Change(solution, self._rows, by, undefined, undefined)
         factors = change if change.nearest or change.slope is None else CurveSensitivity()
         time, speed = self._by_factors(factors)
         if change.slope is None:
@@ -191,7 +233,7 @@ class ContactGradients(Value):
             near = np.broadcast_to(r.p - r.x0, solution.request.size) < (change.nearest or np.inf)
             if near.any():
                 time, speed = np.where(near, self._rows.of_slope(name, change.slope), [time, speed])
-        return _Change(solution, by, time, speed, slope=slope)
+        return _Change(solution, self._rows, by, time, speed, slope=slope)
 
     def _weighted_sum(self, weights: dict[str, Any]) -> FloatArray:
         """Return a weighted sum of the derivatives of contact time and contact velocity, shape (2, n)."""
@@ -207,7 +249,7 @@ class ContactGradients(Value):
         total = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
         with np.errstate(divide="ignore", invalid="ignore"):  # l' may be 0 without contact
             if change.output:
-                total = total + change.output * self._weighted_sum({"gain": relative.gain})
+                total = total + change.output * self._rows.degree * self._weighted_sum({"gain": relative.gain})
             if change.shift:
                 earlier = 1 / solution.raw("relative_velocity")
                 bend = relative.a - solution.settled_acceleration
@@ -247,6 +289,7 @@ class _Change:
 
     Args:
         solution: the encounters and their contacts.
+        rows: the derivatives of time and l'.
         by: the name of the input q.
         time: dt/dq of each run.
         relative_velocity: dl'/dq.
@@ -254,7 +297,8 @@ class _Change:
         slope: dg(0)/dq.
     """
 
-    solution: Solution
+    solution: ContactSource
+    rows: ContactRows
     by: str
     time: FloatArray
     relative_velocity: FloatArray
@@ -279,20 +323,28 @@ class _Change:
     @property
     def virtual_force(self) -> Any:
         """The derivative of the virtual force at contact with respect to the input."""
-        # At contact, F_p = D_p g(0) l'.
+        # At contact, F_p = D_p g(0) l' for the damper, and F = -phi (g(0) l')^2 for the drag.
         s = self.solution
-        slope, gain, speed = float(s.request.sensor.log_slope(0.0)), s.request.relative.gain, s.raw("relative_velocity")
-        direct = self.inputs.get("gain", 0.0) * speed
-        return slope * (gain * self.relative_velocity + direct) + self.slope * (gain * speed)
+        slope, number, speed = (
+            float(s.request.sensor.log_slope(0.0)),
+            s.request.relative.gain,
+            s.raw("relative_velocity"),
+        )
+        rate, change = slope * speed, slope * self.relative_velocity + self.slope * speed
+        direct = self.inputs.get("gain", 0.0) * rate
+        return direct + number * change if self.rows.degree == 1 else -(direct + 2 * number * change) * rate
 
     @property
     def displacement_acceleration(self) -> Any:
         """The derivative of the robot's acceleration relative to its reference with respect to the input."""
         # The admittance gives x~'' = (F_p - D x~' - K x~) / M.
         s, r = self.solution, self.solution.request.relative
-        total = self.virtual_force - r.damping * self.displacement_velocity - r.stiffness * self.displacement
+        total = self.virtual_force
         if "mass" in self.inputs:
             total = total - s.settled_acceleration
+        if self.rows.suspends_admittance:
+            return total / r.mass
+        total = total - r.damping * self.displacement_velocity - r.stiffness * self.displacement
         if "damping" in self.inputs:
             total = total - s.raw("displacement_velocity")
         if "stiffness" in self.inputs:

@@ -12,16 +12,16 @@ from collections.abc import Sequence
 from ctypes import POINTER as POINTER_TO
 from ctypes import Structure, byref
 from struct import pack
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel, rows_of, shaped
+from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel, numbers, rows_of, shaped
 from pretouch._core.numbers import FloatArray, IntArray
 
 from .curve import HIGH_DEGREE, LOW_DEGREE, TERMS, Curves
-from .layout import COLUMNS, INPUTS, PEAKS, STATES, TRACE_COLUMNS
+from .layout import COLUMNS, DRAG_NODES, DRAG_PEAKS, DRAG_ROWS, INPUTS, PEAKS, STATES, TRACE_COLUMNS
 
 CONTACT: Final = 0
 """The status of an encounter whose first contact is proved."""
@@ -32,6 +32,7 @@ OPEN: Final = -1
 _SHORT: Final = np.dtype(np.int8)
 _INDEX: Final = np.dtype(np.int64)
 _WIDTHS: Final = frozenset(TERMS + 1 + degree for degree in (0, 1, LOW_DEGREE, HIGH_DEGREE))
+_DRAG_INPUTS: Final = 8
 _WIDEST: Final = 12  # middle, half width and ten coefficients of a piece
 
 
@@ -60,12 +61,26 @@ class _PiecesOfCore(Structure):
     )
 
 
+class _ApproachesOfCore(Structure):
+    """C structure with the outputs of the kernel for approaches under the virtual drag."""
+
+    _fields_ = (
+        *numbers("rows", "status", "cells", "peaks", "gradients", "nodes", "balance", kind=POINTER),
+        *numbers("first", "changes", "log_outputs", "times", kind=POINTER),
+        ("m", INTEGER),
+        ("trace", POINTER),
+    )
+
+
 _ALONE: Final = (POINTER, INTEGER, POINTER, POINTER_TO(_PiecesOfCore))
 _linear_contacts = kernel("linear_contacts", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER)
 _linear = kernel("solve_linear", POINTER, INTEGER, DOUBLE, POINTER, DOUBLE, DOUBLE, DOUBLE, POINTER, POINTER)
 _respond = kernel("respond", POINTER, INTEGER, POINTER, INTEGER, POINTER, INTEGER, INTEGER, INTEGER)
 _contacts = kernel("series_contacts", POINTER, POINTER, INTEGER, POINTER_TO(_CurvesOfCore), DOUBLE, *[POINTER] * 4)
 _series = kernel("solve_series", *_ALONE, DOUBLE, POINTER, POINTER, POINTER, INTEGER, POINTER)
+_approaches = kernel(
+    "drag_approaches", POINTER, INTEGER, POINTER_TO(_CurvesOfCore), DOUBLE, POINTER_TO(_ApproachesOfCore)
+)
 _follow = kernel("follow_gradients", *_ALONE, POINTER, DOUBLE, POINTER, POINTER)
 
 
@@ -199,6 +214,76 @@ def contact_times(
         )
     reference = None if peaks is None else columns(inputs[INPUTS:], n)
     _contacts(columns(inputs[:INPUTS], n), reference, n, byref(of_core(curves, n)), horizon, *filled)
+
+
+class ValuesAtNodes(NamedTuple):
+    """Arrays with one number for each quadrature node of approaches under the virtual drag.
+
+    Args:
+        first: index of the first distance interval of each approach, shape (n,).
+        nodes: output, the distances [m], shape (intervals, DRAG_NODES); or None.
+        changes: dg/d(parameter) of the curve, of the same shape, for gradients; or None.
+        log_outputs: ln xi, of the same shape, for the impulse balance; or None.
+    """
+
+    first: IntArray
+    nodes: FloatArray | None = None
+    changes: FloatArray | None = None
+    log_outputs: FloatArray | None = None
+
+
+def drag_approaches(
+    inputs: Sequence[FloatArray],
+    curves: Curves,
+    horizon: float,
+    rows: FloatArray,
+    status: IntArray,
+    cells: IntArray,
+    *,
+    peaks: FloatArray | None = None,
+    gradients: FloatArray | None = None,
+    balance: FloatArray | None = None,
+    at_nodes: ValuesAtNodes | None = None,
+    course: tuple[FloatArray, FloatArray] | None = None,
+) -> None:
+    """Integrate approaches under the virtual drag until contact, until rest, or until the longest allowed time.
+
+    Args:
+        inputs: k = phi / M [m], a_o, l, l'^2 and t at the start, position, velocity and acceleration of the obstacle at
+            t = 0 relative to the robot's start; contiguous, shape (n,) each.
+        curves: the curves, from the smallest distance upward.
+        horizon: longest time [s].
+        rows: filled with DRAG_ROWS, shape (n, 6).
+        status: filled with the numbers of ContactStatus, shape (n,).
+        cells: filled with the number of distance intervals, shape (n,).
+        peaks: optional output, DRAG_PEAKS, shape (n, 7).
+        gradients: optional output, derivatives of l'^2 and t at the end by k, a_o, l and l'^2 at the start, and by the
+            parameter of the curve, shape (n, 2, 5).
+        balance: optional output, k int s' ds and its moment, shape (n, 2).
+        at_nodes: outputs and inputs at the quadrature nodes.
+        course: ascending times [s], shape (n, m), and the output l and |l'| at those times that lie in the approach,
+            shape (n, m, 2).
+
+    Raises:
+        TypeError: there are too few columns, or an array has the wrong shape, type or layout.
+    """
+    n = len(status)
+    names: dict[str, int | None] = {"rows": shaped(rows, (n, len(DRAG_ROWS)))}
+    names |= {"status": shaped(status, (n,), _INDEX), "cells": shaped(cells, (n,), _INDEX)}
+    optional = ((peaks, (n, len(DRAG_PEAKS))), (gradients, (n, 2, 5)), (balance, (n, 2)))
+    for name, (array, shape) in zip(("peaks", "gradients", "balance"), optional, strict=True):
+        names[name] = None if array is None else shaped(array, shape)
+    if at_nodes is not None:
+        names["first"] = shaped(at_nodes.first, (n,), _INDEX)
+        for name, array in zip(ValuesAtNodes._fields[1:], at_nodes[1:], strict=True):
+            names[name] = None if array is None else shaped(array, (len(array), DRAG_NODES))
+    if course is not None:
+        m = course[0].shape[1]
+        names |= {"times": shaped(course[0], (n, m)), "m": m, "trace": shaped(course[1], (n, m, 2))}
+    if len(inputs) != _DRAG_INPUTS or not len(curves[0]):
+        raise TypeError(f"the compiled solver needs {_DRAG_INPUTS} input columns and windows of every curve")
+    wanted = _ApproachesOfCore(**names)
+    _approaches(columns(inputs, n), n, byref(of_core(curves, n)), horizon, byref(wanted))
 
 
 def of_core(curves: Curves, n: int) -> _CurvesOfCore:

@@ -69,6 +69,26 @@ STATES: Final = (
 
 TRACE_COLUMNS: Final = ("distance", "displacement", "displacement_velocity", "displacement_acceleration")
 
+DRAG_ROWS: Final = ("time", "distance", "square", "slope", "growth", "error")
+"""Results of approaches under the virtual drag: t [s], l [m], l'^2, g [1/m], 2 k int g^2 dl, and the error of t."""
+
+DRAG_PEAKS: Final = (
+    "largest_rate",
+    "rate_distance",
+    "smallest_rate",
+    "largest_velocity",
+    "smallest_velocity",
+    "largest_travel",
+    "smallest_travel",
+)
+"""Peaks of approaches under the virtual drag.
+
+They are those of k g^2 l'^2 [m/s^2], with the distance [m] of the largest one, and of velocity and travel of the robot.
+"""
+
+DRAG_NODES: Final = 16
+"""Quadrature nodes of a distance interval of an approach under the virtual drag."""
+
 RESOLUTION: Final = 1e-12
 """Smallest distance that counts as zero, relative to the terms whose difference is l."""
 

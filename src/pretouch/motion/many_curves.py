@@ -13,7 +13,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
 
 from .curve import reach_of
-from .many_windows import ManyWindows, find_images, windows_of_images, windows_side_by_side
+from .many_windows import ManyWindows, find_images, windows_from_pieces, windows_of_images, windows_side_by_side
 from .scenario import Scenario
 
 _METHODS: Final = ("auto", "integration")
@@ -49,6 +49,14 @@ class ManyCurves:
             else:
                 self._windows[reach] = windows_of_images(images, tops)
         return self._windows[reach]
+
+    def complete_windows(self, reach: float) -> ManyWindows:
+        """Return polynomials that approximate all sensor curves up to a given distance [m], however many are needed."""
+        windows = self.windows(reach)
+        if not (np.diff(windows.starts) > 0).all():
+            tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
+            windows = self._windows[reach] = windows_from_pieces(self.sensors, tops)
+        return windows
 
     def check(self, scenario: Scenario) -> None:
         """Raise an error if an encounter starts outside the valid range of its sensor curve.

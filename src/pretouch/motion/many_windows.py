@@ -32,6 +32,7 @@ from .curve import (
     curve_windows,
     polynomial_windows,
     power_window,
+    windows_of_pieces,
 )
 
 _BETWEEN: Final = 4.0  # times the tolerance, for curves other than those for which the windows were chosen
@@ -165,6 +166,11 @@ def windows_side_by_side(
     return _join(
         [each[i] if fits[i] else _own_windows(sensor, float(tops[i]), degree) for i, sensor in enumerate(sensors)]
     )
+
+
+def windows_from_pieces(sensors: Sequence[SensorModel], tops: FloatArray) -> ManyWindows:
+    """Approximate sensor curves from l = 0 up to their upper ends [m] by as many polynomials as they need."""
+    return _join([windows_of_pieces(sensor, 0.0, float(top)) for sensor, top in zip(sensors, tops, strict=True)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

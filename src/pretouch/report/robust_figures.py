@@ -196,6 +196,6 @@ def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
 def _loss_curves(design: RobustDesign, price: Price, x: FloatArray) -> Iterator[Curve]:
     yield Curve(x=x, y=100 * price.loss, label="robust gain", style=_ROBUST)
     if design.nominal_gain is not None:
-        nominal = design.price(price.name, count=len(x), gain=design.nominal_gain)
+        nominal = design.price_of(design.nominal_gain, price)
         if np.isfinite(nominal.loss).any():
             yield Curve(x=x, y=100 * nominal.loss, label="nominal gain", style=_NOMINAL)

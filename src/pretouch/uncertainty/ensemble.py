@@ -14,7 +14,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.values import Value
-from pretouch.motion import DAMPER, ContactResult, ContinuousLaw, Scenario
+from pretouch.motion import DAMPER, DRAG, ContactResult, ContinuousLaw, Scenario
 from pretouch.motion.evaluator import Evaluator, ManySensorEvaluator, with_noise_after
 from pretouch.motion.many_curves import ManyCurves, many_curves
 from pretouch.motion.request import make_request
@@ -203,6 +203,10 @@ class Ensemble(Value):
             )
             return likeness.result(result, self.scenario)
         if self.many is not None:
+            if self.law == DRAG:
+                from pretouch.motion.drag import solve_drag  # noqa: PLC0415 - only drags need it
+
+                return solve_drag(self.scenario, self.sensor, gains, horizon=self.horizon, many=self.many)
             request = make_request(self.scenario, self.sensor, gains, self.method, self.horizon, many=self.many)
             return ContactResult(Solution(request), request.method)
         return _stacked([self.law.contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
@@ -360,7 +364,7 @@ def _sensors(
     # every sensor is built here, so that an impossible one is named before anything is solved
     rows = (dict(zip(parameters, map(float, row), strict=True)) for row in zip(*parameters.values(), strict=True))
     each = tuple(sensor_with(sensor, row) for row in rows)
-    return None, many_curves(sensor, parameters, each, method) if law == DAMPER else None
+    return None, many_curves(sensor, parameters, each, method) if law in {DAMPER, DRAG} else None
 
 
 def _of_sensor(name: str) -> bool:

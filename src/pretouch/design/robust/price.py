@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,12 @@ from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.motion.scenario import SCENARIO_INPUTS, input_units
-from pretouch.uncertainty import JointDistribution, Uncertainty, make_ensemble
+from pretouch.uncertainty import Ensemble, JointDistribution, Uncertainty, make_ensemble
 from pretouch.uncertainty.ensemble import names_of
 
 from ..gain import GainDesign
 from ..problem import GainProblem
+from ..task import Task
 
 _TAIL = 0.01  # probability of each tail that the range of an unbounded input excludes
 
@@ -70,10 +71,7 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
     if not (np.isfinite(low) and np.isfinite(high)):
         low, high = marginal.quantile(_TAIL), marginal.quantile(1 - _TAIL)
     x = np.linspace(low, high, count)
-    values = dict(zip(members, joint.others(members.index(name), x), strict=True)) | {name: x}
-    ensemble = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
-    result = ensemble.contacts(gain)
-    robust = np.where(result.reached, task.goal.value(result.end, ensemble.speed, task.impact), np.nan)
+    ensemble = _ensemble(task, name, x)
 
     def design(**changes: Any) -> GainDesign:
         return GainDesign.of(GainProblem(task=task.replace(**changes), axis=problem.axis))
@@ -84,8 +82,27 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
     else:
         each = [design(scenario=s, sensor=c) for s, c in map(ensemble.at, range(count))]
         best, least = (np.array([getattr(d, n) for d in each], dtype=np.float64) for n in ("gain", "objective"))
-    unit = input_units(task.sensor)[name]
+    unit, robust = input_units(task.sensor)[name], _objectives(task, ensemble, gain)
     return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, low=low, high=high)
+
+
+def price_of_gain(problem: GainProblem, price: Price, gain: float) -> Price:
+    """Compare another gain with the optimal gains of a comparison, which do not depend on the compared gain."""
+    task = problem.task
+    return replace(price, robust=_objectives(task, _ensemble(task, price.name, price.value), gain))
+
+
+def _ensemble(task: Task, name: str, x: FloatArray) -> Ensemble:
+    """Return one encounter for each value of an uncertain input."""
+    joint, members = _distribution_of(task.uncertainty, name)
+    values = dict(zip(members, joint.others(members.index(name), x), strict=True)) | {name: x}
+    return make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
+
+
+def _objectives(task: Task, ensemble: Ensemble, gain: float) -> FloatArray:
+    """Return the objective of one gain in each encounter; NaN without contact."""
+    result = ensemble.contacts(gain)
+    return np.where(result.reached, task.goal.value(result.end, ensemble.speed, task.impact), np.nan)
 
 
 def _distribution_of(uncertainty: Uncertainty, name: str) -> tuple[JointDistribution, tuple[str, ...]]:

@@ -23,7 +23,7 @@ from ..search import Scan
 from .importance import InputImportance, rank_uncertain_inputs
 from .measures import Measure
 from .outcomes import RobustOutcomes, RobustTradeOff
-from .price import Price, price_of_robustness
+from .price import Price, price_of_gain, price_of_robustness
 from .problem import RobustProblem
 from .required import Required
 from .validation import LossOfNominal, Validation
@@ -199,6 +199,18 @@ class RobustDesign(Answer):
                 "design_gain with the same evaluate at the values of interest"
             )
         return price_of_robustness(self.problem, name, count, self.gain if gain is None else gain)
+
+    def price_of(self, gain: float, price: Price) -> Price:
+        """Return a comparison like another one for a different gain, with the same optimal gains.
+
+        Args:
+            gain: the compared gain.
+            price: a comparison of this design over an uncertain input.
+
+        Returns:
+            The comparison over the same values of the input.
+        """
+        return price_of_gain(self.problem, price, gain)
 
     @cached_property
     def importance(self) -> tuple[InputImportance, ...]:

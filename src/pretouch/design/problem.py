@@ -134,8 +134,8 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """True for the virtual damper in continuous time, for which contact quantities have exact derivatives."""
-        return self.is_continuous and self.task.law == DAMPER
+        """True for the virtual damper and an obstacle without a course, whose contacts have exact derivatives."""
+        return self.is_continuous and self.task.law == DAMPER and not self.task.scenario.obstacle.course
 
     @property
     def is_continuous(self) -> bool:

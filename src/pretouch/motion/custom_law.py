@@ -2,37 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
-from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.numbers import finite
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
-from .contact import ContactResult, ContactState, KnownColumns, Motion
-from .custom_force import ForceLaw
-from .integrated_path import encounters_of
-from .integrated_result import columns_of, sample
-from .integration import Integration
+from .contact import ContactResult, Motion
+from .integrated_law import IntegratedLaw
 from .laws import LawNumber
-from .request import Request, make_request
 from .scenario import Scenario
-
-_COLUMNS: Final = (
-    *ContactState.names(),
-    *("status", "gain", "closest_distance", "settling_distance", "impulse_residual"),
-)
-_COURSE: Final = (
-    *("time", "distance", "position", "velocity", "acceleration", "displacement", "relative_velocity"),
-    "virtual_force",
-)
-_TOGETHER: Final = 4096  # encounters that are integrated side by side
 
 
 def _unknown_damping(value: Any, slope: Any, relative_velocity: Any) -> Any:
@@ -115,8 +100,7 @@ class CustomLaw(Value):
         horizon: float = 600.0,
     ) -> ContactResult:
         """Solve encounters under the custom law by numerical integration, and return their states at contact."""
-        request = self._request(scenario, sensor, value, method, horizon)
-        return _result(request, [columns_of(run) for run in self._integrate(request)])
+        return self._integrated().contact(scenario, sensor, self._checked(value), method, horizon)
 
     def motion(
         self,
@@ -129,42 +113,11 @@ class CustomLaw(Value):
         samples: int = 200,
     ) -> Motion:
         """Compute the motion of encounters under the custom law at sampled times, by numerical integration."""
-        request = self._request(scenario, sensor, value, method, horizon)
-        runs = [(columns_of(run), sample(run, samples)) for run in self._integrate(request)]
-        course, shape = [arrays for _, arrays in runs], (*request.shape, samples)
-        arrays = {name: _joined(course, name, shape) for name in _COURSE}
-        return Motion(**arrays, result=_result(request, [columns for columns, _ in runs]))
+        return self._integrated().motion(scenario, sensor, self._checked(value), method, horizon, samples=samples)
 
-    def _request(
-        self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, method: str, horizon: float
-    ) -> Request:
-        if method not in {"auto", "integration"}:
-            raise InvalidInputError(
-                f"method: found {method!r}, but the custom law {self.kind} supports only the methods 'auto' and "
-                "'integration'"
-            )
-        checked = finite(value, self.number.name, self.number.unit)
-        return make_request(scenario, sensor, checked, "integration", horizon)
+    def _checked(self, value: ArrayLike) -> Any:
+        return finite(value, self.number.name, self.number.unit)
 
-    def _integrate(self, request: Request) -> Iterator[Integration]:
-        """Integrate the encounters of a solver call, in parts that bound the memory."""
-        law = ForceLaw(
-            kind=self.kind,
-            force=self.force,
-            vectorized=self.vectorized,
-            suspends_admittance=self.suspends_admittance,
-            sensor=request.sensor,
-        )
-        encounters = encounters_of(request)
-        for first in range(0, len(encounters), _TOGETHER):
-            yield Integration(encounters.part(slice(first, first + _TOGETHER)), law, request.horizon)
-
-
-def _result(request: Request, parts: list[dict[str, FloatArray]]) -> ContactResult:
-    columns = {name: _joined(parts, name, request.shape) for name in _COLUMNS}
-    columns["status"] = columns["status"].astype(np.int64)
-    return ContactResult(KnownColumns(columns), "integration")
-
-
-def _joined(parts: list[dict[str, FloatArray]], name: str, shape: tuple[int, ...]) -> FloatArray:
-    return np.concatenate([part[name] for part in parts] or [np.zeros(0)]).reshape(shape)
+    def _integrated(self) -> IntegratedLaw:
+        options = {name: getattr(self, name) for name in ("kind", "force", "vectorized", "suspends_admittance")}
+        return IntegratedLaw(**options)

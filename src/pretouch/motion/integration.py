@@ -225,15 +225,15 @@ class Integration:
         lowest = (state.course == APPROACH) & (self.cell[which] == 0) & (self.borders[0] == 0)
         near = np.where(lowest, RESOLUTION * self.encounters.terms(self.section[which], which, time), 0.0)
         fastest, braking = np.abs(forward).max(axis=1), np.abs(state.acceleration(self.law))
-        rounding = _ROUNDING * (np.abs(state.velocity) + fastest + braking * time)
-        at_turn = np.abs(forward[:, -1]) <= _LANDED * fastest + rounding
+        still = trial.rounding + _ROUNDING * (np.abs(state.velocity) + braking * time)
+        at_turn = np.abs(forward[:, -1]) <= _LANDED * fastest + still
         grazes = lowest & (beyond.max(axis=1) <= near) & (at_turn | _turns_before(near, trial, h))
         rounding = _ROUNDING * (np.abs(border) + initial + fastest * time)
         at_border = np.isfinite(border) & ~grazes & (np.abs(beyond[:, -1]) <= _LANDED * np.abs(beyond[:, 0]) + rounding)
         beyond[grazes] = -1.0
         share = np.full(len(which), np.inf)
-        for values, lands in ((-forward, at_turn), (beyond, at_border)):
-            passed = values > 0
+        for values, lands, least in ((-forward, at_turn, still), (beyond, at_border, np.zeros(len(which)))):
+            passed = values > least[:, None]
             passed[:, 0] = False
             passed[lands, -1] = False
             some = passed.any(axis=1) & np.isfinite(values).all(axis=1)

@@ -75,6 +75,7 @@ class Trial(NamedTuple):
     force: FloatArray  # F [N]
     solved: BoolArray  # whether Newton's method converged, shape (n,)
     error: FloatArray  # estimated error divided by the largest allowed one, shape (n,)
+    rounding: FloatArray  # error of l' by rounding [m/s], shape (n,)
 
     def some(self, which: Any) -> Trial:
         """Return some of the steps."""
@@ -111,8 +112,7 @@ def try_step(law: ForceLaw, start: Start, duration: FloatArray) -> Trial:
         nodes[1][unsolved, 1:] = points.speed - change
         nodes[2][unsolved, 1:] = points.force
         fastest = np.maximum(np.abs(points.speed).max(axis=1), np.abs(some.speed))
-        forces = np.abs(points.force).max(axis=1) + np.abs(points.pull).max(axis=1)
-        rounding[unsolved] = _ROUNDING * (fastest + h[:, 0] * (forces / some.mass + np.abs(some.push)))
+        rounding[unsolved] = _ROUNDING * (fastest + h[:, 0] * _magnitudes(some, points))
         largest = np.abs(change).max(axis=1)
         solved[unsolved] = largest <= _SOLVED * fastest + rounding[unsolved]
         going = ~solved[unsolved] & np.isfinite(largest)
@@ -123,7 +123,15 @@ def try_step(law: ForceLaw, start: Start, duration: FloatArray) -> Trial:
     # A corner of the force before the first point shows only in the acceleration at the start.
     error += np.abs(apply(tables().at_start[None], acceleration)[:, 0] - first) * duration * tables().nodes[1]
     allowed = _TOLERANCE * np.abs(nodes[1]).max(axis=1) + rounding
-    return Trial(nodes[0], nodes[1], nodes[2], solved, error / allowed)
+    return Trial(nodes[0], nodes[1], nodes[2], solved, error / allowed, rounding)
+
+
+def _magnitudes(start: Start, points: _Points) -> FloatArray:
+    """Return the sum of the magnitudes whose sum is l'' [m/s^2]."""
+    lengths = np.abs(start.position) + np.abs(points.distance).max(axis=1)
+    speeds = np.abs(start.velocity) + np.abs(points.speed).max(axis=1)
+    forces = np.abs(points.force).max(axis=1) + start.stiffness * lengths + start.damping * speeds
+    return np.asarray(forces / start.mass + np.abs(start.push))
 
 
 def _points(law: ForceLaw, start: Start, h: FloatArray, acceleration: FloatArray) -> _Points:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import pretouch as pt
 from loop_samples import BareLaw
 from pretouch._core.errors import InvalidInputError
 from pretouch.design.objectives import excursion_objective
-from pretouch.motion import Stretch
+from pretouch.motion import ContactStatus, Stretch
 from pretouch.motion.page_sections import scenario_rows
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -183,12 +184,6 @@ def test_shapes_that_do_not_broadcast_are_refused_by_the_scenario() -> None:
         scene((Stretch(until=[0.1, 0.2]), Stretch(until=[0.3, 0.4, 0.5])))
 
 
-@pytest.mark.parametrize("verb", [pt.find_contact, pt.solve_motion])
-def test_the_motion_of_constant_acceleration_refuses_a_course(verb: object) -> None:
-    with pytest.raises(InvalidInputError, match=r"motion has 2 stretches.* by simulate or ClosedLoop\.run"):
-        verb(scene(STOPS), SENSOR, -0.7)  # type: ignore[operator]
-
-
 def test_a_design_on_the_loop_takes_a_course() -> None:
     """It is the least of what the loop makes of neighboring gains, and its page is written without the ideal design."""
     law = pt.control.Controller(
@@ -209,7 +204,130 @@ def test_a_design_on_the_loop_takes_a_course() -> None:
     assert values.argmin() == 0
 
 
-def test_a_design_by_the_motion_refuses_a_course() -> None:
-    objective = excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    with pytest.raises(InvalidInputError, match=r"obstacle course: .* has 2 stretches"):
-        pt.design_gain(pt.Task(scene(STOPS), SENSOR, objective, bounds=(-10.0, -0.01)))
+OBJECTIVE = excursion_objective(position_scale=0.5, velocity_scale=0.3)
+STEADY = (Stretch(until=0.05), Stretch(until=0.2))
+"""A course that changes nothing."""
+LAWS = {"virtual-damper": (-0.7, (-10.0, -0.01)), "virtual-drag": (0.01, (1e-4, 0.1))}
+TIGHT = 1e-9  # of contacts, as all solvers claim
+
+
+def by_runge_kutta(course: tuple[Stretch, ...], law: str, value: float, horizon: float) -> tuple[float, float]:
+    """Integrate the first contact in an independent way, stretch by stretch; return its time [s] and l' [m/s]."""
+    time, state = 0.0, np.array([0.0, 0.0])
+    for stretch in (*course, Stretch(until=horizon)):
+        start = time, *obstacle_by_hand(course, time)
+
+        def obstacle(
+            t: float, start: tuple[float, ...] = start, a: float = stretch.acceleration
+        ) -> tuple[float, float]:
+            return start[1] + start[2] * (t - start[0]) + a * (t - start[0]) ** 2 / 2, start[2] + a * (t - start[0])
+
+        def distance(t: float, y: np.ndarray, obstacle: Any = obstacle) -> float:
+            return float(obstacle(t)[0] - y[0])
+
+        def rates(t: float, y: np.ndarray, obstacle: Any = obstacle) -> tuple[float, float]:
+            speed = obstacle(t)[1] - y[1]
+            rate = -3.32 / (max(obstacle(t)[0] - y[0], 0.0) + 0.0419) * speed
+            pull = 25.0 * y[0] + 10.0 * y[1]
+            if law == "virtual-drag":
+                return y[1], -value * rate * max(rate, 0.0) - (max(pull, 0.0) if speed < 0 else pull)
+            return y[1], value * rate - pull
+
+        distance.terminal = True  # type: ignore[attr-defined]
+        run = solve_ivp(
+            rates, (time, stretch.until), state, "DOP853", rtol=1e-12, atol=1e-14, events=distance, max_step=0.01
+        )
+        time, state = run.t[-1], run.y[:, -1]
+        if len(run.t_events[0]):
+            return time, obstacle(time)[1] - state[1]
+    raise AssertionError("no contact")
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("name", ["comes again", "thrown"])
+def test_a_contact_of_an_obstacle_with_a_course(name: str, law: str) -> None:
+    """The reference integrates to 1e-12; where the drag's force has a corner, its steps of 10 ms know it to 1e-8."""
+    value = LAWS[law][0]
+    found = pt.find_contact(scene(COURSES[name]), SENSOR, value, law=law, horizon=3.0)
+    time, speed = by_runge_kutta(COURSES[name], law, value, 3.0)
+    within = TIGHT if law == "virtual-damper" else 1e-7
+    assert found.contact.time == pytest.approx(time, rel=within)
+    assert found.contact.relative_velocity == pytest.approx(speed, rel=within)
+    assert found.impulse_residual < 1e-9
+    motion = pt.solve_motion(scene(COURSES[name]), SENSOR, value, law=law, horizon=3.0, samples=9)
+    places = [obstacle_by_hand(COURSES[name], t)[0] for t in motion.time]
+    np.testing.assert_allclose(motion.distance + motion.position, places, atol=1e-14)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_course_of_constant_velocity_changes_nothing(law: str) -> None:
+    """Contacts agree within what all solvers claim; a gain within what the search resolves of its objective, 1e-8."""
+    value, bounds = LAWS[law]
+    found, expected = (pt.find_contact(scene(course), SENSOR, value, law=law) for course in (STEADY, ()))
+    for name, result in found.end.as_dict().items():
+        assert result == pytest.approx(getattr(expected.end, name), rel=TIGHT, abs=1e-12), name
+    designs = [
+        pt.design_gain(pt.Task(scene(course), SENSOR, OBJECTIVE, law=law, bounds=bounds)) for course in (STEADY, ())
+    ]
+    assert designs[0].gain == pytest.approx(designs[1].gain, rel=1e-7)
+    assert designs[0].objective == pytest.approx(designs[1].objective, rel=TIGHT)
+    assert designs[0].gain != designs[1].gain or designs[0].objective != designs[1].objective  # another solver
+
+
+def test_an_obstacle_that_stops_before_contact_has_no_contact() -> None:
+    design = pt.design_gain(pt.Task(scene(STOPS), SENSOR, OBJECTIVE, bounds=(-10.0, -0.01), horizon=10.0))
+    assert design.status.value == "no-contact"
+    assert "without contact" in str(design)
+    result = pt.find_contact(scene(STOPS), SENSOR, -0.7, horizon=10.0)
+    assert result.status is ContactStatus.HORIZON
+    nearest = obstacle_by_hand(STOPS, 10.0)[0]
+    assert 0 < nearest < result.closest_distance < 0.0422
+
+
+def test_fronts_robust_designs_and_sweeps_take_a_course() -> None:
+    """Each gives what contacts at the same gains give."""
+    course = COURSES["comes again"]
+    task = pt.Task(scene(course), SENSOR, OBJECTIVE, bounds=(-10.0, -0.01), horizon=3.0)
+    front = pt.pareto_front(task)
+    some = slice(None, None, max(1, len(front.gain) // 5))
+    contact = pt.find_contact(scene(course), SENSOR, front.gain[some], horizon=3.0).contact
+    np.testing.assert_allclose(front.of("relative_velocity")[some], np.abs(contact.relative_velocity), rtol=1e-12)
+    swept = pt.sweep(task, {"obstacle.velocity": [-0.3, -0.25]}, results=["gain", "relative_velocity"])
+    for i, velocity in enumerate((-0.3, -0.25)):
+        alone = pt.design_gain(task.replace(scenario=scene(course, velocity=velocity)))
+        assert float(swept["gain"][i]) == pytest.approx(alone.gain, rel=1e-6)
+    uncertain = {"obstacle.velocity": pt.robust.Normal(mean=-0.3, deviation=0.02)}
+    robust = pt.robust.design_robust_gain(
+        task.replace(uncertainty=uncertain, robust=pt.robust.RobustOptions(samples=16))
+    )
+    assert robust.gain == pytest.approx(pt.design_gain(task).gain, rel=0.3)
+
+
+def test_a_verdict_takes_a_course() -> None:
+    """The gain that is verified is the design in continuous time, and the loop agrees within a few percent."""
+    law = pt.control.Controller(
+        period=1e-3,
+        conditioning=pt.control.Conditioning(floor=1e-3),
+        law=pt.control.VirtualDamper(gain=-0.7),
+        admittance=pt.control.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+    )
+    loop = pt.ClosedLoop(law=law, chain=pt.SensorChain(rate=1000.0))
+    course = (Stretch(until=0.05), Stretch(until=0.1, acceleration=-1.0))
+    task = pt.Task(scene(course), SENSOR, OBJECTIVE, bounds=(-10.0, -0.01))
+    verdict = pt.verify_gain(task.replace(loop=loop, verify=pt.VerifyOptions(runs=20)), changes=False)
+    design = pt.design_gain(task)
+    assert verdict.gain == pytest.approx(design.gain, rel=1e-9)
+    speed = design.result.contact.relative_velocity
+    assert verdict.mitigated.relative_velocity.mean() == pytest.approx(speed, rel=0.03)
+    assert "predicted" in str(verdict)
+
+
+def test_a_design_of_the_drag_for_its_effect_needs_a_constant_velocity() -> None:
+    with pytest.raises(InvalidInputError, match="course"):
+        pt.design_drag(pt.Task(scene(STOPS), SENSOR, drag_effect=pt.DragEffect(ratio=0.2)))
+
+
+@pytest.mark.parametrize("method", ["closed-form", "uniform-motion"])
+def test_the_other_methods_refuse_a_course(method: str) -> None:
+    with pytest.raises(InvalidInputError, match="course"):
+        pt.find_contact(scene(STOPS), SENSOR, -0.7, method=method)

@@ -1,8 +1,8 @@
 """Custom laws in continuous time compared with the built-in laws, and the cases that they must refuse.
 
-LSODA with a tolerance of 1e-13 has an error of about 1e-11 per encounter; the other methods claim 1e-9. The
-acceleration is the difference of the force and the admittance's pull, so its error is taken relative to these terms,
-l' over the damping time constant.
+The collocation has an error of about 1e-13 per encounter; the other methods claim 1e-9. The acceleration is the
+difference of the force and the admittance's pull, so its error is taken relative to these terms, l' over the damping
+time constant.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from encounters import CURVES, random_encounters
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
@@ -27,11 +28,11 @@ from pretouch.motion import (
     Plant,
     Reference,
     Scenario,
-    custom_law_run,
     find_contact,
+    integration,
     solve_motion,
 )
-from pretouch.motion.custom_law_run import CustomLawRun, RelativeEncounter
+from pretouch.motion.scenario import map_fields
 from pretouch.sensors import InversePower, SensorModel
 
 TIGHT = 1e-8
@@ -163,6 +164,81 @@ def test_encounters_broadcast_and_each_is_the_same_alone() -> None:
     assert solve_motion(APPROACH, POWER, np.zeros((0, 2)), law=DRAG_AGAIN, samples=5).time.shape == (0, 2, 5)
 
 
+@pytest.mark.parametrize("suspends", [False, True])
+def test_a_vectorized_force_gives_the_same_bits_as_single_numbers(suspends: bool) -> None:
+    """Also each encounter of a batch the same as alone, although its steps are solved together with others."""
+    calls: list[int] = []
+
+    def by_numbers(value: float, output: float, rate: float) -> float:
+        return value * max(rate - 1.0, 0.0)
+
+    def by_arrays(value: Any, output: Any, rate: Any) -> Any:
+        calls.append(rate.size)
+        return value * np.maximum(rate - 1.0, 0.0)
+
+    drawn = random_encounters("everything", 40, 20261123, 0.05)
+    options: dict[str, Any] = {"suspends_admittance": suspends}
+    found, expected = (
+        find_contact(drawn.scenario, POWER, drawn.gain, law=law, horizon=2.0)
+        for law in (own(by_arrays, vectorized=True, **options), own(by_numbers, **options))
+    )
+    assert found == expected
+    assert max(calls) > 40 * 5  # many states of many encounters in one call
+    for i in range(0, 40, 5):
+        one = map_fields(drawn.scenario, lambda values, i=i: values[i] if np.ndim(values) else values)  # type: ignore[misc]
+        alone = find_contact(one, POWER, float(drawn.gain[i]), law=own(by_numbers, **options), horizon=2.0)
+        assert alone.end.as_dict() == {name: values[i] for name, values in found.end.as_dict().items()}
+        assert alone.impulse_residual == found.impulse_residual[i]
+
+
+@pytest.mark.parametrize("wrong", [0.0, np.zeros(3), "1", np.zeros(1, dtype=complex)])
+def test_a_vectorized_force_must_return_one_number_for_each_state(wrong: Any) -> None:
+    with pytest.raises(InvalidInputError, match="vectorized"):
+        find_contact(APPROACH, POWER, np.array([1.0, 2.0]), law=own(lambda *_: wrong, vectorized=True))
+
+
+def test_a_corner_of_the_force_is_passed_accurately() -> None:
+    """An independent integration is restarted at the corner s' = 1 /s, wherever in its steps that lies.
+
+    Its tolerance of 1e-12 gives an error of about 1e-11 in these encounters.
+    """
+    speeds = np.linspace(-0.5, -0.05, 10)
+    scenario = replace(APPROACH, obstacle=Obstacle(position=0.0422, velocity=speeds, acceleration=0.1))
+    law = own(lambda *asked: asked[0] * np.maximum(asked[2] - 1.0, 0.0), vectorized=True)
+    found = find_contact(scenario, POWER, -2.0, law=law, horizon=2.0)
+    for i, speed in enumerate(speeds):
+        time, excursion = _through_a_corner(float(speed), 0.1, -2.0, 2.0)
+        assert found.end.time[i] == pytest.approx(time, rel=1e-9)
+        assert found.end.displacement[i] == pytest.approx(excursion, rel=1e-9)
+
+
+def _through_a_corner(speed: float, push: float, gain: float, horizon: float) -> tuple[float, float]:
+    """Integrate F = gain max(s' - 1, 0) piece by piece; return time [s] and displacement [m] at the end."""
+
+    def distance(t: float, y: Any) -> float:
+        return float(0.0422 + speed * t + push * t * t / 2 - y[0])
+
+    def excess(t: float, y: Any) -> float:
+        at = max(distance(t, y), 0.0)
+        return float(POWER.log_slope(at) * (speed + push * t - y[1]) - 1.0)
+
+    def rates(t: float, y: Any) -> tuple[float, float]:
+        force = gain * excess(t, y) if acts else 0.0
+        return y[1], (force - ADMITTANCE.damping * y[1] - ADMITTANCE.stiffness * y[0]) / ADMITTANCE.mass
+
+    distance.terminal = excess.terminal = True  # type: ignore[attr-defined]
+    time, state, acts = 0.0, np.zeros(2), excess(0.0, np.zeros(2)) > 0
+    while True:
+        excess.direction = -1 if acts else 1  # type: ignore[attr-defined]
+        run = solve_ivp(
+            rates, (time, horizon), state, method="DOP853", rtol=1e-12, atol=1e-14, events=[distance, excess]
+        )
+        time, state = run.t[-1], run.y[:, -1]
+        if run.status == 0 or len(run.t_events[0]):
+            return float(time), float(state[0])
+        acts = not acts
+
+
 def test_runs_that_end_without_contact() -> None:
     at_rest = replace(APPROACH, obstacle=Obstacle(position=0.0422))
     result = find_contact(at_rest, POWER, -0.7, law=DAMPER_AGAIN)
@@ -280,20 +356,28 @@ def test_what_the_function_raises_passes_through() -> None:
         find_contact(APPROACH, POWER, 1.0, law=own(fails))
 
 
-def test_the_residual_sees_what_the_integration_did_not() -> None:
+def test_the_residual_sees_what_the_integration_did_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """A hundredth more force than the motion was made with leaves a hundredth of its impulse, the largest term."""
-    given = RelativeEncounter(1.7, 11.0, 30.0, 0.0, 0.0, 0.0422, -0.3, 0.0, 0.0, 0.0, 0.0, -0.7)
-    run = CustomLawRun(given, POWER, damper, "own", suspends_admittance=False, horizon=600.0)
-    assert run.columns()["impulse_residual"] < 1e-10
-    run.force = lambda *asked: 1.01 * damper(*asked)
-    assert run.columns()["impulse_residual"] == pytest.approx(0.01, rel=0.02)
+    assert find_contact(APPROACH, POWER, -0.7, law=DAMPER_AGAIN).impulse_residual < 1e-10
+    integrate, factor = integration.Integration.__init__, [1.0]
+
+    def force(value: float, output: float, rate: float) -> float:
+        return factor[0] * damper(value, output, rate)
+
+    def then_more(self: Any, *asked: Any) -> None:
+        integrate(self, *asked)
+        factor[0] = 1.01
+
+    monkeypatch.setattr(integration.Integration, "__init__", then_more)
+    found = find_contact(APPROACH, POWER, -0.7, law=own(force))
+    assert found.impulse_residual == pytest.approx(0.01, rel=0.02)
 
 
 def test_a_motion_that_takes_too_many_steps_is_unresolved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(custom_law_run, "_MAX_EVALUATIONS", 100)
-    result = find_contact(APPROACH, POWER, -0.7, law=DAMPER_AGAIN)
-    assert result.status is ContactStatus.UNRESOLVED
-    assert result.end.time == 0.0
+    monkeypatch.setattr(integration, "_MAX_ATTEMPTS", 3)
+    result = find_contact(APPROACH, POWER, np.array([-0.7, -70.0]), law=DAMPER_AGAIN)
+    assert result.status.tolist() == [ContactStatus.UNRESOLVED, ContactStatus.UNRESOLVED]
+    assert (result.end.distance > 0).all()
 
 
 def test_a_motion_that_would_stay_at_a_jump_of_the_force_is_unresolved() -> None:

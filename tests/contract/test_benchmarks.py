@@ -157,6 +157,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
                 r"missed requirements:",
             ],
         ),
+        ("custom_laws", ["--encounters", "8"], [r"times as fast, largest difference of l' \de-1\d", r"s, \d+ points"]),
         ("bounds", ["--count", "1000"], [r"any schedule .*[01]\.\d{9} of the bound at most", r"exceeded: 0 of 7"]),
     ],
 )

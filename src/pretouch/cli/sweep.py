@@ -130,7 +130,7 @@ def _sweep(
 
 def _nominal(task: Task) -> Any:
     """Return the designed gain of the nominal encounter; if there is no gain to design, return the task itself."""
-    if task.gain is not None or task.objective is None or task.bounds is None or task.scenario.obstacle.course:
+    if task.gain is not None or task.objective is None or task.bounds is None:
         return task
     from pretouch.design import design_gain  # noqa: PLC0415 - keeps `pretouch --help` quick
 

@@ -242,9 +242,9 @@ class GainEvidence(Answer):
     @_part
     def ideal(self) -> IdealDesign | None:
         """The optimal gain in continuous time, and how much worse the sampled loop performs with this gain."""
-        # None without `evaluate`, without an optimal gain, or if the obstacle has a course
+        # None without `evaluate` or without an optimal gain
         p = self.problem
-        if p.task.evaluate is None or p.task.scenario.obstacle.course or self.gain is None:
+        if p.task.evaluate is None or self.gain is None:
             return None
         continuous = p.changed(evaluate=None)
         ideal = GainEvidence(problem=continuous, settled=settle(continuous))

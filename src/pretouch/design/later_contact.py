@@ -27,6 +27,8 @@ def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
 def premises_hold(scenario: Scenario) -> BoolArray:
     """Return which encounters meet the assumptions of the proof that a stronger gain makes contact later."""
     # The premise that ln xi falls with the distance is tested by `falls`.
+    if scenario.obstacle.course:
+        return np.zeros(scenario.shape, dtype=bool)
     m, d, k, x0, u0, _, v, a, _, _ = scenario.relative_columns()
     room = np.asarray(d) * d - 4.0 * np.asarray(m) * k
     sigma = 0.5 * (d - np.sqrt(np.maximum(room, 0.0)))

@@ -134,8 +134,9 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """True for the built-in laws in continuous time, for which contact quantities have exact derivatives."""
-        return self.is_continuous and self.task.law in {DAMPER, DRAG}
+        """True for built-in laws and an obstacle without a course, for which contact quantities have exact derivatives."""
+        is_solved = self.is_continuous and not self.task.scenario.obstacle.course
+        return is_solved and self.task.law in {DAMPER, DRAG}
 
     @property
     def is_continuous(self) -> bool:

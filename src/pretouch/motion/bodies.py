@@ -51,7 +51,7 @@ class Obstacle(_Body):
         velocity: x_o' at t = 0 [m/s]; negative for an approach.
         acceleration: x_o'' [m/s^2], constant; with a course, it applies after the end of the course.
         course: initial stretches of constant acceleration, the same number in all encounters. Their values broadcast as
-            all fields do. Only the sampled loop follows a course; the motion of L(9) requires a uniform acceleration.
+            all fields do. In continuous time, encounters with a course are solved by numerical integration.
 
     Examples:
         >>> approaches_and_stops = Obstacle(
@@ -97,6 +97,17 @@ class Obstacle(_Body):
         remaining = t - since if not self.course else np.maximum(t - since, 0.0)
         return float_or_array(velocity + self.acceleration * remaining)
 
+    def position_at(self, time: Any) -> Any:
+        """Return the position of the obstacle [m] at given times [s] before contact."""
+        t, since, position, velocity = np.asarray(time, dtype=np.float64), 0.0, self.position, self.velocity
+        for stretch in self.course:
+            passed = np.clip(t - since, 0.0, stretch.until - since)
+            position = position + (velocity + 0.5 * stretch.acceleration * passed) * passed
+            velocity = velocity + stretch.acceleration * passed
+            since = stretch.until
+        remaining = t - since if not self.course else np.maximum(t - since, 0.0)
+        return float_or_array(position + (velocity + 0.5 * self.acceleration * remaining) * remaining)
+
     def one_acceleration(self) -> Any:
         """Return the constant acceleration of the obstacle [m/s^2], or raise an error if its acceleration changes.
 
@@ -107,8 +118,7 @@ class Obstacle(_Body):
             words = "stretch" if len(self.course) == 1 else "stretches"
             raise InvalidInputError(
                 "obstacle course: this solver needs an obstacle with uniform acceleration, L(9), but the "
-                f"obstacle's motion has {len(self.course)} {words}; simulate the sampled loop instead, by "
-                "simulate or ClosedLoop.run"
+                f"obstacle's motion has {len(self.course)} {words}; use find_contact, design_gain or simulate instead"
             )
         return self.acceleration
 

@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.extensions import Extensions
 from pretouch._core.messages import short_repr
+from pretouch._core.numbers import nonnegative
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.vocabulary import QUANTITIES, Entry
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, Motion, motion_from_trace
 from .guaranteed import trace_guaranteed
+from .integrated_law import IntegratedLaw
 from .layout import TRACE_COLUMNS
 from .request import make_request
 from .scenario import Scenario
@@ -148,6 +150,8 @@ class Damper:
         horizon: float = 600.0,
     ) -> ContactResult:
         """Solve encounters under the virtual damper, and return their states at contact."""
+        if scenario.obstacle.course:
+            return _BY_INTEGRATION[self.kind].contact(scenario, sensor, value, method, horizon)
         request = make_request(scenario, sensor, value, method, horizon)
         return ContactResult(Solution(request), request.method)
 
@@ -162,6 +166,8 @@ class Damper:
         samples: int = 200,
     ) -> Motion:
         """Compute the motion of encounters under the virtual damper at sampled times."""
+        if scenario.obstacle.course:
+            return _BY_INTEGRATION[self.kind].motion(scenario, sensor, value, method, horizon, samples=samples)
         request = make_request(scenario, sensor, value, method, horizon)
         result = ContactResult(Solution(request, whole=True), request.method)
         end = np.atleast_1d(np.asarray(result.end.time)).ravel()
@@ -234,6 +240,8 @@ class Drag:
         """Solve encounters under the virtual drag, and return their states at contact."""
         from .drag import solve_drag  # noqa: PLC0415 - only drags need it
 
+        if scenario.obstacle.course:
+            return _BY_INTEGRATION[self.kind].contact(scenario, sensor, _drags(value), method, horizon)
         _check_quadrature(method)
         return solve_drag(scenario, sensor, value, horizon=horizon)
 
@@ -250,6 +258,8 @@ class Drag:
         """Compute the motion of encounters under the virtual drag at sampled times."""
         from .drag import sample_drag  # noqa: PLC0415 - only drags need it
 
+        if scenario.obstacle.course:
+            return _BY_INTEGRATION[self.kind].motion(scenario, sensor, _drags(value), method, horizon, samples=samples)
         _check_quadrature(method)
         return sample_drag(scenario, sensor, value, horizon=horizon, samples=samples)
 
@@ -265,6 +275,24 @@ def _check_quadrature(method: str) -> None:
             f"method: found {method!r}, but a virtual drag supports only the methods 'auto' and 'quadrature'"
         )
 
+
+def _drags(value: ArrayLike) -> Any:
+    return nonnegative(value, "drag", "N*s^2")
+
+
+def _damper_force(gain: Any, _: Any, rate: Any) -> Any:
+    return gain * rate
+
+
+def _drag_force(drag: Any, _: Any, rate: Any) -> Any:
+    return -drag * rate * np.maximum(rate, 0.0)
+
+
+_BY_INTEGRATION: Final = {
+    "virtual-damper": IntegratedLaw(kind="virtual-damper", force=_damper_force),
+    "virtual-drag": IntegratedLaw(kind="virtual-drag", force=_drag_force, suspends_admittance=True),
+}
+"""The built-in laws for an obstacle with a course, whose acceleration the other solvers need to be constant."""
 
 DAMPER: Final = Damper()
 """The letter's virtual damper, L(2)."""

@@ -146,8 +146,10 @@ def make_request(
     horizon: float,
     *,
     many: ManyCurves | None = None,
+    with_course: bool = False,
 ) -> Request:
     """Check the inputs of a solver call, choose the solution method, and flatten arrays of encounters."""
+    # An obstacle with a course is refused unless `with_course` is set.
     if many is not None:
         many.check(scenario)
         check_curve(sensor, scenario.distance)
@@ -161,7 +163,7 @@ def make_request(
                 f"gain: the gains have the shape {np.shape(gains)}, which does not broadcast with the shape "
                 f"{scenario.shape} of the scenario"
             ) from None
-    relative = scenario.relative_columns()
+    relative = scenario.relative_columns(with_course=with_course)
     return Request(
         scenario=scenario,
         sensor=sensor,

@@ -143,10 +143,11 @@ class Scenario(InNotebooks, Value):
         """The relative velocity of the object at the start [m/s]."""
         return self.obstacle.velocity - self.plant.velocity
 
-    def relative_columns(self) -> tuple[Any, ...]:
-        """Return the inputs of the encounter, with motions relative to the reference as in equation L(9).
+    def relative_columns(self, *, with_course: bool = False) -> tuple[Any, ...]:
+        """Return the inputs of the encounter, with positions and velocities relative to the reference as in L(9).
 
-        An obstacle with a course is refused.
+        Args:
+            with_course: whether the obstacle may have a course; its acceleration is then the one after the course.
 
         Returns:
             M_a, D_a, K_a, x~(0), x~'(0); x_o - x_d at t = 0, its velocity and its acceleration; velocity and
@@ -161,7 +162,7 @@ class Scenario(InNotebooks, Value):
             _relative_to(p.velocity, r.velocity),
             _relative_to(o.position, r.position),
             _relative_to(o.velocity, r.velocity),
-            _relative_to(o.one_acceleration(), r.acceleration),
+            _relative_to(o.acceleration if with_course else o.one_acceleration(), r.acceleration),
             r.velocity,
             r.acceleration,
         )

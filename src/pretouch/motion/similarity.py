@@ -10,7 +10,7 @@ with ten thousand different sensors are therefore ten thousand encounters with o
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any, Final
 
@@ -50,7 +50,9 @@ class EncounterSimilarity(Value):
         """Scale encounters so that they can be solved with the reference sensor."""
         if np.ndim(self.length) == 0 and self.length == 1:
             return scenario
-        return scenario_with(scenario, {name: attrgetter(name)(scenario) * self.length for name in _SCALED})
+        scaled = scenario_with(scenario, {name: attrgetter(name)(scenario) * self.length for name in _SCALED})
+        course = tuple(replace(s, acceleration=s.acceleration * self.length) for s in scenario.obstacle.course)
+        return replace(scaled, obstacle=replace(scaled.obstacle, course=course))
 
     def result(self, result: ContactResult, scenario: Scenario) -> ContactResult:
         """Convert a result for the reference sensor back to the original encounters."""

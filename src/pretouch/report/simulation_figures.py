@@ -53,7 +53,7 @@ def simulation(encounter: SimulatedEncounter) -> Figure:
     end = _shown_until(encounter)
     clock = scale_for("s", end)
     runs = [_unmitigated_series(encounter), _loop_series(encounter)]
-    if encounter.prediction is not None and encounter.prediction.status is not ContactStatus.UNRESOLVED:
+    if encounter.prediction.status is not ContactStatus.UNRESOLVED:
         runs.append(_predicted_series(encounter))
     panels = [_panel(encounter, runs, which, clock, end) for which in _PANELS]
     if encounter.has_contact_force and (encounter.run.touched or encounter.unmitigated.touched):

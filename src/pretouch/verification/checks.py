@@ -223,9 +223,9 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
         return
     # Until detection there is no virtual force, so the robot follows its reference.
     t = np.asarray(result.detection_time)
-    velocity = np.asarray(s.obstacle.velocity) - s.reference.velocity
-    acceleration = np.asarray(s.obstacle.one_acceleration()) - s.reference.acceleration
-    distance = (draws.distance + t * (velocity + 0.5 * acceleration * t))[seen]
+    obstacle = np.asarray(s.obstacle.position_at(t)) - s.obstacle.position
+    reference = (np.asarray(s.reference.velocity) + 0.5 * s.reference.acceleration * t) * t
+    distance = (draws.distance + obstacle - reference)[seen]
     start, late = float(draws.distance[seen].mean()), float(t[seen].mean())
     if distance.mean() < _LATE * start:
         near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")

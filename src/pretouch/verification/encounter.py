@@ -72,7 +72,6 @@ _COURSE: Final = (
     "lines: first detection, if it is not at the start, and first contact. Virtual force and reading are held over a "
     "controller period. The predicted reading is the sensor curve at the predicted distance, without delay and noise."
 )
-_NOTHING: Final = "none, because the continuous solution does not support an obstacle whose acceleration changes"
 _SEEN: Final = (
     "The controller responds to changes of ln \u03be after detection; changes before detection are ignored. If "
     "detection is too late, contact is as hard as without mitigation. The prediction assumes detection at the start."
@@ -108,8 +107,8 @@ class SimulatedEncounter(Described, Value):
         horizon: the longest predicted time until contact [s].
         run: the run on the loop with the gain.
         unmitigated: the run on the loop with gain 0 and the same noise.
-        prediction: the continuous solution with the gain; None for an obstacle with a course.
-        unmitigated_prediction: the continuous solution with gain 0; None for an obstacle with a course.
+        prediction: the continuous solution with the gain.
+        unmitigated_prediction: the continuous solution with gain 0.
     """
 
     scenario: Scenario
@@ -122,8 +121,8 @@ class SimulatedEncounter(Described, Value):
     horizon: float
     run: SimulationResult
     unmitigated: SimulationResult
-    prediction: ContactResult | None
-    unmitigated_prediction: ContactResult | None
+    prediction: ContactResult
+    unmitigated_prediction: ContactResult
 
     page: ClassVar[str] = "pretouch.verification.encounter:encounter_page"
 
@@ -147,9 +146,8 @@ class SimulatedEncounter(Described, Value):
         """The predicted motion without mitigation, until contact or until the end of the simulated run."""
         return self._motion(0.0, self.unmitigated_prediction, self.unmitigated)
 
-    def _motion(self, gain: float, prediction: ContactResult | None, run: SimulationResult) -> Motion:
-        missed = prediction is not None and not prediction.reached.all()
-        horizon = min(self.horizon, run.end_time) if missed else self.horizon
+    def _motion(self, gain: float, prediction: ContactResult, run: SimulationResult) -> Motion:
+        horizon = self.horizon if prediction.reached.all() else min(self.horizon, run.end_time)
         how: dict[str, Any] = {"method": self.method, "horizon": horizon, "samples": _SAMPLES}
         return self.law.motion(self.scenario, self.sensor, gain, **how)
 
@@ -253,7 +251,7 @@ class SimulatedEncounter(Described, Value):
                 "status": ContactStatus(self.run.status).label,
                 "headline": self.headline,
                 "gain": self.gain,
-                "method": None if self.prediction is None else self.prediction.method,
+                "method": self.prediction.method,
                 "loop": run_as_dict(self.run),
                 "loop_no_mitigation": run_as_dict(self.unmitigated),
                 "predicted": self.prediction,
@@ -326,7 +324,7 @@ def _key_figures(e: SimulatedEncounter) -> Iterator[tuple[str, Cell]]:
         yield f"{words_for('relative_velocity')}, on the loop", Measured(abs(run.relative_velocity), "m/s", 3)
     else:
         yield f"{words_for('closest_distance')}, on the loop", Measured(run.closest_distance, "m", 3)
-    if predicted is not None and predicted.reached.all():
+    if predicted.reached.all():
         yield "predicted", Measured(abs(float(predicted.end.relative_velocity)), "m/s", 3)
     if free.touched:
         yield "without mitigation, on the loop", Measured(abs(free.relative_velocity), "m/s", 3)
@@ -346,7 +344,7 @@ def _comparison(e: SimulatedEncounter) -> PageSection:
     method = (
         f"The simulated loop has a controller step every {format_quantity(loop.law.period, 's', 3)} and sensor "
         f"readings at {loop.chain.rate:g} Hz; its seed is {loop.seed}. Robot: {robot}. Contact: {contact}. "
-        f"Method of the prediction: {_NOTHING if e.prediction is None else e.prediction.method}."
+        f"Method of the prediction: {e.prediction.method}."
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
     return PageSection(title="Loop and prediction", blocks=(table, Paragraph(text=method, brief=True), elastic))
@@ -354,8 +352,8 @@ def _comparison(e: SimulatedEncounter) -> PageSection:
 
 def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:
     results = e.run, e.prediction, e.unmitigated, e.unmitigated_prediction
-    ends = ["" if result is None else ending_in_words(result.status) for result in results]
-    if set(ends) - {""} != {"contact"}:
+    ends = [ending_in_words(result.status) for result in results]
+    if set(ends) != {"contact"}:
         yield "ends with", *ends[:2], "", *ends[2:]
     for one in e.comparisons:
         if not one.is_empty:
@@ -408,7 +406,5 @@ def _flag_row(flag: ReportedFlag) -> Row:
 
 def _method(e: SimulatedEncounter) -> PageSection:
     loop = PageSection(title="Of the loop", blocks=(Listing(items=_OF_THE_LOOP),))
-    runs = replace(method_section("loop", e.sensor, solved_on="loop"), title="Of the runs")
-    if e.prediction is not None:
-        runs = replace(method_section(e.prediction.method, e.sensor), title="Of the prediction")
-    return PageSection(title="Method and assumptions", blocks=(loop, runs))
+    prediction = replace(method_section(e.prediction.method, e.sensor), title="Of the prediction")
+    return PageSection(title="Method and assumptions", blocks=(loop, prediction))

@@ -264,15 +264,13 @@ def run_as_dict(run: SimulationResult) -> dict[str, Any]:
 def headline_of(
     run: SimulationResult,
     free: SimulationResult,
-    predicted: ContactResult | None,
+    predicted: ContactResult,
     compared: tuple[QuantityComparison, QuantityComparison],
     grows: bool | None,
 ) -> str:
     """Return a sentence that compares a simulated contact with the prediction and with contact without mitigation."""
     text = _loop_clause(run, free)
-    if predicted is None:
-        text += "; no prediction, because the obstacle has a course"
-    elif predicted.reached.all():
+    if predicted.reached.all():
         text += f"; predicted {_speed(predicted.end.relative_velocity)}"
         text += "" if run.touched else f" after {_time(predicted.end.time)}"
         # A comparison with a prediction that is harder, too, would reassure.

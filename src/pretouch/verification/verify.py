@@ -221,7 +221,7 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
             prediction.
 
     Returns:
-        Runs, predictions (none for an obstacle with a course) and their comparison.
+        Runs, predictions and their comparison.
 
     Raises:
         InvalidInputError: the scenario or the gain is an array, or there is no loop or no gain.
@@ -252,7 +252,7 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
     if not isinstance(gain, float):
         raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
     same = ("scenario", "sensor", "loop", "impact", "method", "horizon", "law")
-    predicted = [None if scenario.obstacle.course else predicted_contact(task, value) for value in (gain, 0.0)]
+    predicted = [predicted_contact(task, value) for value in (gain, 0.0)]
     return SimulatedEncounter(
         **{name: getattr(task, name) for name in same},
         gain=gain,
@@ -267,13 +267,11 @@ def chosen_gain(task: Task) -> float:
     """Return the gain that the task prescribes; if the task prescribes none, return the optimal gain."""
     if task.gain is not None:
         return task.gain
-    designed = designed_number(task) if task.drag_effect or not task.scenario.obstacle.course else None
+    designed = designed_number(task)
     if designed is None:
-        course = task.scenario.obstacle.course
-        status = "" if course else design_gain(task.replace(evaluate=None)).status.value
-        why = "an ideal design does not support an obstacle with a course" if course else f"the design is {status}"
+        status = design_gain(task.replace(evaluate=None)).status.value
         raise InvalidInputError(
-            f'gain: there is no gain to simulate, because {why}. Set gain = "-0.7 N*s" in [controller], the '
-            "option --gain, or gain=-0.7 in Python"
+            f'gain: there is no gain to simulate, because the design is {status}. Set gain = "-0.7 N*s" '
+            "in [controller], the option --gain, or gain=-0.7 in Python"
         )
     return designed

@@ -129,10 +129,11 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
     if not task.uncertainty and task.evaluate is None:
         raise InvalidInputError(NOTHING_UNCERTAIN)
     if isinstance(measure, WorstCase):
-        if task.evaluate is not None:
+        if task.evaluate is not None or task.scenario.obstacle.course:
+            what = "an obstacle with a course" if task.evaluate is None else "evaluate"
             raise InvalidInputError(
-                "measure: found WorstCase with evaluate, expected Expected, Quantile or ConditionalValueAtRisk: the "
-                "search for the worst encounter needs gradients, which exist only in continuous time, L(1)"
+                f"measure: found WorstCase with {what}, expected Expected, Quantile or ConditionalValueAtRisk: the "
+                "search for the worst encounter needs gradients, which exist only for the motion L(1) with L(9)"
             )
         for limit in limits:
             if limit.probability < 1:

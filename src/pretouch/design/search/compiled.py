@@ -100,6 +100,8 @@ def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, flo
     """Return the terms of the objective for the compiled search; None if that search cannot solve the problem."""
     if problem.task.evaluate is not None or problem.task.sensor.valid_range[0] > 0:
         return None
+    if problem.task.scenario.obstacle.course:
+        return None
     other_motion = problem.task.law != DAMPER or problem.task.method == "uniform-motion"
     if other_motion or type(problem.task.goal) is not Objective:
         return None

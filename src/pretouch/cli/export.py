@@ -22,10 +22,13 @@ class Target(StrEnum):
     """What a law is exported as."""
 
     C = "c"
+    ROS2 = "ros2"
 
 
 def export(
-    target: Annotated[Target, typer.Argument(metavar="TARGET", help="What to write: c (C99 source).")],
+    target: Annotated[
+        Target, typer.Argument(metavar="TARGET", help="What to write: c (C99 source) or ros2 (ROS 2 package).")
+    ],
     file: LoopFile,
     *,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="The new folder.")],
@@ -69,7 +72,7 @@ def _export(
     from .summary import summary_of  # noqa: PLC0415
 
     task = load_loop(file, "simulating encounters on the loop" if not unverified else "simulating", gain, None)
-    write = {Target.C: exports.export_c}[target]
+    write = {Target.C: exports.export_c, Target.ROS2: exports.export_ros2}[target]
     result = write(task, output, verify=not unverified, date=_date(), overwrite=force)
     if json:
         print_text(as_json(result.to_dict()))

@@ -84,7 +84,7 @@ def c_files(design: LawDesign) -> dict[str, str]:
         steps=sum(len(case.samples) for case in design.cases),
         period=format_quantity(design.controller.period, "s"),
         unit="the unit of the scenario file",
-        limits="\n".join(_limits(design.controller)),
+        limits="\n".join(limit_lines(design.controller)),
         flags="\n".join(flag_table()),
     )
     return files
@@ -163,7 +163,7 @@ def _initializer(value: Any) -> str:
     return f"PRETOUCH_R({value!r})"
 
 
-def _limits(controller: Controller) -> Iterator[str]:
+def limit_lines(controller: Controller) -> Iterator[str]:
     """Yield the limits of a controller as lines of a Markdown list."""
     limits = controller.limits
     rows = (

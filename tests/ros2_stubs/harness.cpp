@@ -163,30 +163,35 @@ static void replay(const std::string &path, int column, unsigned int rate, bool 
     std::cout << steps << " " << different << "\n";
 }
 
-// Print the longest and the mean time of an update [us], and that of the law alone.
+static double time_by(clockid_t clock) {  // [us]
+    timespec t;
+    clock_gettime(clock, &t);
+    return static_cast<double>(t.tv_sec) * 1e6 + static_cast<double>(t.tv_nsec) * 1e-3;
+}
+
+// Print times of a call [us], first of `update`, then of the law alone: the longest by the wall clock, the longest
+// computing time, the slowest row of the vectors if each row counts with its fastest repetition, and the median.
 static void measure(const std::string &path, long calls, unsigned int rate) {
     const auto rows = rows_of(path);
-    const auto now = [] {
-        timespec t;
-        clock_gettime(CLOCK_MONOTONIC, &t);
-        return static_cast<double>(t.tv_sec) * 1e6 + static_cast<double>(t.tv_nsec) * 1e-3;
-    };
     const auto time_of = [&](const auto &call) {
-        std::vector<double> times;
-        times.reserve(static_cast<std::size_t>(calls));
-        for (long i = 0; i < calls; i++) {
-            const Row &row = rows[static_cast<std::size_t>(i) % rows.size()];
+        double longest = 0;
+        std::vector<double> times(static_cast<std::size_t>(calls)), fastest(rows.size(), 1e9);
+        for (std::size_t i = 0; i < times.size(); i++) {
+            const Row &row = rows[i % rows.size()];
             feed(row);
-            const double start = now();
+            const double start = time_by(CLOCK_MONOTONIC), begun = time_by(CLOCK_THREAD_CPUTIME_ID);
             call(row);
-            times.push_back(now() - start);
+            times[i] = time_by(CLOCK_THREAD_CPUTIME_ID) - begun;
+            const double elapsed = time_by(CLOCK_MONOTONIC) - start;
+            longest = std::max(longest, elapsed);
+            fastest[i % rows.size()] = std::min(fastest[i % rows.size()], elapsed);
             if (i % 100 == 0) {
                 for (const auto &timer : stub::world().timers) timer();
             }
         }
         std::sort(times.begin(), times.end());
-        std::cout << times.back() << " " << times[times.size() * 999999 / 1000000] << " "
-                  << times[times.size() * 999 / 1000] << " " << times[times.size() / 2] << "\n";
+        std::cout << longest << " " << times.back() << " " << *std::max_element(fastest.begin(), fastest.end()) << " "
+                  << times[times.size() / 2] << "\n";
     };
     if (!start_vectors(rate, true)) std::abort();
     time_of([&](const Row &) { update(1.0 / rate); });

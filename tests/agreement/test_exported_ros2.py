@@ -8,7 +8,9 @@ from __future__ import annotations
 import ast
 import math
 import re
+import shutil
 import struct
+import subprocess
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,7 @@ import pretouch as pt
 from pretouch.export import export_ros2
 from pretouch.export.ros2 import yaml_number
 from pretouch.verification.verify import chosen_gain
-from ros2_harness import HEADERS, PARAMETERS, build, drive, leaves
+from ros2_harness import HEADERS, PARAMETERS, STUBS, build, drive, leaves
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DESIGNS = {"damper": ("loop.toml", -0.86), "drag": ("drag.toml", None), "course": ("course.toml", -0.7)}
@@ -391,6 +393,65 @@ def test_interfaces_that_the_controller_asks_for(damper: Path) -> None:
 
 
 # ---- the files of the package ----
+
+
+AMENT = """
+add_library(${name}_stub INTERFACE)
+target_include_directories(${name}_stub INTERFACE "${STUBS}")
+add_library(${name}::${name} ALIAS ${name}_stub)
+set(${name}_TARGETS ${name}::${name})
+set(${name}_FOUND TRUE)
+"""
+MACROS = """
+macro(generate_parameter_library target file)
+  if(NOT EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${file}")
+    message(FATAL_ERROR "${file} is missing")
+  endif()
+  add_library(${target} INTERFACE)
+endmacro()
+function(pluginlib_export_plugin_description_file base file)
+  if(NOT EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${file}")
+    message(FATAL_ERROR "${file} is missing")
+  endif()
+endfunction()
+function(ament_package)
+endfunction()
+"""
+
+
+@pytest.mark.skipif(
+    shutil.which("cmake") is None or shutil.which("g++") is None, reason="cmake or g++ is not installed"
+)
+def test_cmake_builds_the_plugin_tests_the_law_and_installs_everything(damper: Path, tmp_path: Path) -> None:
+    """Empty packages with the names of the dependencies stand in for ROS 2."""
+    package = damper.parent / "package"
+    for name in ET.parse(package / "package.xml").getroot().iter():  # noqa: S314
+        if name.tag in {"depend", "buildtool_depend"}:
+            macros = MACROS if name.text == "ament_cmake" else ""
+            (tmp_path / f"Find{name.text}.cmake").write_text(f"set(name {name.text})\n{AMENT}{macros}")
+    build_folder, prefix = tmp_path / "build", tmp_path / "install"
+    stubs = f"{damper.parent / 'include'};{STUBS}"
+    configure = ["cmake", "-S", package, "-B", build_folder, f"-DCMAKE_MODULE_PATH={tmp_path}", f"-DSTUBS={stubs}"]
+    for command in (
+        [*configure, f"-DCMAKE_INSTALL_PREFIX={prefix}"],
+        ["cmake", "--build", build_folder],
+        ["ctest", "--test-dir", build_folder, "--no-tests=error"],
+        ["cmake", "--install", build_folder],
+    ):
+        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "warning" not in done.stderr.lower()
+    installed = {path.relative_to(prefix).as_posix() for path in prefix.rglob("*") if path.is_file()}
+    share = "share/pretouch_controller"
+    assert installed == {
+        "lib/libpretouch_controller.so",
+        "lib/pretouch_controller/play_vectors.py",
+        f"{share}/config/admittance_controller.yaml",
+        f"{share}/config/controllers.yaml",
+        f"{share}/launch/mock_robot.launch.py",
+        f"{share}/urdf/mock_robot.urdf",
+        f"{share}/vectors.csv",
+    }
 
 
 def test_package_and_plugin_description_are_well_formed(package: Path) -> None:

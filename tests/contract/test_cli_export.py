@@ -143,7 +143,9 @@ def test_a_custom_law_has_no_c_source(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("session", re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL), ids=["export", "make"])
+@pytest.mark.parametrize(
+    "session", re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL), ids=["export", "make", "ros2"]
+)
 def test_the_sessions_of_the_page_run(session: str, tmp_path: Path) -> None:
     if "make" in session and (shutil.which("make") is None or shutil.which("cc") is None):
         pytest.skip("no make or no compiler")

@@ -23,12 +23,16 @@ class Target(StrEnum):
 
     C = "c"
     JSON = "json"
+    ROS2 = "ros2"
 
 
 def export(
     target: Annotated[
         Target,
-        typer.Argument(metavar="TARGET", help="What to write: c (C99 source), or json (parameters and MATLAB code)."),
+        typer.Argument(
+            metavar="TARGET",
+            help="What to write: c (C99 source), json (parameters and MATLAB code) or ros2 (ROS 2 package).",
+        ),
     ],
     file: LoopFile,
     *,
@@ -73,7 +77,7 @@ def _export(
     from .summary import summary_of  # noqa: PLC0415
 
     task = load_loop(file, "simulating encounters on the loop" if not unverified else "simulating", gain, None)
-    write = {Target.C: exports.export_c, Target.JSON: exports.export_json}[target]
+    write = {Target.C: exports.export_c, Target.JSON: exports.export_json, Target.ROS2: exports.export_ros2}[target]
     result = write(task, output, verify=not unverified, date=_date(), overwrite=force)
     if json:
         print_text(as_json(result.to_dict()))

@@ -134,7 +134,7 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """True for built-in laws and an obstacle without a course, for which contact quantities have exact derivatives."""
+        """True if contacts have exact derivatives: with a built-in law and an obstacle without a course."""
         is_solved = self.is_continuous and not self.task.scenario.obstacle.course
         return is_solved and self.task.law in {DAMPER, DRAG}
 

@@ -75,7 +75,7 @@ def c_files(design: LawDesign) -> dict[str, str]:
     }
     for name in ("test_law.c", "Makefile", "CMakeLists.txt"):
         files[name] = filled(f"c/{name}")
-    return {**files, "README.md": filled("c/README.md", design, limits="\n".join(_limits(design.controller)))}
+    return {**files, "README.md": filled("c/README.md", design)}
 
 
 def filled(name: str, design: LawDesign | None = None, **more: str) -> str:
@@ -96,7 +96,8 @@ def filled(name: str, design: LawDesign | None = None, **more: str) -> str:
         verdict=design.verdict_text,
         steps=sum(len(case.samples) for case in design.cases),
         period=format_quantity(design.controller.period, "s"),
-        flags="\n".join(flag_table()),
+        limits="\n".join(_limit_lines(design.controller)),
+        flags="\n".join(_flag_table()),
         **more,
     )
 
@@ -168,7 +169,7 @@ def _initializer(value: Any) -> str:
     return f"PRETOUCH_R({value!r})"
 
 
-def _limits(controller: Controller) -> Iterator[str]:
+def _limit_lines(controller: Controller) -> Iterator[str]:
     """Yield the limits of a controller as lines of a Markdown list."""
     limits = controller.limits
     rows = (
@@ -182,7 +183,7 @@ def _limits(controller: Controller) -> Iterator[str]:
         yield f"- largest {name}: {format_quantity(value, unit) if given and value is not None else 'no limit'}"
 
 
-def flag_table() -> Iterator[str]:
+def _flag_table() -> Iterator[str]:
     """Yield the rows of a Markdown table that explains the status flags of a step."""
     yield "| flag | value | meaning |"
     yield "|---|---|---|"

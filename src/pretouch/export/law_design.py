@@ -24,6 +24,7 @@ class LawDesign(Value):
     """A controller with the gain that is exported, with its origin and the verdict on it.
 
     Args:
+        task: the task, with its loop and sensor curve.
         controller: the controller, whose law has the exported gain or drag.
         law_text: the law and its number in words, such as "virtual damper, gain D_p = -0.7463 N s".
         cases: test vectors.
@@ -33,6 +34,7 @@ class LawDesign(Value):
         verdict: the verdict; None if the gain was not verified.
     """
 
+    task: Task
     controller: Controller
     law_text: str
     cases: tuple[Case, ...]
@@ -103,6 +105,7 @@ def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> L
     controller = loop.law.with_value(gain)
     source: Any = task.source
     return LawDesign(
+        task=task,
         controller=controller,
         law_text=f"{task.law.kind.replace('-', ' ')}, {task.law.number.name} {task.law.number.equals(gain)}",
         cases=make_cases(loop, controller, (task.scenario, task.sensor)),

@@ -1,0 +1,174 @@
+"""Export a verified control law as a ROS 2 package with a controller for ros2_control."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.units import format_quantity
+from pretouch.design import Task
+from pretouch.simulation import ImpedancePlant
+
+from .c import c_files, filled
+from .export import Export, export_files
+from .law_design import LawDesign
+
+_FILLED: Final = (  # with numbers and texts of the design
+    "README.md",
+    "config/admittance_controller.yaml",
+    "config/controllers.yaml",
+    "src/law.hpp",
+    "src/pretouch_controller_parameters.yaml",
+    "src/sensor_curve.hpp",
+)
+_FIXED: Final = (  # the same for every design; .in hides Python files, which import ROS, from tools of this project
+    "CMakeLists.txt",
+    "package.xml",
+    "pretouch_controller.xml",
+    "launch/mock_robot.launch.py.in",
+    "scripts/play_vectors.py.in",
+    "src/pretouch_controller.cpp",
+    "src/pretouch_controller.hpp",
+    "src/report.cpp",
+    "src/report.hpp",
+    "urdf/mock_robot.urdf",
+)
+_CURVE_STEPS: Final = 1024
+_BELOW_FLOOR: Final = 1.0  # ln xi below the detection threshold at which the table of the sensor curve ends
+
+
+@check_arguments
+def export_ros2(
+    task: Task,
+    folder: str | os.PathLike[str],
+    *,
+    verify: bool = True,
+    date: str | None = None,
+    overwrite: bool = False,
+) -> Export:
+    """Write the control law of a task as a ROS 2 package, if the verification finds that its gain holds.
+
+    The package has a chainable controller for ros2_control (ROS 2 Jazzy and later) around the C source of the law, its
+    parameters with ranges, a mock robot with a launch file, and instructions.
+
+    Args:
+        task: the encounter with its sampled loop; the gain as for `verify_gain`.
+        folder: the new folder; it is complete or does not exist.
+        verify: whether to verify the gain first. Without it, the files say that the gain was not verified.
+        date: date of the verification as text, which the files state.
+        overwrite: whether an unchanged folder of an earlier export may be replaced.
+
+    Returns:
+        The result: what was written, or why nothing was written.
+    """
+    return export_files(task, folder, ros2_files, kind="ROS 2 package", verify=verify, date=date, overwrite=overwrite)
+
+
+def ros2_files(design: LawDesign) -> dict[str, str]:
+    """Return the text of every file of a ROS 2 package by its path."""
+    values = {**_texts(design), **_parameters(design), **_curve(design), **_admittance(design)}
+    own = {name: filled(f"ros2/{name}", design, **values) for name in _FILLED}
+    fixed = {name.removesuffix(".in"): filled(f"ros2/{name}") for name in _FIXED}
+    return own | fixed | {f"law/{name}": text for name, text in c_files(design).items()}
+
+
+def _texts(design: LawDesign) -> dict[str, str]:
+    """Return the values for descriptions and for the C functions of the law."""
+    suffix = "_drag" if design.is_drag else ""
+    return {
+        "rate": str(round(1 / design.controller.period)),
+        "unit": "the unit of the scenario file",
+        "suffix": suffix,
+        "step": f"pretouch_step{suffix}",
+        "number": "drag" if design.is_drag else "gain",
+    }
+
+
+def _parameters(design: LawDesign) -> dict[str, str]:
+    """Return the default values and ranges of the ROS parameters."""
+    numbers = design.controller.parameters()
+    sensing, drive = numbers.sensing, numbers.drive
+    loop: Any = design.task.loop  # law_design checked that the task has one
+    chain, plant = loop.chain, loop.plant
+    value = numbers.law.drag if design.is_drag else numbers.law.gain
+    follows = plant if isinstance(plant, ImpedancePlant) else None
+    defaults: dict[str, float] = {
+        "value": value,
+        **{name: getattr(sensing, name) for name in ("offset", "floor", "saturation", "timeout", "largest_rate")},
+        **{name: getattr(drive, name) for name in ("largest_force", "contact_gain", "contact_threshold")},
+        **{f"largest_{name}": getattr(drive.limits, name) for name in ("speed", "acceleration", "excursion")},
+        "sensor_period": sensing.sensor_period,
+        "delay": chain.latency,
+        "effort_stiffness": follows.stiffness if follows else 0.0,
+        "effort_damping": follows.damping if follows else 0.0,
+        "effort_mass": follows.mass if follows and follows.feedforward else 0.0,
+    }
+    texts = {name: yaml_number(number) for name, number in defaults.items()}
+    return texts | {
+        "value_bounds": ", ".join(yaml_number(bound) for bound in sorted((value, 0.0))),
+        "value_description": "Drag phi" if design.is_drag else "Gain D_p",
+        "value_unit": "N s^2" if design.is_drag else "N s",
+        "new_when": "every_period" if sensing.sensor_period < 1.5 * sensing.period else "change",
+        "quantity": "distance" if chain.measures_distance else "raw",
+    }
+
+
+def yaml_number(value: float) -> str:
+    """Return a floating-point number as text that YAML 1.1 reads as exactly this number."""
+    digits, exponent, power = repr(float(value)).partition("e")
+    return (digits if "." in digits else f"{digits}.0") + exponent + power
+
+
+def _curve(design: LawDesign) -> dict[str, str]:
+    """Return the table of the sensor curve, from the smallest valid distance to one below the detection threshold."""
+    sensor: Any = design.task.sensor
+    start, end = _curve_range(sensor, math.log(design.controller.conditioning.floor) - _BELOW_FLOOR)
+    step = (end - start) / _CURVE_STEPS
+    distances = start + step * np.arange(_CURVE_STEPS + 1)
+    distances[-1] = end
+    values = sensor.log_output(distances)
+    between = sensor.log_output((distances[1:] + distances[:-1]) / 2) - (values[1:] + values[:-1]) / 2
+    rows = (values[i : i + 6] for i in range(0, len(values), 6))
+    return {
+        "curve": type(sensor).__name__,
+        "curve_error": f"{1.06 * np.max(np.abs(between)):.2g}",
+        "curve_start": repr(float(start)),
+        "curve_step": repr(float(step)),
+        "curve_steps": str(_CURVE_STEPS),
+        "curve_values": "\n".join(f"    {', '.join(repr(float(v)) for v in row)}," for row in rows),
+    }
+
+
+def _curve_range(sensor: Any, lowest: float) -> tuple[float, float]:
+    """Return the distances [m] between which a sensor curve is tabulated: until ln xi falls below a value."""
+    start, end = sensor.valid_range
+    far = start + 1e-3
+    while far < end and sensor.log_output(far) > lowest:
+        far = min(start + 2 * (far - start), end)
+    near = start
+    for _ in range(60):
+        middle = (near + far) / 2
+        near, far = (middle, far) if sensor.log_output(middle) > lowest else (near, middle)
+    return start, far
+
+
+def _admittance(design: LawDesign) -> dict[str, str]:
+    """Return mass, damping ratio and stiffness of the design for an admittance_controller of ros2_controllers."""
+    a = design.controller.admittance
+    critical = 2 * math.sqrt(a.mass * a.stiffness)
+    note = (
+        f"The damping ratio is D_a / (2 sqrt(M_a K_a)) for the damping D_a = {format_quantity(a.damping, 'N*s/m')}."
+        if critical > 0
+        else "An admittance_controller cannot have this design's damping: it computes the damping from the stiffness, "
+        f"which is 0 here. It would move without the damping of {format_quantity(a.damping, 'N*s/m')}."
+    )
+    return {
+        "mass": yaml_number(a.mass),
+        "stiffness": yaml_number(a.stiffness),
+        "damping_ratio": yaml_number(a.damping / critical if critical > 0 else 0.0),
+        "damping_note": note,
+    }

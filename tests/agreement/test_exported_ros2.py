@@ -1,0 +1,575 @@
+"""The exported ros2_control controller computes what the law computes, and says clearly what it refuses.
+
+The controller is compiled against stub headers of our own, because ROS 2 cannot be installed from here.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+import shutil
+import struct
+import subprocess
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import pretouch as pt
+from pretouch.export import export_ros2
+from pretouch.export.ros2 import yaml_number
+from pretouch.verification.verify import chosen_gain
+from ros2_harness import HEADERS, PARAMETERS, STUBS, build, drive, leaves
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+DESIGNS = {"damper": ("loop.toml", -0.86), "drag": ("drag.toml", None), "course": ("course.toml", -0.7)}
+INTERFACES = ("proximity/reading", "proximity/count", "proximity/age", "contact/force", "slide/position")
+STATES = [f"state {name} 0" for name in (*INTERFACES, "slide/velocity")]
+COUNTED = ["param reading.new_when count", "param reading.count_interface proximity/count"]
+WIRED = [
+    "param joint slide",
+    *COUNTED,
+    "param reading.age_interface proximity/age",
+    "param contact_force.interface contact/force",
+    *STATES,
+]
+TOPIC = ["param joint slide", "command slide/position", *STATES, "param reading.delay 0"]
+NUMBERS = [*TOPIC, "param reading.source number_topic", "configure 1000", "activate"]
+MS = 1_000_000  # ns
+
+
+def task(design: str) -> pt.Task:
+    name, gain = DESIGNS[design]
+    scenario = pt.load_scenario(EXAMPLES / name)
+    return scenario if gain is None else scenario.replace(gain=gain)
+
+
+@pytest.fixture(scope="module", params=DESIGNS)
+def design(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def package(design: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp(design) / "package"
+    assert export_ros2(task(design), folder, verify=False).is_written
+    return folder
+
+
+@pytest.fixture(scope="module")
+def program(package: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(package, tmp_path_factory.mktemp("build"))
+
+
+@pytest.fixture(scope="module")
+def damper(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The harness with the damper; the package lies next to it."""
+    folder = tmp_path_factory.mktemp("damper_only")
+    export_ros2(task("damper"), folder / "package", verify=False)
+    return build(folder / "package", folder)
+
+
+# ---- equal to the law ----
+
+
+@pytest.mark.parametrize("chained", [0, 1], ids=["reference from a topic", "chained"])
+@pytest.mark.parametrize(("output", "column"), [("position", 0), ("velocity", 1), ("wrench", 3)])
+def test_commands_equal_the_vectors_in_every_bit(
+    output: str, column: int, chained: int, package: Path, program: Path
+) -> None:
+    vectors = package / "law/vectors.csv"
+    written = [] if output == "wrench" else [f"command slide/{output}"]
+    start = ["configure 1000"] if output == "wrench" else []  # prepares the receiver of the wrench
+    lines = [*WIRED, f"param output {output}", *written, *start, f"replay {column} 1000 {chained} {vectors}", "counts"]
+    answers = drive(program, *lines)[len(start) :]
+    rows = [line for line in vectors.read_text().splitlines() if line[0].isdigit()]
+    assert answers == [f"{len(rows)} 0", "0 0"]  # steps, differences; allocations, blocking locks
+
+
+def test_the_harness_notices_another_law_an_allocation_and_a_lock(damper: Path) -> None:
+    vectors = damper.parent / "package/law/vectors.csv"
+    lines = [*WIRED, "command slide/position", "param law.gain -0.8599", f"replay 0 1000 1 {vectors}", "count_check"]
+    replay, counts = drive(damper, *lines)
+    assert int(replay.split()[1]) > 100
+    assert counts.split()[:2] == ["1", "1"]
+
+
+def test_effort_is_the_impedance_of_the_scenario_in_units_of_the_joint(damper: Path) -> None:
+    """tau = F / r for q = r x, with F = D (x_v' - x') + K (x_v - x); at rest, x_v is the reference."""
+    robot = task("damper").loop.plant
+    setup = [*WIRED, "param output effort", "param joint_units_per_meter -4", "command slide/effort"]
+    lines = [*setup, "state slide/position 0.2", "configure 1000", "chained 1", "activate"]
+    moved = ["state slide/position 0.3", "state slide/velocity 0.5", "update"]
+    *_, answer = drive(damper, *lines, *moved)
+    x, v = (0.3 - 0.2) / -4, 0.5 / -4
+    wanted = (robot.stiffness * (0 - x) + robot.damping * (0 - v)) / -4
+    assert float(answer.split()[1]) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_a_wrench_points_along_its_axis_and_ends_with_the_controller(damper: Path) -> None:
+    setup = [*WIRED, "param output wrench", "param wrench.axis 0.6,0,0.8", "configure 1000", "activate"]
+    readings = [f"state proximity/reading {r}" for r in (2000, 2100, 2200)]
+    steps = [line for i, r in enumerate(readings) for line in (r, f"state proximity/count {i + 1}", "update 4")]
+    answers = drive(damper, *setup, *steps, "wrench", "deactivate", "wrench")
+    x, y, z = map(float, answers[-3].split())
+    assert x < 0  # an approach pushes the robot away from the object
+    assert (x / 0.6, y) == (pytest.approx(z / 0.8), 0)
+    assert [float(value) for value in answers[-1].split()] == [0, 0, 0]
+
+
+def test_scale_and_sign_of_the_joint(damper: Path) -> None:
+    """A joint that counts away from the object in mm gets the same motion with the opposite sign, times 1000."""
+    steps = [
+        line
+        for i, r in enumerate((2000, 2200, 2500))
+        for line in (f"state proximity/reading {r}", f"state proximity/count {i + 1}", "update 4")
+    ]
+    found = []
+    for scale in (1, -1000):
+        lines = [*WIRED, "command slide/position", f"param joint_units_per_meter {scale}", "configure 1000", "activate"]
+        found.append(float(drive(damper, *lines, *steps)[-1].split()[1]))
+    assert found[0] < 0
+    assert found[1] == pytest.approx(-1000 * found[0], rel=1e-12)
+
+
+# ---- readings of topics ----
+
+
+def updates(values: list[tuple[float, float]], kind: str) -> list[str]:
+    """Lines that send readings 4 ms apart, each measured an age [s] ago, and update after each."""
+    lines = []
+    for i, (value, age) in enumerate(values):
+        now = (i + 1) * 4 * MS
+        message = f"range {value} {int(now - age * 1e9)}" if kind == "range" else f"number {value}"
+        lines += [f"time {now}", message, "update 4"]
+    return lines
+
+
+def law_outputs(values: list[float], age: float) -> list[float]:
+    """Positions of the law after each reading and three periods without one."""
+    run = task("damper").loop.law.with_value(-0.86).begin()
+    out = []
+    for value in values:
+        run.step(value, True, age)
+        for _ in range(3):
+            last = run.step(value, False, 0.0)
+        out.append(last.position)
+    return out
+
+
+@pytest.mark.parametrize(("kind", "source"), [("number", "number_topic"), ("range", "range_topic")])
+def test_readings_of_a_topic_are_used_once_with_their_age(kind: str, source: str, damper: Path) -> None:
+    values = [2000.0, 2100.0, 2250.0, 2400.0]
+    lines = [
+        *TOPIC,
+        f"param reading.source {source}",
+        "configure 1000",
+        "activate",
+        *updates([(v, 0.001) for v in values], kind),
+    ]
+    if kind == "number":
+        lines = ["param reading.delay 0.001" if line == "param reading.delay 0" else line for line in lines]
+    *_, a, b, c, d = drive(damper, *lines)
+    found = [float(line.split()[1]) for line in (a, b, c, d)]
+    # the age is a difference of nanoseconds, so its rounding only matters for the check of the order of readings
+    assert found == law_outputs(values, 0.001)
+
+
+def test_a_distance_is_converted_by_the_sensor_curve(damper: Path) -> None:
+    """The table is finer than the error that its header states; beyond its end nothing is detected."""
+    header = (damper.parent / "package/src/sensor_curve.hpp").read_text()
+    (stated,) = (float(x) for x in re.findall(r"of at most (\S+)\.", header))
+    sensor = task("damper").sensor
+    distances = np.random.default_rng(3).uniform(0.001, 0.2, 40)
+    for distance in [struct.unpack("f", struct.pack("f", d))[0] for d in distances]:
+        lines = [*TOPIC, "param reading.source range_topic", "param reading.quantity distance", "configure 1000"]
+        answers = drive(damper, *lines, "activate", f"time {MS}", f"range {distance!r} {MS}", "update", "diagnose")
+        shown = dict(entry.split("=", 1) for entry in answers[-1].split("\t")[2:])
+        # diagnostics show 9 digits
+        assert math.log(float(shown["reading"]) - 150) == pytest.approx(sensor.log_output(distance), abs=stated + 1e-8)
+    far = drive(damper, *lines, "activate", f"time {MS}", f"range inf {MS}", "update", "diagnose")
+    assert "object detected=no" in far[-1]
+    assert "refused inputs=0" in far[-1]
+
+
+def test_an_old_reading_is_refused_and_a_lost_sensor_is_reported(damper: Path) -> None:
+    lines = [*TOPIC, "param reading.source range_topic", "configure 1000", "activate"]
+    old = drive(damper, *lines, "time 1000000000", f"range 2000 {1000 * MS - 41 * MS}", "update", "diagnose")[-1]
+    assert "age of 0.041 s" in old
+    assert "refused inputs=1" in old
+    lost = drive(damper, "param diagnostics.period 0.001", *lines, "update 41", "diagnose")[-1]
+    assert lost.startswith("2\t")
+    assert "lost" in lost
+
+
+# ---- failures ----
+
+
+def outcome(program: Path, *lines: str) -> tuple[str, str]:
+    """The result of the last lifecycle step, and the log."""
+    *_, result, log = drive(program, *lines, "log")
+    return result, log
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        ((*WIRED, "configure 500"), "update_rate"),
+        (("configure 1000",), "joint"),
+        ((*WIRED, "param reading.count_interface ", "configure 1000"), "count_interface"),
+        ((*WIRED, "param law.saturation 200", "configure 1000"), "saturation"),
+        ((*WIRED, "param joint_units_per_meter 0", "configure 1000"), "joint_units_per_meter"),
+        ((*WIRED, "param output wrench", "param wrench.axis 0,0,2", "configure 1000"), "wrench.axis"),
+        (
+            (*WIRED, "param output effort", "param effort.stiffness 0", "param effort.damping 0", "configure 1000"),
+            "effort.stiffness",
+        ),
+    ],
+    ids=["rate", "no joint", "no count", "saturation", "scale", "axis", "no impedance"],
+)
+def test_a_wrong_parameter_prevents_the_configuration(lines: tuple[str, ...], told: str, damper: Path) -> None:
+    result, log = outcome(damper, *lines)
+    assert result == "failure"
+    assert told in log
+    assert log.count("error:") == 1
+
+
+@pytest.mark.parametrize("missing", ["slide/position command", *INTERFACES])
+def test_a_missing_interface_prevents_the_activation_and_is_named(missing: str, damper: Path) -> None:
+    name, _, is_command = missing.partition(" ")
+    wired = [line for line in WIRED if is_command or not line.startswith(f"state {name} ")]
+    commands = [] if is_command else ["command slide/position"]
+    result, log = outcome(damper, *wired, *commands, "configure 1000", "activate")
+    assert result == "failure"
+    assert name in log
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("state slide/position nan", "position"),
+        ("state proximity/reading nan", "NaN"),
+        ("wrong_type proximity/reading", "double"),
+    ],
+)
+def test_a_value_that_is_no_number_prevents_the_activation(line: str, told: str, damper: Path) -> None:
+    result, log = outcome(damper, *WIRED, "command slide/position", line, "configure 1000", "activate")
+    assert result == "failure"
+    assert told in log
+
+
+def test_a_topic_without_reading_warns_or_prevents_the_activation(damper: Path) -> None:
+    lines = [*TOPIC, "param reading.source number_topic"]
+    assert outcome(damper, *lines, "configure 1000", "activate")[0] == "success"
+    result, log = outcome(damper, *lines, "param reading.required true", "configure 1000", "activate")
+    assert (result, "No reading" in log) == ("failure", True)
+    required = [*lines, "param reading.required true", "configure 1000", "number 2000"]
+    assert outcome(damper, *required, f"time {39 * MS}", "activate")[0] == "success"
+    result, log = outcome(damper, *required, f"time {41 * MS}", "activate")
+    assert (result, "timeout" in log) == ("failure", True)
+
+
+@pytest.mark.parametrize(
+    ("reading", "reason"),
+    [("nan", "not a finite number"), ("inf", "not a finite number"), ("65535", "saturated"), ("20000", "largest rate")],
+)
+def test_each_refused_reading_is_reported_with_its_reason(reading: str, reason: str, damper: Path) -> None:
+    first = ["state proximity/reading 2000", "state proximity/count 1", "update 4", "diagnose"]
+    second = [f"state proximity/reading {reading}", "state proximity/count 2", "time 7000000000", "update", "diagnose"]
+    lines = [*WIRED, "command slide/position", "configure 1000", "activate", *first, *second]
+    answer = drive(damper, *lines)[-1].split("\t")
+    assert answer[0] == "1"
+    (line,) = [entry for entry in answer if entry.startswith("refused at")]
+    assert line.startswith("refused at 7 s=")
+    assert reason in line
+
+
+def test_diagnostics_show_xi_detection_and_force(damper: Path) -> None:
+    readings = [(f"state proximity/reading {r}", f"state proximity/count {i}") for i, r in enumerate((2000, 2150), 1)]
+    lines = [*WIRED, "command slide/position", "configure 1000", "activate", "param diagnostics.period 0.001"]
+    lines = ["param diagnostics.period 0.001", *lines[:-1]]
+    for pair in readings:
+        lines += [*pair, "update 4", "diagnose"]
+    shown = dict(entry.split("=", 1) for entry in drive(damper, *lines)[-1].split("\t")[2:])
+    run = task("damper").loop.law.with_value(-0.86).begin()
+    for reading in (2000.0, 2150.0):
+        out = run.step(reading, True, 0.0)
+        for _ in range(3):
+            out = run.step(reading, False, 0.0)
+    assert float(shown["xi"]) == pytest.approx(100 * math.exp(out.log_level), rel=1e-8)  # nine digits are shown
+    assert float(shown["virtual force [N]"]) == pytest.approx(out.virtual_force, rel=1e-8)
+    assert shown["object detected"] == "yes"
+    assert shown["as exported"] == "yes"
+
+
+def test_changed_numbers_are_shown_as_not_exported(damper: Path) -> None:
+    lines = [
+        *WIRED,
+        "param law.gain -0.5",
+        "command slide/position",
+        "configure 1000",
+        "activate",
+        "update",
+        "diagnose",
+    ]
+    *_, shown, log = drive(damper, *lines, "log")
+    assert "as exported=no" in shown
+    assert log.startswith("warning:")
+
+
+def test_a_lost_sensor_stops_the_controller_on_request_only(damper: Path) -> None:
+    """The timeout is 40 periods; in the first 40 updates nothing is lost."""
+    wired = [*WIRED, "command slide/position", "configure 1000", "activate", "update 40", "update"]
+    stopped = drive(damper, "param reading.stop_when_lost true", *wired)
+    assert [line.split()[0] for line in stopped[-2:]] == ["ok", "error"]
+    assert [line.split()[0] for line in drive(damper, *wired)[-2:]] == ["ok", "ok"]
+
+
+def test_a_blocked_command_is_an_error_only_if_it_lasts(damper: Path) -> None:
+    lines = [*WIRED, "command slide/position", "configure 1000", "activate", "block slide/position 1"]
+    last = drive(damper, *lines, "update 39", "update", "block slide/position 0", "update", "diagnose")
+    assert [line.split()[0] for line in last[-4:-1]] == ["ok", "error", "ok"]
+    assert (
+        "commands not written=40"
+        in drive(damper, *lines, "update 40", "block slide/position 0", "update 200", "diagnose")[-1]
+    )
+
+
+def test_a_blocked_reading_is_taken_in_the_next_period(damper: Path) -> None:
+    lines = [*WIRED, "command slide/position", "configure 1000", "activate"]
+    new = ["state proximity/reading 2000", "state proximity/count 1"]
+    blocked = [*new, "block proximity/reading 1", "update", "block proximity/reading 0", "update"]
+    late = drive(damper, "param diagnostics.period 0.001", *lines, *blocked, "diagnose")[-1]
+    assert "object detected=yes" in late
+    assert "interfaces not read=1" in late
+
+
+def test_without_a_reference_the_joint_holds_its_position(damper: Path) -> None:
+    lines = [*WIRED, "command slide/position", "state slide/position 0.3", "configure 1000", "activate"]
+    assert drive(damper, *lines, "update 10")[-1] == "ok 0.29999999999999999"
+    # a reference that is no number does not move it either
+    assert drive(damper, *lines, "reference nan", "update 10")[-1] == "ok 0.29999999999999999"
+
+
+def test_the_velocity_of_an_old_reference_counts_as_zero(damper: Path) -> None:
+    lines = [*WIRED, "param output velocity", "command slide/velocity", "configure 1000", "activate", "time 0"]
+    sent = [*lines, "reference 0.1 0.2"]
+    assert drive(damper, *sent, f"time {499 * MS}", "update")[-1] == "ok 0.20000000000000001"
+    assert drive(damper, *sent, f"time {501 * MS}", "update")[-1] == "ok 0"
+    assert drive(damper, *sent, "update", "deactivate")[-1] == "success 0"
+
+
+def test_an_earlier_reference_or_reading_does_not_survive_a_restart(damper: Path) -> None:
+    lines = [*NUMBERS, "reference 0.5", "update", "deactivate", "number 2000", "activate", "update"]
+    assert drive(damper, *lines)[-1] == "ok 0"
+    state = drive(damper, "param diagnostics.period 0.001", *lines, "diagnose")[-1]
+    assert "object detected=no" in state
+
+
+@pytest.mark.parametrize(("rule", "usable"), [("change", 2), ("every_period", 4)])
+def test_new_readings_are_recognized_without_a_count(rule: str, usable: int, damper: Path) -> None:
+    """Of four periods with two values, `change` takes two readings and `every_period` four (each one refused here)."""
+    wired = ["param joint slide", *STATES, f"param reading.new_when {rule}", "command slide/position"]
+    lines = [*wired, "configure 1000", "activate"]
+    steps = ["state proximity/reading inf", "update 2", "state proximity/reading -inf", "update 2", "diagnose"]
+    assert f"refused inputs={usable}" in drive(damper, *lines, *steps)[-1]
+
+
+def test_late_periods_are_counted(damper: Path) -> None:
+    lines = [*WIRED, "command slide/position", "configure 1000", "activate", "update 3 0.0016", "update 5 0.0014"]
+    assert "late periods=3" in drive(damper, "param diagnostics.period 0.001", *lines, "diagnose")[-1]
+
+
+def test_interfaces_that_the_controller_asks_for(damper: Path) -> None:
+    line = drive(damper, *WIRED, "param output effort", "configure 1000", "interfaces")[-1]
+    commands, states, references = (part.split() for part in line.split("|"))
+    assert commands == ["slide/effort"]
+    assert states == [*INTERFACES[-1:], "slide/velocity", *INTERFACES[:4]]
+    assert references == [f"pretouch_controller/slide/{n}" for n in ("position", "velocity", "acceleration")]
+
+
+# ---- the files of the package ----
+
+
+AMENT = """
+add_library(${name}_stub INTERFACE)
+target_include_directories(${name}_stub INTERFACE "${STUBS}")
+add_library(${name}::${name} ALIAS ${name}_stub)
+set(${name}_TARGETS ${name}::${name})
+set(${name}_FOUND TRUE)
+"""
+MACROS = """
+macro(generate_parameter_library target file)
+  if(NOT EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${file}")
+    message(FATAL_ERROR "${file} is missing")
+  endif()
+  add_library(${target} INTERFACE)
+endmacro()
+function(pluginlib_export_plugin_description_file base file)
+  if(NOT EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${file}")
+    message(FATAL_ERROR "${file} is missing")
+  endif()
+endfunction()
+function(ament_package)
+endfunction()
+"""
+
+
+@pytest.mark.skipif(
+    shutil.which("cmake") is None or shutil.which("g++") is None, reason="cmake or g++ is not installed"
+)
+def test_cmake_builds_the_plugin_tests_the_law_and_installs_everything(damper: Path, tmp_path: Path) -> None:
+    """Empty packages with the names of the dependencies stand in for ROS 2."""
+    package = damper.parent / "package"
+    for name in ET.parse(package / "package.xml").getroot().iter():  # noqa: S314
+        if name.tag in {"depend", "buildtool_depend"}:
+            macros = MACROS if name.text == "ament_cmake" else ""
+            (tmp_path / f"Find{name.text}.cmake").write_text(f"set(name {name.text})\n{AMENT}{macros}")
+    build_folder, prefix = tmp_path / "build", tmp_path / "install"
+    stubs = f"{damper.parent / 'include'};{STUBS}"
+    configure = ["cmake", "-S", package, "-B", build_folder, f"-DCMAKE_MODULE_PATH={tmp_path}", f"-DSTUBS={stubs}"]
+    for command in (
+        [*configure, f"-DCMAKE_INSTALL_PREFIX={prefix}"],
+        ["cmake", "--build", build_folder],
+        ["ctest", "--test-dir", build_folder, "--no-tests=error"],
+        ["cmake", "--install", build_folder],
+    ):
+        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "warning" not in done.stderr.lower()
+    installed = {path.relative_to(prefix).as_posix() for path in prefix.rglob("*") if path.is_file()}
+    share = "share/pretouch_controller"
+    assert installed == {
+        "lib/libpretouch_controller.so",
+        "lib/pretouch_controller/play_vectors.py",
+        f"{share}/config/admittance_controller.yaml",
+        f"{share}/config/controllers.yaml",
+        f"{share}/launch/mock_robot.launch.py",
+        f"{share}/urdf/mock_robot.urdf",
+        f"{share}/vectors.csv",
+    }
+
+
+def test_package_and_plugin_description_are_well_formed(package: Path) -> None:
+    root = ET.parse(package / "package.xml").getroot()  # noqa: S314 - our own file
+    assert (root.tag, root.get("format")) == ("package", "3")
+    names = [child.tag for child in root]
+    for name in ("name", "version", "description", "maintainer", "license", "buildtool_depend"):
+        assert name in names
+    assert re.fullmatch(r"[a-z][a-z0-9_]*", root.findtext("name", ""))
+    assert "@" in root.find("maintainer").get("email")  # type: ignore[union-attr,operator]
+    plugin = ET.parse(package / "pretouch_controller.xml").getroot()  # noqa: S314
+    (entry,) = plugin.findall("class")
+    exported = f"PLUGINLIB_EXPORT_CLASS({entry.get('type')}, {entry.get('base_class_type')})"
+    assert exported in (package / "src/pretouch_controller.cpp").read_text()
+    controllers = yaml.safe_load((package / "config/controllers.yaml").read_text())
+    manager = controllers["controller_manager"]["ros__parameters"]
+    assert manager["pretouch_controller"]["type"] == entry.get("name")
+    assert plugin.get("path") == root.findtext("name")
+
+
+def test_every_file_and_package_that_cmake_names_exists(package: Path) -> None:
+    text = (package / "CMakeLists.txt").read_text()
+    root = ET.parse(package / "package.xml").getroot()  # noqa: S314
+    (block,) = re.findall(r"set\(DEPENDENCIES\n(.*?)\)", text, re.DOTALL)
+    assert sorted(block.split()) == sorted(e.text for e in root.findall("depend") if e.text)
+    for path in re.findall(r"[\w/]+\.(?:cpp|yaml|xml|csv|py)\b", text):
+        assert (package / path).is_file(), path
+    for folder in re.findall(r"DIRECTORY ([\w ]+) DESTINATION", text)[0].split():
+        assert any((package / folder).iterdir())
+    assert (package / "law/CMakeLists.txt").is_file()
+    assert "add_library(pretouch_law " in (package / "law/CMakeLists.txt").read_text()
+    included = {
+        name
+        for source in (package / "src").glob("*.[ch]pp")
+        for name in re.findall(r'#include "([\w/]+\.hpp)"', source.read_text())
+        if not (package / "src" / name).exists() and not name.startswith("pretouch_controller/")
+    }
+    assert included == set(HEADERS)
+    for name in included:
+        assert name.split("/")[0] in block.split()
+
+
+def test_parameters_have_the_values_of_the_design_inside_their_ranges(design: str, package: Path) -> None:
+    ((_, tree),) = yaml.safe_load((package / PARAMETERS).read_text()).items()
+    found: dict[str, Any] = dict(leaves(tree))
+    numbers = task(design).loop.law.with_value(chosen_gain(task(design))).parameters()
+    name = "drag" if design == "drag" else "gain"
+    wanted = {
+        name: getattr(numbers.law, name),
+        **{n: getattr(numbers.sensing, n) for n in ("offset", "floor", "saturation", "timeout", "largest_rate")},
+        **{n: getattr(numbers.drive, n) for n in ("largest_force", "contact_gain", "contact_threshold")},
+        **{f"largest_{n}": getattr(numbers.drive.limits, n) for n in ("speed", "acceleration", "excursion")},
+    }
+    assert {
+        n.removeprefix("law."): leaf["default_value"] for n, leaf in found.items() if n.startswith("law.")
+    } == wanted
+    assert found[f"law.{name}"]["validation"]["bounds<>"] == sorted((wanted[name], 0.0))  # weaker, never stronger
+    for parameter, leaf in found.items():
+        assert leaf["description"]
+        assert leaf["read_only"] is True
+        value = leaf["default_value"]
+        assert type(value) is {"string": str, "double": float, "bool": bool, "double_array": list}[leaf["type"]]
+        for rule, limits in leaf.get("validation", {}).items():
+            assert rule in {"one_of<>", "fixed_size<>"} or all(isinstance(limit, float) for limit in limits), parameter
+            assert _holds(rule, value, limits), parameter
+
+
+def _holds(rule: str, value: Any, limits: Any) -> bool:
+    checks = {
+        "bounds<>": lambda: limits[0] <= value <= limits[1],
+        "gt<>": lambda: value > limits[0],
+        "gt_eq<>": lambda: value >= limits[0],
+        "lt_eq<>": lambda: value <= limits[0],
+        "one_of<>": lambda: value in limits[0],
+        "fixed_size<>": lambda: len(value) == limits,
+    }
+    return bool(checks[rule]())
+
+
+@pytest.mark.parametrize("value", [1.0, -0.86, 1e-5, 1e12, 1e15, 1e300, 5e-324, 0.1 + 0.2, 2.0**70])
+def test_numbers_survive_yaml(value: float) -> None:
+    assert yaml.safe_load(yaml_number(value)) == value
+    assert "." in yaml_number(value)
+
+
+def test_mock_robot_has_the_interfaces_of_the_controllers(package: Path) -> None:
+    """The URDF, the parameters and the scripts name the same joint, sensor and rate."""
+    robot = ET.parse(package / "urdf/mock_robot.urdf").getroot()  # noqa: S314
+    (system,) = robot.findall("ros2_control")
+    assert system.findtext("hardware/plugin") == "mock_components/GenericSystem"
+    states = {
+        f"{part.get('name')}/{state.get('name')}"
+        for part in [*system.findall("joint"), *system.findall("sensor")]
+        for state in part.findall("state_interface")
+    }
+    config = yaml.safe_load((package / "config/controllers.yaml").read_text())
+    used = config["pretouch_controller"]["ros__parameters"]
+    feed = config["sensor_feed"]["ros__parameters"]
+    reading = used["reading"]
+    assert {reading["interface"], reading["count_interface"], reading["age_interface"]} <= states
+    assert {f"{feed['joint']}/{name}" for name in feed["interface_names"]} <= states
+    assert f"{used['joint']}/position" in states
+    assert {joint.get("name") for joint in robot.findall("joint")} == {used["joint"]}
+    period = task("damper").loop.law.period  # that of all three examples
+    assert config["controller_manager"]["ros__parameters"]["update_rate"] * period == pytest.approx(1)
+    ((_, tree),) = yaml.safe_load((package / PARAMETERS).read_text()).items()
+    known = {name for name, _ in leaves(tree)}
+    flat = {f"reading.{name}" for name in reading} | (set(used) - {"reading"})
+    assert flat <= known
+    for source in ("launch/mock_robot.launch.py", "scripts/play_vectors.py"):
+        ast.parse((package / source).read_text())
+
+
+def test_numbers_for_an_admittance_controller(package: Path, design: str) -> None:
+    """Its damping is 2 zeta sqrt(M K), which has to be that of the design."""
+    text = (package / "config/admittance_controller.yaml").read_text()
+    found = yaml.safe_load(text)["admittance_controller"]["ros__parameters"]["admittance"]
+    wanted = task(design).loop.law.admittance
+    mass, ratio, stiffness = (found[name][0] for name in ("mass", "damping_ratio", "stiffness"))
+    assert (mass, stiffness) == (wanted.mass, wanted.stiffness)
+    assert 2 * ratio * math.sqrt(mass * stiffness) == pytest.approx(wanted.damping, rel=1e-15)

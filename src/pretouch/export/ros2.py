@@ -89,7 +89,6 @@ def _texts(design: LawDesign) -> dict[str, str]:
         "verdict": design.verdict_text,
         "period": format_quantity(period, "s"),
         "rate": str(round(1 / period)),
-        "unit": "the unit of the scenario file",
         "limits": "\n".join(limit_lines(design.controller)),
         "suffix": suffix,
         "step": f"pretouch_step{suffix}",
@@ -155,7 +154,9 @@ def _curve(design: LawDesign) -> dict[str, str]:
 def _curve_range(sensor: Any, lowest: float) -> tuple[float, float]:
     """Return the distances [m] between which a sensor curve is tabulated: until ln xi falls below a value."""
     start, end = sensor.valid_range
-    far = start + 1e-3
+    far = min(start + 1e-3, end)
+    if sensor.log_output(start) <= lowest:
+        return start, far
     while far < end and sensor.log_output(far) > lowest:
         far = min(start + 2 * (far - start), end)
     near = start

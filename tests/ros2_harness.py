@@ -44,10 +44,10 @@ _READERS = {
 }
 
 
-def build(package: Path, folder: Path) -> Path:
+def build(package: Path, folder: Path, compiler: str = "g++") -> Path:
     """Compile the controller of an exported package and the harness; skip the test if that is impossible here."""
-    if shutil.which("g++") is None or shutil.which("gcc") is None:
-        pytest.skip("g++ is not installed")
+    if shutil.which(compiler) is None or shutil.which("gcc") is None:
+        pytest.skip(f"{compiler} or gcc is not installed")
     if not sys.platform.startswith("linux"):
         pytest.skip("the harness counts allocations by the C library of Linux")
     include = folder / "include"
@@ -66,7 +66,7 @@ def build(package: Path, folder: Path) -> Path:
     sources = [*sorted((package / "src").glob("*.cpp")), STUBS / "harness.cpp"]
     folders = [include, STUBS, package / "src", package / "law"]
     program = folder / "harness"
-    command = ["g++", "-O2", "-std=c++17", "-pthread", *WARNINGS, *(f"-I{path}" for path in folders)]
+    command = [compiler, "-O2", "-std=c++17", "-pthread", *WARNINGS, *(f"-I{path}" for path in folders)]
     subprocess.run([*command, *map(str, sources), str(law), "-ldl", "-o", str(program)], check=True)
     return program
 

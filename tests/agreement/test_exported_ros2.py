@@ -6,6 +6,7 @@ The controller is compiled against stub headers of our own, because ROS 2 cannot
 from __future__ import annotations
 
 import ast
+import dataclasses
 import math
 import re
 import shutil
@@ -88,6 +89,13 @@ def test_commands_equal_the_vectors_in_every_bit(
     answers = drive(program, *lines)[len(start) :]
     rows = [line for line in vectors.read_text().splitlines() if line[0].isdigit()]
     assert answers == [f"{len(rows)} 0", "0 0"]  # steps, differences; allocations, blocking locks
+
+
+def test_clang_compiles_the_same_controller(damper: Path, tmp_path: Path) -> None:
+    program = build(damper.parent / "package", tmp_path, "clang++")
+    vectors = damper.parent / "package/law/vectors.csv"
+    replay, counts = drive(program, *WIRED, "command slide/position", f"replay 0 1000 1 {vectors}", "counts")
+    assert (replay.split()[1], counts) == ("0", "0 0")
 
 
 def test_the_harness_notices_another_law_an_allocation_and_a_lock(damper: Path) -> None:
@@ -563,6 +571,27 @@ def test_mock_robot_has_the_interfaces_of_the_controllers(package: Path) -> None
     assert flat <= known
     for source in ("launch/mock_robot.launch.py", "scripts/play_vectors.py"):
         ast.parse((package / source).read_text())
+
+
+def test_a_distance_sensor_and_an_admittance_without_stiffness(tmp_path: Path) -> None:
+    """The sensor curve converts by default, and the package says that an admittance_controller lacks the damping."""
+    made = task("damper")
+    law = made.loop.law
+    chain = pt.simulation.sensor_part("VL53L5CX-4x4").chain
+    conditioning = dataclasses.replace(law.conditioning, sensor_period=chain.period, timeout=None)
+    soft = dataclasses.replace(law.admittance, stiffness=0.0)
+    slow = dataclasses.replace(law, conditioning=conditioning, admittance=soft)
+    loop = dataclasses.replace(made.loop, chain=chain, law=slow)
+    scenario = dataclasses.replace(
+        made.scenario, admittance=dataclasses.replace(made.scenario.admittance, stiffness=0.0)
+    )
+    export_ros2(made.replace(loop=loop, scenario=scenario), tmp_path / "package", verify=False)
+    ((_, tree),) = yaml.safe_load((tmp_path / "package" / PARAMETERS).read_text()).items()
+    found = dict(leaves(tree))
+    assert found["reading.quantity"]["default_value"] == "distance"
+    assert found["reading.delay"]["default_value"] == chain.latency
+    assert found["law.timeout"]["default_value"] == pytest.approx(10 / 60)
+    assert "cannot have this design's damping" in (tmp_path / "package/README.md").read_text()
 
 
 def test_numbers_for_an_admittance_controller(package: Path, design: str) -> None:

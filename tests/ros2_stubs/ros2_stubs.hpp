@@ -33,16 +33,17 @@ template <class Message>
 void send(const std::string &topic, const Message &message) {
     world().subscriptions.at(topic)(&message);
 }
-template <class... Values>
-std::string format(const char *text, Values... values) {
-    char line[1024];
-    std::snprintf(line, sizeof line, text, values...);
-    return line;
-}
 }  // namespace stub
 
-#define RCLCPP_ERROR(logger, ...) ((void)(logger), stub::world().errors.push_back(stub::format(__VA_ARGS__)))
-#define RCLCPP_WARN(logger, ...) ((void)(logger), stub::world().warnings.push_back(stub::format(__VA_ARGS__)))
+#define STUB_LOG(list, logger, ...)                   \
+    do {                                              \
+        (void)(logger);                               \
+        char stub_line[1024];                         \
+        std::snprintf(stub_line, 1024, __VA_ARGS__);  \
+        stub::world().list.push_back(stub_line);      \
+    } while (0)
+#define RCLCPP_ERROR(...) STUB_LOG(errors, __VA_ARGS__)
+#define RCLCPP_WARN(...) STUB_LOG(warnings, __VA_ARGS__)
 #define PLUGINLIB_EXPORT_CLASS(Derived, Base)                                                       \
     static_assert(std::is_base_of<Base, Derived>::value && !std::is_abstract<Derived>::value, "plugin");
 

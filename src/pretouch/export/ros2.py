@@ -81,7 +81,6 @@ def _texts(design: LawDesign) -> dict[str, str]:
     suffix = "_drag" if design.is_drag else ""
     return {
         "rate": str(round(1 / design.controller.period)),
-        "unit": "the unit of the scenario file",
         "suffix": suffix,
         "step": f"pretouch_step{suffix}",
         "number": "drag" if design.is_drag else "gain",
@@ -146,7 +145,9 @@ def _curve(design: LawDesign) -> dict[str, str]:
 def _curve_range(sensor: Any, lowest: float) -> tuple[float, float]:
     """Return the distances [m] between which a sensor curve is tabulated: until ln xi falls below a value."""
     start, end = sensor.valid_range
-    far = start + 1e-3
+    far = min(start + 1e-3, end)
+    if sensor.log_output(start) <= lowest:
+        return start, far
     while far < end and sensor.log_output(far) > lowest:
         far = min(start + 2 * (far - start), end)
     near = start

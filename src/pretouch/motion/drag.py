@@ -52,7 +52,10 @@ class DragColumns(Value):
         self.begins, status = _approach_start(request, high)
         self.lanes: IntArray = np.flatnonzero(status < 0)
         on = self.lanes
-        square = np.where(request.returns, 0.0, request.velocity**2)
+        square = request.velocity**2
+        # Beside the speed that a push adds, an initial speed below rounding is none. It would take many tiny cells.
+        slow = square < _NEGLIGIBLE * -request.acceleration * request.farthest
+        square = np.where(request.returns | slow, 0.0, square)
         approach = DragApproach(request.strength, request.acceleration, request.farthest, square, self.begins)
         self.path = follow(request.sensor, DragApproach(*(c[on] for c in approach)), low, request.horizon)
         time = self.begins.copy()
@@ -162,6 +165,7 @@ def _error(c: DragColumns) -> FloatArray:
     return error
 
 
+_NEGLIGIBLE: Final = 1e-33  # of 2 a_o l, a squared initial speed that changes no digit of a motion
 _DERIVED: Final[dict[str, Callable[[DragColumns], Any]]] = {
     "gain": lambda c: c.request.bodies["phi"],
     "displacement": _displacement,

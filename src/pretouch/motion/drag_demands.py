@@ -8,7 +8,7 @@ by -1/2 int u w^{-3/2} dl, and by 1/|l'| per unit of l_0.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -19,7 +19,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
 
-from .drag_path import NODES, TO_TERMS, WEIGHTS, DragPath, so_far
+from .drag_path import NODES, TO_TERMS, WEIGHTS, DragCells, DragPath, so_far
 from .drag_request import DragRequest
 from .layout import ContactStatus
 
@@ -108,18 +108,30 @@ def _peaks(c: DragRun, quantity: Callable[[_State], Any], at_ends: FloatArray) -
         `at_ends`; shape (n,) each.
     """
     largest, where = np.abs(at_ends).max(axis=1), c.raw("distance").copy()
-    for cells, nodes in c.path.walk():
+    least = np.zeros(len(largest))
+    for cells, values in _values(c, quantity):
         run = c.lanes[cells.lane]
-        b = {name: column[run, None] for name, column in c.request.bodies.items()}
-        time = cells.time[:, None] + so_far(nodes.pace)
-        rate = c.request.strength[run, None] * nodes.slope**2 * nodes.square
-        values = quantity(_State(b, time, nodes.distance, np.sqrt(nodes.square), rate))
+        least[run] = np.maximum(least[run], np.abs(values).max(axis=1))
+    for cells, values in _values(c, quantity):
+        run = c.lanes[cells.lane]
+        if (np.abs(values @ TO_TERMS.T).sum(axis=1) < least[run]).all():  # a bound of the polynomials
+            continue
         for signed in (values, -values):
             maximum, z = _largest(signed)
             larger = maximum > largest[run]
             largest[run] = np.where(larger, maximum, largest[run])
             where[run] = np.where(larger, cells.start - cells.width * cells.share(z), where[run])
     return largest, where
+
+
+def _values(c: DragRun, quantity: Callable[[_State], Any]) -> Iterator[tuple[DragCells, FloatArray]]:
+    """Yield all distance intervals with the values of a quantity, such as the force, at their quadrature nodes."""
+    for cells, nodes in c.path.walk():
+        run = c.lanes[cells.lane]
+        b = {name: column[run, None] for name, column in c.request.bodies.items()}
+        time = cells.time[:, None] + so_far(nodes.pace)
+        rate = c.request.strength[run, None] * nodes.slope**2 * nodes.square
+        yield cells, np.asarray(quantity(_State(b, time, nodes.distance, np.sqrt(nodes.square), rate)))
 
 
 def _largest(values: FloatArray) -> tuple[FloatArray, FloatArray]:

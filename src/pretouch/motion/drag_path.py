@@ -238,6 +238,11 @@ def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: flo
         error = np.maximum(nodes.error(), miss)
         good = (error <= _TOLERANCE) & np.isfinite(nodes.duration)
         scale[lanes] = np.where(good, np.minimum(2 * scale[lanes], 1.0), scale[lanes] / 2)
+        # A drag that stops an object within rounding of its distance, or a horizon that ends there.
+        stuck = (cells.start - cells.width == cells.start) & (path.approach.acceleration[lanes] == 0)
+        good &= ~stuck
+        path.status[lanes[stuck]] = ContactStatus.HORIZON
+        path.square[lanes[stuck & (status != ContactStatus.HORIZON)]] = 0.0
         whole = (cells.width == cells.start - border)[good]
         cells, status, on = cells.some(good), status[good], lanes[good]
         path.steps.append(cells)

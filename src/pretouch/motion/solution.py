@@ -70,9 +70,8 @@ class Solution(Value):
         self._cache: dict[str, Any] = {}
         self._rows: FloatArray | None = None
         holds = request.many is not None or request.sensor.valid_range[0] <= 0
-        holds = (
-            holds and max(abs(request.relative.v.max(initial=0.0)), abs(request.relative.v.min(initial=0.0))) < _FAST
-        )
+        speeds = request.relative.v, request.relative.u0
+        holds = holds and all(v.min(initial=0.0) > -_FAST and v.max(initial=0.0) < _FAST for v in speeds)
         if whole or not holds or request.method == "uniform-motion" or request.size < _LANES:
             self._rows, self.status = solve_guaranteed(request)
             return

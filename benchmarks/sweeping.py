@@ -183,7 +183,7 @@ def example() -> list[str]:
     return rows
 
 
-def chunks(count: int = 64) -> list[str]:
+def chunks(count: int = 1024) -> list[str]:
     """Measure what a chunk costs, by kind of work; a block holds at least one chunk."""
     given = {"objective": OBJECTIVE, "bounds": (-10.0, -0.01)}
     limits = (Constraint(name="excursion", limit=0.1), Constraint(name="acceleration", limit=5.0))

@@ -11,13 +11,18 @@ import resource
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import pretouch as pt
+from pretouch.design import Constraint
+from pretouch.motion import Stretch
 from pretouch.sweeps import Progress
-from pretouch.sweeps.executors import run_block
+from pretouch.sweeps.axes import Axes
+from pretouch.sweeps.executors import evaluate, run_block
 from pretouch.sweeps.plan import Plan, make_plan
 from pretouch.sweeps.stores import MemoryStore, ZarrStore
 
@@ -153,6 +158,57 @@ def designs(count: int) -> list[str]:
     return rows
 
 
+def example() -> list[str]:
+    """Run the worked example of docs/sweeps.md; return a row with the time of each of its sweeps."""
+    task = pt.load_scenario(Path(__file__).parents[1] / "examples" / "approach.toml")
+    speeds = np.linspace(-1.0, -0.01, 100)
+    rng = np.random.default_rng(20261121)
+    sample = {"obstacle.velocity": -rng.uniform(0.2, 0.4, 500), "sensor.exponent": rng.normal(3.32, 0.05, 500)}
+    sweeps: dict[str, tuple[Axes, list[str] | None]] = {
+        "contacts": (
+            {"obstacle.velocity": speeds, "gain": np.linspace(-2.0, -0.02, 80)},
+            ["relative_velocity", "largest_excursion"],
+        ),
+        "designs with limits": (
+            {"constraint.excursion": [0.05, 0.1, 0.2], "obstacle.velocity": speeds},
+            ["gain", "relative_velocity"],
+        ),
+        "sampled inputs": ({"sample": sample, "gain": np.linspace(-2.0, -0.1, 40)}, None),
+    }
+    rows = []
+    for name, (axes, results) in sweeps.items():
+        start = time.perf_counter()
+        size = pt.sweep(task, axes, results=results)["status"].size
+        rows.append(f"example, {name:20s} {size:6,d} encounters {time.perf_counter() - start:6.2f} s")
+    return rows
+
+
+def chunks(count: int = 1024) -> list[str]:
+    """Measure what a chunk costs, by kind of work; a block holds at least one chunk."""
+    given = {"objective": OBJECTIVE, "bounds": (-10.0, -0.01)}
+    limits = (Constraint(name="excursion", limit=0.1), Constraint(name="acceleration", limit=5.0))
+    obstacle = replace(SCENARIO.obstacle, course=(Stretch(until=0.05), Stretch(until=0.1, acceleration=-1.0)))
+    kinds: dict[str, dict[str, Any]] = {
+        "designs": given,
+        "designs with two limits": {**given, "constraints": limits},
+        "designs of a drag": {"objective": OBJECTIVE, "bounds": (1e-4, 0.05), "law": "virtual-drag"},
+        "designs with a course": {**given, "scenario": replace(SCENARIO, obstacle=obstacle)},
+        "contacts with a course": {"gain": -0.7, "scenario": replace(SCENARIO, obstacle=obstacle)},
+    }
+    rows = []
+    for name, options in kinds.items():
+        task = pt.Task(options.pop("scenario", SCENARIO), SENSORS["inverse-power"], **options)
+        axes = {"admittance.mass": np.linspace(0.8, 1.2, 1000), "obstacle.velocity": np.linspace(-0.6, -0.1, 1000)}
+        plan = make_plan(task, axes, results=["relative_velocity"])
+        small = plan.thinned(min(count, int(np.prod(plan.chunk))))
+        evaluate(small, small.region(0))
+        start = time.perf_counter()
+        evaluate(small, small.region(0))
+        each, chunk = (time.perf_counter() - start) / small.size, int(np.prod(plan.chunk))
+        rows.append(f"{name:26s} {each * 1e6:10.1f} us each, chunks of {chunk:9,d}: {each * chunk:6.2f} s")
+    return rows
+
+
 def main() -> None:
     """Print all results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.sweeping", description=__doc__.splitlines()[0])
@@ -171,6 +227,8 @@ def main() -> None:
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6  # Linux counts kilobytes
     print(f"peak memory of this process: {largest:.2f} GB")
     print("\n" + "\n".join(designs(4096)))
+    print("\n" + "\n".join(example()))
+    print("\n" + "\n".join(chunks()))
     print("\n" + "\n".join(overheads(asked.folder)))
     if not asked.no_dask:
         print(tasks(asked.folder))

@@ -17,7 +17,7 @@ namespace {
 enum Status : int64_t { CONTACT, NEVER, HORIZON, LEFT_RANGE, UNRESOLVED };
 
 constexpr double PI = 3.141592653589793;
-constexpr int MAX_INTERVALS = 2000000;
+constexpr int MAX_INTERVALS = 10000;  // half periods of an oscillation; a motion that needs more is unresolved
 constexpr double VANISHED = 600.0;  // time constants after which a motion about l = 0 is below 1e-260 of its start:
                                     // it has come to rest
 

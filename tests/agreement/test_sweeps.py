@@ -170,6 +170,27 @@ def test_numbers_do_not_depend_on_blocks_threads_or_store(
         xr.testing.assert_identical(found[0], other)
 
 
+def test_work_without_a_compiled_solver_has_small_chunks() -> None:
+    """A chunk, which a kill may lose, takes about a second: 16 designs of 50 ms, or 2,048 contacts of 0.5 ms."""
+    from pretouch.sweeps.plan import make_plan
+
+    course = (pt.motion.Stretch(until=0.05),)
+    scenes = {False: SCENARIO, True: replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, course=course))}
+    axes = {"admittance.mass": np.linspace(0.8, 1.2, 500), "obstacle.velocity": np.linspace(-0.5, -0.1, 500)}
+
+    def chunk(*, course: bool = False, **options: Any) -> int:
+        plan = make_plan(pt.Task(scenes[course], CURVED, **options), axes, results=["relative_velocity"])
+        return int(np.prod(plan.chunk))
+
+    design: dict[str, Any] = {"objective": OBJECTIVE, "bounds": (-10.0, -0.01)}
+    limits = (pt.Constraint(name="excursion", limit=0.1),)
+    assert chunk(**design) >= chunk(**design, constraints=limits) > 1000
+    assert chunk(**design, course=True) <= 16
+    assert chunk(objective=OBJECTIVE, bounds=(1e-4, 0.05), law="virtual-drag") <= 16
+    assert chunk(gain=-0.7) == 250_000
+    assert chunk(gain=-0.7, course=True) <= 2048
+
+
 @pytest.mark.parametrize("shape", [(7,), (100, 3), (3, 100), (5, 4, 3), (1, 1), (50, 7, 2)])
 @pytest.mark.parametrize("most", [1, 10, 64, 10_000])
 def test_chunks_cover_the_grid_once(shape: tuple[int, ...], most: int) -> None:

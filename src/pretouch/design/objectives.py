@@ -63,7 +63,8 @@ class Term:
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Any:
         """Return the value of one term at contact: weight * (quantity / scale)^2."""
         # `obstacle_speed` is |x_o'| at the start [m/s].
-        return self.weight * (quantity_of(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
+        with np.errstate(over="ignore"):  # an infinite objective is never the least
+            return self.weight * (quantity_of(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

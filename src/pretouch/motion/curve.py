@@ -248,7 +248,9 @@ def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, deg
     if not (error <= TOLERANCE * np.abs(slopes).max(axis=1)).all():
         return None
     powers = np.arange(1, degree + 1)
-    return np.concatenate([[0.0], terms[:, 0] / powers / half ** (powers - 1.0)])
+    with np.errstate(all="ignore"):  # powers of an extreme width overflow
+        coefficients = terms[:, 0] / powers / half ** (powers - 1.0)
+    return np.concatenate([[0.0], coefficients]) if np.isfinite(coefficients).all() else None
 
 
 class CurveError(InvalidInputError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +15,11 @@ from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, Motion
-from .integrated_law import IntegratedLaw
 from .laws import LawNumber
 from .scenario import Scenario
+
+if TYPE_CHECKING:
+    from .integrated_law import IntegratedLaw
 
 
 def _unknown_damping(value: Any, slope: Any, relative_velocity: Any) -> Any:
@@ -119,5 +121,7 @@ class CustomLaw(Value):
         return finite(value, self.number.name, self.number.unit)
 
     def _integrated(self) -> IntegratedLaw:
+        from .integrated_law import IntegratedLaw  # noqa: PLC0415 - only custom laws need it
+
         options = {name: getattr(self, name) for name in ("kind", "force", "vectorized", "suspends_admittance")}
         return IntegratedLaw(**options)

@@ -123,7 +123,10 @@ class DragColumns(Value):
 def _path_inputs(request: DragRequest, begins: FloatArray, on: IntArray) -> tuple[FloatArray, ...]:
     """Return the inputs of `drag_approaches` for the encounters with an approach."""
     b = request.bodies
-    square = np.where(request.returns, 0.0, request.velocity**2)
+    square = request.velocity**2
+    # next to the speed that a push adds, an initial speed below rounding is none; it would take many tiny intervals
+    slow = square < _NEGLIGIBLE * -request.acceleration * request.farthest
+    square = np.where(request.returns | slow, 0.0, square)
     approach = (request.strength, request.acceleration, request.farthest, square, begins)
     obstacle = (b["p"] - b["x0"], b["v"] + b["r_v"], b["a"] + b["r_a"])
     return tuple(np.ascontiguousarray(c) if len(on) == len(c) else c[on] for c in (*approach, *obstacle))
@@ -195,6 +198,7 @@ def _error(c: DragColumns) -> FloatArray:
     return error
 
 
+_NEGLIGIBLE: Final = 1e-33  # of 2 a_o l, a squared initial speed that changes no digit of a motion
 _DERIVED: Final[dict[str, Callable[[DragColumns], Any]]] = {
     "gain": lambda c: c.request.bodies["phi"],
     "displacement": _displacement,

@@ -23,6 +23,10 @@ from .radau_step import ALONG, APPROACH, RECEDE, Start, Trial, try_step
 _RUNNING: Final = -1
 _LANDED: Final = 1e-13  # a step ends at an event if it misses it by this share of its change at most
 _MAX_ATTEMPTS: Final = 4_000  # attempted steps of one encounter; longer runs are unresolved
+_STOPS: Final = 1e-3  # ratio of the speeds at the ends of a step in which an object stops
+_FEW: Final = 300  # attempted steps in which a motion must get ahead by _LITTLE of its first step
+_LITTLE: Final = 1e-3
+_CERTAIN: Final = 1e-6  # largest rounding error of a step, relative to the largest speed so far
 _FIRST: Final = 0.05  # the first step, relative to the time in which the distance would be passed
 _LEAST: Final = 0.1  # smallest ratio of a step to the attempt before it
 _MOST: Final = 5.0  # largest ratio
@@ -80,6 +84,7 @@ class Integration:
         self.course, self.cell = np.sign(self.speed).astype(np.int64), np.zeros(n, dtype=np.int64)
         self.force, self.attempts = np.zeros(n), np.zeros(n, dtype=np.int64)
         self.first, self.size, self.limit = np.zeros(n), np.zeros(n), np.full(n, np.inf)
+        self.fastest = np.zeros(n)
         self._records: list[Steps] = []
         with np.errstate(all="ignore"):
             self._start(np.arange(n))
@@ -190,19 +195,31 @@ class Integration:
         h = np.minimum(h, _time_until(border, state, state.acceleration(self.law)))
         trial = try_step(self.law, state, h)
         events = self._events(which, state, trial, border, h)
-        accurate = trial.solved & (trial.error <= 1)
+        self.fastest[which] = np.maximum(self.fastest[which], np.abs(state.speed))
+        certain = trial.rounding <= _CERTAIN * np.maximum(self.fastest[which], np.abs(trial.speed).max(axis=1))
+        accurate = trial.solved & (trial.error <= 1) & certain
         taken = accurate & ~(events.share < 1)
-        self._choose_size(which, h, trial, taken, np.where(accurate, events.share, np.maximum(events.share, _LEAST)))
+        share = np.where(accurate, events.share, np.maximum(events.share, _LEAST))
+        self._choose_size(which, h, trial, accurate=accurate, taken=taken, share=share)
         self._take(which[taken], h[taken], h[taken] >= left[taken], trial.some(taken), events.some(taken))
+        self._turn_now(which[accurate & events.stopped & (events.share * h <= _ROUNDING * self.time[which])])
         self._give_up(which[self.status[which] == _RUNNING])
 
-    def _choose_size(self, which: IntArray, h: FloatArray, trial: Trial, taken: BoolArray, share: FloatArray) -> None:
+    def _choose_size(
+        self,
+        which: IntArray,
+        h: FloatArray,
+        trial: Trial,
+        *,
+        accurate: BoolArray,
+        taken: BoolArray,
+        share: FloatArray,
+    ) -> None:
         """Choose the length of the next step from the error of this one, and from the share of it before an event."""
         self.attempts[which] += 1
         change = np.clip(_MARGIN * trial.error ** (-1 / (POINTS - 1)), _LEAST, _MOST)
         change = np.where(trial.solved, change, _UNSOLVED)
         size = self.size[which]
-        accurate = trial.solved & (trial.error <= 1)
         size = np.where(~accurate, np.minimum(change, _MARGIN) * h, size)
         self.size[which] = np.where(taken, np.where(h < size, np.maximum(size, change * h), change * h), size)
         self.limit[which] = np.where(taken | ~trial.solved, np.inf, share * h)
@@ -211,7 +228,8 @@ class Integration:
         """End encounters as unresolved if their next step is too short, or if they needed too many."""
         h = np.minimum(self.size[which], self.limit[which])
         short = ~(h > _SHORTEST * self.first[which] + 2 * _EPS * self.time[which])
-        which = which[short | (self.attempts[which] >= _MAX_ATTEMPTS)]
+        slow = (self.attempts[which] >= _FEW) & (self.time[which] < _LITTLE * self.first[which])
+        which = which[short | slow | (self.attempts[which] >= _MAX_ATTEMPTS)]
         state = self._state(which)
         # A force that is not finite here raises an error, since the motion cannot pass it.
         self.law.at(state.value, state.distance + np.sign(state.speed) * _JUST_PAST * state.distance, state.speed)
@@ -226,7 +244,8 @@ class Integration:
         near = np.where(lowest, RESOLUTION * self.encounters.terms(self.section[which], which, time), 0.0)
         fastest, braking = np.abs(forward).max(axis=1), np.abs(state.acceleration(self.law))
         still = trial.rounding + _ROUNDING * (np.abs(state.velocity) + braking * time)
-        at_turn = np.abs(forward[:, -1]) <= _LANDED * fastest + still
+        stops = np.abs(forward[:, -1]) <= _STOPS * np.abs(forward[:, 0])  # not a slow motion that stays slow
+        at_turn = np.abs(forward[:, -1]) <= _LANDED * fastest + np.where(stops, still, 0.0)
         grazes = lowest & (beyond.max(axis=1) <= near) & (at_turn | _turns_before(near, trial, h))
         rounding = _ROUNDING * (np.abs(border) + initial + fastest * time)
         at_border = np.isfinite(border) & ~grazes & (np.abs(beyond[:, -1]) <= _LANDED * np.abs(beyond[:, 0]) + rounding)
@@ -240,7 +259,13 @@ class Integration:
             if some.any():
                 share[some] = np.minimum(share[some], first_root(values[some], passed[some]))
         touches = at_turn & grazes & (trial.distance[:, -1] <= near)
-        return _Events(share, at_turn, at_border | touches, np.where(touches, 0.0, border))
+        return _Events(
+            share,
+            at_turn,
+            at_border | touches,
+            np.where(touches, 0.0, border),
+            (state.speed != 0) & (np.abs(state.speed) <= still),
+        )
 
     def _take(self, which: IntArray, h: FloatArray, at_end: BoolArray, trial: Trial, events: _Events) -> None:
         """Take accepted steps, and start a new piece or end the encounter if they end at an event."""
@@ -261,6 +286,14 @@ class Integration:
         self.cell[which[crossed]] += before[crossed]
         new = which[at_end | events.at_turn | events.at_border]
         self._begin(new[self.status[new] == _RUNNING])
+
+    def _turn_now(self, which: IntArray) -> None:
+        """Start a new piece of motions that turn within rounding of their present time."""
+        if not len(which):
+            return
+        self.speed[which] = 0.0
+        self._set_course(which)
+        self._begin(which)
 
     def _enter_section(self, which: IntArray) -> None:
         """Continue with the next section of the obstacle's path, or end the encounter at the horizon."""
@@ -295,6 +328,7 @@ class _Events(NamedTuple):
     at_turn: BoolArray  # whether l' = 0 at the end of the step
     at_border: BoolArray  # whether the border of the piece is at the end of the step
     border: FloatArray  # the border [m]
+    stopped: BoolArray  # whether l' is zero within rounding at the start of the step, but not exactly
 
     def some(self, which: BoolArray) -> _Events:
         """Return the events of some steps."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, NamedTuple, Protocol, final, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Protocol, final, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,11 +18,13 @@ from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, Motion, motion_from_trace
 from .guaranteed import trace_guaranteed
-from .integrated_law import IntegratedLaw
 from .layout import TRACE_COLUMNS
 from .request import make_request
 from .scenario import Scenario
 from .solution import Solution
+
+if TYPE_CHECKING:
+    from .integrated_law import IntegratedLaw
 
 
 class LawNumber(NamedTuple):
@@ -151,7 +153,7 @@ class Damper:
     ) -> ContactResult:
         """Solve encounters under the virtual damper, and return their states at contact."""
         if scenario.obstacle.course:
-            return _BY_INTEGRATION[self.kind].contact(scenario, sensor, value, method, horizon)
+            return _by_integration(self).contact(scenario, sensor, value, method, horizon)
         request = make_request(scenario, sensor, value, method, horizon)
         return ContactResult(Solution(request), request.method)
 
@@ -167,7 +169,7 @@ class Damper:
     ) -> Motion:
         """Compute the motion of encounters under the virtual damper at sampled times."""
         if scenario.obstacle.course:
-            return _BY_INTEGRATION[self.kind].motion(scenario, sensor, value, method, horizon, samples=samples)
+            return _by_integration(self).motion(scenario, sensor, value, method, horizon, samples=samples)
         request = make_request(scenario, sensor, value, method, horizon)
         result = ContactResult(Solution(request, whole=True), request.method)
         end = np.atleast_1d(np.asarray(result.end.time)).ravel()
@@ -241,7 +243,7 @@ class Drag:
         from .drag import solve_drag  # noqa: PLC0415 - only drags need it
 
         if scenario.obstacle.course:
-            return _BY_INTEGRATION[self.kind].contact(scenario, sensor, _drags(value), method, horizon)
+            return _by_integration(self).contact(scenario, sensor, _drags(value), method, horizon)
         _check_quadrature(method)
         return solve_drag(scenario, sensor, value, horizon=horizon)
 
@@ -259,7 +261,7 @@ class Drag:
         from .drag import sample_drag  # noqa: PLC0415 - only drags need it
 
         if scenario.obstacle.course:
-            return _BY_INTEGRATION[self.kind].motion(scenario, sensor, _drags(value), method, horizon, samples=samples)
+            return _by_integration(self).motion(scenario, sensor, _drags(value), method, horizon, samples=samples)
         _check_quadrature(method)
         return sample_drag(scenario, sensor, value, horizon=horizon, samples=samples)
 
@@ -288,11 +290,13 @@ def _drag_force(drag: Any, _: Any, rate: Any) -> Any:
     return -drag * rate * np.maximum(rate, 0.0)
 
 
-_BY_INTEGRATION: Final = {
-    "virtual-damper": IntegratedLaw(kind="virtual-damper", force=_damper_force),
-    "virtual-drag": IntegratedLaw(kind="virtual-drag", force=_drag_force, suspends_admittance=True),
-}
-"""The built-in laws for an obstacle with a course, whose acceleration the other solvers need to be constant."""
+def _by_integration(law: Damper | Drag) -> IntegratedLaw:
+    """Return a built-in law for an obstacle with a course; other solvers need a constant acceleration."""
+    from .integrated_law import IntegratedLaw  # noqa: PLC0415 - only courses need it
+
+    force = _damper_force if isinstance(law, Damper) else _drag_force
+    return IntegratedLaw(kind=law.kind, force=force, suspends_admittance=isinstance(law, Drag))
+
 
 DAMPER: Final = Damper()
 """The letter's virtual damper, L(2)."""

@@ -154,6 +154,8 @@ class Scenario(InNotebooks, Value):
             acceleration of the reference itself. Each is a float, or an array with the shape of its field.
         """
         a, o, p, r = self.admittance, self.obstacle, self.plant, self.reference
+        _check_rounding("position [m]", o.position, p.position, r.position)
+        _check_rounding("velocity [m/s]", o.velocity, p.velocity, r.velocity)
         return (
             a.mass,
             a.damping,
@@ -186,10 +188,29 @@ class Scenario(InNotebooks, Value):
         )
 
 
+def _check_rounding(quantity_and_unit: str, obstacle: Any, plant: Any, reference: Any) -> None:
+    """Refuse a reference that is so far or fast that the difference of obstacle and robot is lost to rounding."""
+    if isinstance(reference, float) and reference == 0:
+        return
+    difference = np.subtract(obstacle, plant)
+    lost = np.abs((np.subtract(obstacle, reference) - np.subtract(plant, reference)) - difference)
+    wrong = ~(lost <= _LOST * np.abs(difference))
+    if np.any(wrong):
+        name, unit = quantity_and_unit.removesuffix("]").split(" [")
+        first = float(np.broadcast_to(reference, np.shape(wrong))[wrong].flat[0])
+        raise InvalidInputError(
+            f"reference {name}: found {first:g} {unit}, which is so large that the difference between obstacle and "
+            f"robot is lost to rounding; give the {name} of obstacle, robot and reference relative to another origin"
+        )
+
+
 def _relative_to(value: Any, reference: Any) -> Any:
     """Subtract a reference value, and avoid a copy if the reference value is 0."""
     return value if isinstance(reference, float) and reference == 0 else value - reference
 
+
+_LOST: Final = 1e-6
+"""Largest relative rounding error of the initial distance and relative velocity."""
 
 _PARTS: Final = {"admittance": Admittance, "obstacle": Obstacle, "plant": Plant, "reference": Reference}
 _FREQUENCY: Final = {"admittance.natural_frequency": "rad/s", "admittance.damping_ratio": ""}

@@ -26,6 +26,7 @@ _LEAST_LINEAR: Final = 16_384  # encounters that are worth a thread
 _LEAST: Final = 512  # encounters on other curves that are worth a thread
 _MOST: Final = 1 << 18  # largest chunk
 _BEYOND: Final = 4.0  # range of the fast path, relative to the farthest start
+_FAST: Final = 1e100  # m/s; the products of larger speeds overflow on the fast paths
 _KEPT: Final = 1 << 22  # largest number of encounters whose states at contact are stored with the times
 _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
@@ -69,6 +70,8 @@ class Solution(Value):
         self._cache: dict[str, Any] = {}
         self._rows: FloatArray | None = None
         holds = request.many is not None or request.sensor.valid_range[0] <= 0
+        speeds = request.relative.v, request.relative.u0
+        holds = holds and all(v.min(initial=0.0) > -_FAST and v.max(initial=0.0) < _FAST for v in speeds)
         if whole or not holds or request.method == "uniform-motion" or request.size < _LANES:
             self._rows, self.status = solve_guaranteed(request)
             return

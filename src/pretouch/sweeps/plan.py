@@ -14,6 +14,7 @@ from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.numbers import finite, positive
 from pretouch.design import OBSTACLE_SPEED, Task
 from pretouch.design.custom_objectives import CustomObjective
+from pretouch.motion import DAMPER, DRAG
 from pretouch.motion.scenario import scenario_with
 
 from .axes import ENCOUNTER_INPUTS, Axes, Axis, make_axes, with_input
@@ -34,6 +35,9 @@ _CHUNK: Final = {
     (True, False, True): 1 << 14,
     (True, True, True): 1 << 12,
 }
+_CHUNK_OF_SCANS: Final = 16  # designs that no compiled search solves take up to 50 ms each
+_CHUNK_OF_INTEGRATION: Final = 1 << 11  # contacts under custom laws or with a course take 0.5 ms each
+_CHUNK_OF_DRAG: Final = 1 << 15  # contacts under a drag take 20 us each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,13 +142,16 @@ def make_plan(
 
 
 def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
+    law, course = task.law, task.scenario.obstacle.course
+    if law != DAMPER or course or isinstance(task.objective, CustomObjective):
+        if task.objective is not None:
+            return _CHUNK_OF_SCANS
+        return _CHUNK_OF_DRAG if law == DRAG and not course else _CHUNK_OF_INTEGRATION
     quantities = set(results)
     if task.objective is not None:
         quantities |= {term.quantity for term in task.goal.terms} | {c.quantity for c in task.limits}
     curved = task.sensor.constant_log_slope is None or task.method == "integration"
-    whole = any(map(is_of_whole_motion, quantities)) or isinstance(
-        task.objective, CustomObjective
-    )  # which may read any quantity
+    whole = any(map(is_of_whole_motion, quantities))
     return _CHUNK[task.objective is not None, curved, whole]
 
 

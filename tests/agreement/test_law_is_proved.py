@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -39,6 +40,8 @@ def test_the_first_state_is_within_bounds(design: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("design", ["damper", "drag"])
 def test_every_step_keeps_the_bounds_and_the_limits(design: str, tmp_path: Path) -> None:
+    if design == "drag" and "PRETOUCH_ALL_PROOFS" not in os.environ:
+        pytest.skip("takes three minutes; set PRETOUCH_ALL_PROOFS=1")
     export_c(DESIGNS[design](), tmp_path / "law", verify=False)
     assert failures(tmp_path / "law", *(["-DDRAG"] if design == "drag" else [])) == []
 

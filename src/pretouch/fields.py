@@ -1,4 +1,4 @@
-"""Declare the fields of user-defined classes with unit, sign and example, and check the values of these fields."""
+"""Functions that declare the fields of a custom class, with unit, sign and example, and that check their values."""
 
 from ._core.fields import INPUT, OUTPUT, OUTPUT_RATE, check_declared, count, flag, quantity
 

@@ -75,7 +75,7 @@ def test_one_of_several_curves_is_selected_and_has_a_report_of_its_own(run, page
     ("options", "says"),
     [
         (["--select", "unit"], "--select: found 'unit', expected COLUMN=VALUE"),
-        (["--columns", "distance"], "--columns: found 'distance', but each column must be given by its header"),
+        (["--columns", "distance"], "--columns: found 'distance', expected NAME=COLUMN, where COLUMN is a header"),
         (
             ["--columns", "range=1"],
             "columns: found the key 'range', but only the keys 'distance' and 'output' are allowed",

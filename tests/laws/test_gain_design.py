@@ -287,7 +287,7 @@ def test_a_motion_that_does_not_meet_its_balance_is_warned_of(
             other.setattr(InversePower, "log_output", lambda self, x, e=error: (1 + e) * log_output(self, x))
             said = [text for text in design.warnings if "impulse balance of the computed motion" in text]
         assert len(said) == warned
-    residual = float(re.search(r"relative error of (\S+), which is usually at most", said[0]).group(1))
+    residual = float(re.search(r"relative error of (\S+) \(usually at most", said[0]).group(1))
     assert residual == pytest.approx(1e-6, rel=1.0)  # one digit of a share of some 0.5 to 1.5 of the largest term
 
 

@@ -259,7 +259,7 @@ def test_a_loop_that_runs_away_says_so() -> None:
 def test_runs_that_do_not_come_to_a_contact_say_so() -> None:
     short = pt.simulate_encounter(pt.Task(SCENARIO, POWER, loop=loop(horizon=0.2), gain=GAIN))
     assert short.headline.startswith(
-        "There is no contact on the simulated loop within 200 ms; the smallest distance is "
+        "The run on the simulated loop ends after 200 ms without contact; the smallest distance is "
     )
     assert "predicted 0.0815 m/s" in short.headline
     assert compared(short)["time"][:2] == (None, short.prediction.end.time)

@@ -150,7 +150,7 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
 def _covariance(
     x: FloatArray, own: FloatArray, family: Family, moved: list[FloatArray], *, share: float, inflation: float
 ) -> FloatArray:
-    """Convert the covariance of a fit to the sensor curve's own parameters, and include the offset uncertainty."""
+    """Return the covariance of the sensor curve's parameters, including the effect of the offset uncertainty."""
     with np.errstate(over="ignore", invalid="ignore"):  # an unbounded scale has no finite variance
         jacobian = gradient(lambda u: family.parameters(family.coordinates(u)), x)
         covariance = inflation * jacobian @ own @ jacobian.T
@@ -330,7 +330,7 @@ def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
 def _fit_curve(
     model: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Fit a sensor curve with parameters, and return its log outputs and a dictionary for `SensorFit`."""
+    """Fit the parameters of a sensor curve; return its log outputs and the keyword arguments of `SensorFit`."""
     used, family = prepared.used, _family(model, prepared.used)
     best = fit_free(used, family, noise, offset.value)
     problem = problem_at(used, family, noise, offset.value)
@@ -359,7 +359,7 @@ def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | No
 def _fit_table(
     _: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Create a sensor table from averaged readings, and return its log outputs and a dictionary for `SensorFit`."""
+    """Create a sensor table from averaged readings; return its log outputs and the keyword arguments of `SensorFit`."""
     distance, xi = prepared.used.distance, prepared.used.output - offset.value
     sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
     without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]

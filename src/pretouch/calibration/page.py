@@ -164,7 +164,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
         yield (
             "misfit of the curve",
             f"{100 * n.misfit:.3g} %",
-            f"RMS deviation of averaged readings from the curve that noise does not explain{length}",
+            f"RMS deviation of averaged readings from the curve, without the contribution of noise{length}",
         )
     if report.slope is not None:
         near, far = (format_quantity(float(d), "m") for d in report.slope.distances[[0, -1]])

@@ -1,4 +1,4 @@
-"""Estimate the offset and the slope of a sensor from all sensor curves that fit its readings.
+"""Estimate the offset and the slope of a sensor as weighted means over all sensor curves that fit the readings.
 
 With one family and one offset, the readings determine the parameters to about a percent. But they do not determine the
 family: with a slightly different offset, another family fits equally well. So each family of three parameters is fitted

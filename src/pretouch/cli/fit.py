@@ -110,8 +110,8 @@ def _columns(text: str | None) -> dict[str, str]:
     parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
     if parts[0].strip() or len(parts) < 3:
         raise InvalidInputError(
-            f"--columns: found {text!r}, but each column must be given by its header, number or unit, for "
-            'example "distance=1,output=3 [V]"'
+            f"--columns: found {text!r}, expected NAME=COLUMN, where COLUMN is a header, a number from 1, or a "
+            'unit in brackets, for example "distance=1,output=3 [V]"'
         )
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 

@@ -1,4 +1,4 @@
-"""Define the sampled virtual drag, a control law that reduces every approach speed by the same factor."""
+"""Define the sampled virtual drag. With this control law, contact speed is a fixed share of the approach speed."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ class CustomObjective(Objective):
 
 
 def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an objective has no kind of its own
-    """Return an error message if the objective of an installed package is invalid; otherwise return an empty text."""
+    """Return an error message if an installed package provides an invalid objective; otherwise an empty text."""
     if callable(getattr(objective, "value", None)) or (callable(objective) and not isinstance(objective, type)):
         return ""
     return (

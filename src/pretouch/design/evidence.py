@@ -113,14 +113,14 @@ class GainEvidence(Answer):
 
     @_part
     def _least_excess(self) -> Minimum | None:
-        """The gain with the smallest violation of the limits; None if no gain results in contact."""
+        """The gain that comes closest to meeting all limits; None if no gain results in contact."""
         scanned, problem = self.scanned, self.problem
         near = refine(lambda u: problem.landscape(u).worst_ratio, scanned.coordinate, scanned.landscape.worst_ratio)
         return near[0] if near else None
 
     @_part
     def nearest_gain(self) -> float | None:
-        """The gain with the smallest violation of the limits if the design is infeasible; otherwise None."""
+        """If the design is infeasible, the gain that comes closest to meeting all limits; otherwise None."""
         if self.minima or self._least_excess is None:
             return None
         return float(self.problem.axis.gain(self._least_excess.coordinate))

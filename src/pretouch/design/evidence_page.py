@@ -1,4 +1,4 @@
-"""Build the report sections on the optimality of a designed gain and on its sensitivities."""
+"""Build two report sections: why a designed gain is optimal, and how sensitive the result is to the inputs."""
 
 from __future__ import annotations
 

@@ -225,8 +225,8 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:
             yield (
-                f"the impulse balance of the computed motion has a relative error of {residual:.0e}, which is "
-                f"usually at most {_RESIDUAL:.0e}, so the results are less accurate"
+                "the results are less accurate than usual: the impulse balance of the computed motion has a relative "
+                f"error of {residual:.0e} (usually at most {_RESIDUAL:.0e})"
             )
 
 

@@ -53,7 +53,7 @@ class Choice(Protocol):
 
     @property
     def gain(self) -> Any:
-        """The gain of the design, such as D_p [N s]."""
+        """The designed coefficient of the control law: for the virtual damper, the gain D_p [N s]."""
 
     @property
     def scenario(self) -> Scenario:

@@ -95,8 +95,8 @@ class DragSchedule(Value):
         whole = self.constant.excursion
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
             return (
-                f"a constant virtual drag with an excursion of {1e3 * whole:.2f} mm is optimal, because no "
-                f"{'rising ' * self.monotone}drag schedule with these distance steps has an excursion below "
+                f"a constant virtual drag with an excursion of {1e3 * whole:.2f} mm is optimal, because every "
+                f"{'rising ' * self.monotone}drag schedule with the same distance steps has an excursion of at least "
                 f"{1e3 * self.lower_bound:.2f} mm"
             )
         saved = 1 - self.largest_excursion / whole

@@ -1,4 +1,4 @@
-"""Recompute Section VI-B of the published letter, which limits excursion and contact speed in a design."""
+"""Recompute Section VI-B of the published letter: design gains with limits on excursion and contact speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the results of reproducing the published letter: compared numbers and findings."""
+"""Store results of recomputing the published letter: printed next to computed numbers, and checks of findings."""
 
 from __future__ import annotations
 

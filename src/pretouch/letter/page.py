@@ -92,7 +92,7 @@ def _closing(report: LetterReport) -> str:
 
 
 def _failures(report: LetterReport) -> Iterator[str]:
-    """Yield warnings about unconfirmed findings and about unexplained differences from the published letter."""
+    """Yield a warning for each unconfirmed finding and for each unexplained difference from the published letter."""
     for f in report.findings:
         if not f.holds:
             steps = "; ".join(f"{step.name}: {step}" for step in f.failed)

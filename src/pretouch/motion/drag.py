@@ -107,7 +107,7 @@ class DragColumns(Value):
         return np.asarray(self.raw("virtual_force") / self.request.mass)
 
     def reference(self, derivative: int) -> FloatArray:
-        """Return velocity (1) or acceleration (2) of the reference at the end of every encounter."""
+        """Return the reference's velocity (derivative=1) or acceleration (derivative=2) at the end of each run."""
         b = self.request.bodies
         return b["r_a"] if derivative == 2 else np.asarray(b["r_v"] + b["r_a"] * self.raw("time"))
 

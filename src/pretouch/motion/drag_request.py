@@ -206,8 +206,8 @@ def make_drag_request(
     if many is None and outside.any():
         raise OutOfRangeError(
             f"obstacle position: the encounter starts at a distance of {start[outside][0]:g} m, but the "
-            f"{sensor.name} curve is valid only from {low:g} m to {high:g} m; start the encounter when the "
-            "object enters this range"
+            f"sensor curve ({sensor.name}) is valid only from {low:g} m to {high:g} m; start the encounter when "
+            "the object enters this range"
         )
     check_curve(sensor, request.farthest)
     _check_plant(request)

@@ -117,7 +117,7 @@ def solve_motion(
     horizon: float = 600.0,
     samples: int = 200,
 ) -> Motion:
-    """Compute the motion of encounters at sampled times by equation L(1), under the virtual force L(2) or another law.
+    """Compute the motion of encounters by equation L(1), with the virtual force L(2) or another law.
 
     Args:
         scenario: one encounter or an array of encounters.

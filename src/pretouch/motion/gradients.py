@@ -79,7 +79,7 @@ class ContactSource(Protocol):
         """The robot's acceleration relative to its reference at the end of each encounter [m/s^2]."""
 
     def reference(self, derivative: int) -> FloatArray:
-        """Return velocity (1) or acceleration (2) of the reference at the end of every encounter."""
+        """Return the reference's velocity (derivative=1) or acceleration (derivative=2) at the end of each run."""
 
 
 class ContactRows(Protocol):

@@ -191,8 +191,8 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
     bend, intercept = np.polyfit(probe, slope, 1)
     if np.abs(slope - bend * probe - intercept).max() > 1e-9 * np.abs(slope).max():
         raise InvalidInputError(
-            "method: the uniform motion L(16)-(19) needs the second-order exponential curve L(6), but the sensor "
-            f"has the {sensor.name} curve; use method='integration' instead"
+            "method: the approximation 'uniform-motion', L(16)-(19), is only for second-order exponential sensor "
+            f"curves, L(6), but the sensor has the {sensor.name} curve; use method='integration' instead"
         )
     return float(bend) / 2, float(intercept)
 

@@ -111,7 +111,7 @@ class ContinuousLaw(Protocol):
     def contact(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, *, method: str = ..., horizon: float = ...
     ) -> ContactResult:
-        """Solve encounters for one or several gains or coefficients of the law, and return their states at contact."""
+        """Solve encounters for one or several values of the gain, and return their states at contact."""
 
     def motion(
         self,
@@ -123,7 +123,7 @@ class ContinuousLaw(Protocol):
         horizon: float = ...,
         samples: int = ...,
     ) -> Motion:
-        """Compute the motion of encounters at sampled times, for one or several gains or coefficients of the law."""
+        """Compute the motion of each encounter at equally spaced times, for one or several values of the gain."""
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
         """Return the damping of the law [N s/m], which is the derivative of its force by the relative velocity."""

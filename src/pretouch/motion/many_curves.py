@@ -71,8 +71,8 @@ class ManyCurves:
             i = int(outside[0][-1])
             raise OutOfRangeError(
                 f"obstacle position: encounter {i} starts at a distance of {distance[tuple(outside[0])]:g} m, "
-                f"but its {self.sensor.name} curve is valid only from {low[i]:g} m to {high[i]:g} m; start the "
-                "encounter when the object enters this range"
+                f"but its sensor curve ({self.sensor.name}) is valid only from {low[i]:g} m to {high[i]:g} m; start "
+                "the encounter when the object enters this range"
             )
 
     def falls(self, scenario: Scenario) -> bool:

@@ -131,8 +131,8 @@ def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         distance = np.asarray(distance)
         raise OutOfRangeError(
             f"obstacle position: the encounter starts at a distance of {float(distance[~inside].flat[0]):g} m, "
-            f"but the {sensor.name} curve is valid only from {low:g} m to {high:g} m; start the encounter when "
-            "the object enters this range"
+            f"but the sensor curve ({sensor.name}) is valid only from {low:g} m to {high:g} m; start the encounter "
+            "when the object enters this range"
         )
     check_curve(sensor, distance)
     return method

@@ -170,7 +170,7 @@ class Scenario(InNotebooks, Value):
         )
 
     def relative(self) -> FloatArray:
-        """Return the inputs of the encounter relative to the reference, as in equation L(9), in a single array.
+        """Return the inputs in one array, with positions and velocities as differences from the reference, L(9).
 
         Returns:
             The columns, stacked along a last axis of 10 over the broadcast shape.

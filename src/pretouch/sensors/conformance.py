@@ -199,7 +199,7 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
 
 
 def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> str | None:
-    """Describe where the sensor output rises or a slope declared as constant varies, or return None."""
+    """Return an error message if the slope of a sensor curve is zero, positive, or not the declared constant."""
     steepest, i = float(np.abs(slope).max()), int(slope.argmax())
     if steepest == 0:
         return "found a slope of 0 1/m at every distance, which must be negative: the output is constant"

@@ -175,7 +175,7 @@ class SensorModel(ABC):
         return dict(plain(content))
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:  # noqa: ARG002 - for subclasses
-        """Return the exact derivative with respect to a curve parameter, or None if only a numerical one exists."""
+        """Return the exact derivative of the curve with respect to a parameter; None if it has no exact derivative."""
         return None
 
     @final

@@ -85,7 +85,7 @@ class GainLimit(Value):
 
     @property
     def critical_distance(self) -> float:
-        """The distance [m] at which the magnitude of the strongest stable gain is smallest."""
+        """The distance [m] at which the loop first becomes unstable as the gain is made stronger."""
         return float(self.distance[np.abs(self.gain).argmin()])
 
     def allowed(self, margin: float = 2.0) -> float:
@@ -301,8 +301,7 @@ def lowest_rate(
     number = law.number
     if not finite(gain, "gain", number.unit) * number.sign > 0:
         raise InvalidInputError(
-            f"gain: found {format_quantity(gain, number.unit)}, which does not mitigate the impact, "
-            f"because mitigating values of the gain are {number.mitigating}; expected a "
+            f"gain: found {format_quantity(gain, number.unit)}, which does not mitigate the impact; expected a "
             f"{number.mitigating} value"
         )
     _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)

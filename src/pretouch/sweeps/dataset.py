@@ -112,7 +112,7 @@ def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, An
 
 
 class _Probes:
-    """Pseudorandom contacts at which user-defined objectives are computed, to tell different objectives apart."""
+    """Pseudorandom states at contact. The values of a user-defined objective at these states identify it."""
 
     def column(self, name: str) -> FloatArray:
         """Return reproducible pseudorandom values of one quantity at contact."""
@@ -184,11 +184,11 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
 
 
 class _DeferringFile(io.RawIOBase):
-    """A new file that keeps the first write error and raises this error at the end.
+    """A new file that stores its first write error, which the method `check` raises.
 
-    It ignores later writes.
+    After a write error, it ignores later writes.
 
-    Without it, HDF5 crashes the process if it cannot write its buffers when it closes a file.
+    Without this class, HDF5 crashes the process if it cannot write its buffers when it closes a file.
     """
 
     def __init__(self, path: Path) -> None:

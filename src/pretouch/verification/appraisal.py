@@ -232,7 +232,7 @@ class LoopProblem:
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
     def appraise_each(self, gains: FloatArray) -> list[LoopOutcomes]:
-        """Simulate the same encounters with each of several gains, and compute limits and objective of every run."""
+        """Simulate the same encounters with each gain. Return for each gain the limits and objectives of its runs."""
         # A gain is given up if its first runs miss a requirement so often that all runs together must miss it. All
         # runs would give the same decision, so it has no error.
         draws, loop = self.draws, self.compared(self.draws.task.loop)

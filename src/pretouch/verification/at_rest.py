@@ -66,8 +66,8 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
     quiet = _quiet_floor(task, gain, law, scan, moved)
     if quiet is None:
         yield (
-            f"{text}: no tried floor of the controller keeps this motion within {still}, so reduce the "
-            f"noise, or use a law with a dead zone. {place}"
+            f"{text}. No higher detection threshold (floor of the controller) was found that limits this motion to "
+            f"{still} and still detects objects. Reduce the noise, or use a law with a dead zone. {place}"
         )
         return
     sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)

@@ -147,8 +147,8 @@ class Detection(Value):
         text += f"{format_quantity(self.distance, 'm')} (start: {format_quantity(self.start_distance, 'm')})"
         if self.missed_share is None:
             return f"{text}."
-        missed = f"{100 * self.missed_share:.2g} % of the change of ln xi until contact"
-        return f"{text}. When the controller first detected the object, {missed} had already passed without effect."
+        missed = f"the first {100 * self.missed_share:.2g} % of the change of the log output ln xi until contact"
+        return f"{text}. The controller could not respond to {missed}."
 
 
 _OWN: Final = "a user-defined flag"
@@ -301,7 +301,8 @@ def _loop_clause(run: SimulationResult, free: SimulationResult) -> str:
     if run.status == ContactStatus.UNRESOLVED:
         return f"The simulated loop diverges: its values exceed all bounds after {_time(run.end_time)}"
     nearest = format_quantity(run.closest_distance, "m", 3)
-    return f"There is no contact on the simulated loop within {_time(run.end_time)}; the smallest distance is {nearest}"
+    ended = f"The run on the simulated loop ends after {_time(run.end_time)} without contact"
+    return f"{ended}; the smallest distance is {nearest}"
 
 
 def _speed_or_none(run: SimulationResult) -> str:

@@ -209,7 +209,8 @@ def _loss_in_words(v: Verdict, loss: Loss) -> str:
         return "No gain was found that meets every limit on the simulated loop."
     best = f"the {best}, {v.law.number.text(loss.loop_gain)}"
     if loss.loss is None or loss.loop_objective is None:
-        return f"A run ends without contact, so the objectives of the verified gain and of {best} cannot be compared."
+        compared = f"The objective of the verified gain cannot be compared with that of {best}"
+        return f"{compared}, because at least one simulated run ends without contact."
     share, error = 100 * loss.loss / loss.loop_objective, 100 * (loss.loss_error or 0.0) / loss.loop_objective
     apart = _percent_with_error(share, error)
     if share > max(SIGNIFICANT * error, 0.0):

@@ -129,7 +129,7 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
 
 
 def _findings(v: Verdict) -> Iterator[str]:
-    """Yield further reasons why a gain does not meet the requirements, and the limits that it meets."""
+    """Yield all reasons but the first why a gain misses its requirements, and then the limits that it meets."""
     yield from v.reasons[1:]
     for c in v.limits:
         if c.is_met and not any(c.statement in reason for reason in v.reasons):
@@ -264,7 +264,7 @@ def _reached(v: Verdict) -> str:
     text += f"; {v.reached.missing} end without the predicted contact." if v.reached.missing else "."
     if v.reached.low is not None:
         text += (
-            " On the loop, a predicted contact occurs with a probability of at least "
+            " If contact is predicted, it also occurs on the loop with a probability of at least "
             f"{share_in_words(v.reached.low)} ({100 * v.confidence:g} % confidence)."
         )
     return text

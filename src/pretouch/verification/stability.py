@@ -70,7 +70,7 @@ class StabilityCheck(Value):
 
     @property
     def critical_distance(self) -> float:
-        """The distance [m] at which the magnitude of the strongest stable gain is smallest."""
+        """The distance [m] at which the loop first becomes unstable as the gain is made stronger."""
         return self.limit.critical_distance
 
     @property

@@ -61,7 +61,7 @@ def drag_page(design: DragDesign) -> Page:
     warnings = []
     if acceleration:
         warnings.append(
-            "the virtual drag was designed for an object in uniform motion, but this object accelerates "
+            "the virtual drag was designed for an object with constant velocity, but this object accelerates "
             f"{('toward' if acceleration > 0 else 'away from')} the robot at "
             f"{pretty_unit(format_quantity(abs(acceleration), 'm/s^2'))}"
         )

@@ -206,7 +206,7 @@ class DragDesign(Described, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragLimits(Value):
-    """Bounds on speed and motion for every virtual drag that varies between two constant drag coefficients.
+    """Guaranteed bounds of contact speed, excursion and acceleration for a drag phi that varies between two values.
 
     Args:
         weak: the weaker drag.

@@ -21,7 +21,7 @@ _NOTHING: Final = 1e-9  # an acceleration below this share of the deceleration t
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class BoundComparison(Value):
-    """Comparison of encounters with the physical bound that no controller can beat at the same acceleration.
+    """Excursion and acceleration of encounters, and the smallest values that any controller needs.
 
     Args:
         acceleration: the largest acceleration of the encounter [m/s^2].

@@ -37,7 +37,7 @@ _STATUS: Final = {
 _KNEE: Final = (
     "The knee is the point with the largest distance below the straight line, or plane, through the ends of the front. "
     "Each quantity is scaled by its range along the front. At the knee, a small loss in one quantity gains most in the "
-    "others. The knee depends on the ends of the front, and so on the bounds of the gain and the admittance."
+    "others. Other bounds of the gain and the admittance move the ends of the front, and so the knee."
 )
 _COMPARED: Final = (
     "The smallest possible deviation is that of an ideal robot with the same largest acceleration and the same "

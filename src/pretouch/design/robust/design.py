@@ -30,7 +30,7 @@ NOTHING_UNCERTAIN: Final = (
 )
 _FRESH: Final = 1  # added to the seed for the samples of the validation
 _SAMPLES: Final = 4096
-_SAMPLES_OF_EVALUATOR: Final = 256  # with `evaluate`: a loop takes a hundred times as long
+_SAMPLES_OF_EVALUATOR: Final = 256  # with `evaluate`: a sampled loop needs a hundred times the computing time
 
 
 @check_arguments

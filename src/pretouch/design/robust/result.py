@@ -135,7 +135,7 @@ class RobustDesign(Answer):
 
     @property
     def nearest_gain(self) -> float | None:
-        """The gain with the smallest violation of the limits if the design is infeasible; otherwise None."""
+        """If the design is infeasible, the gain that comes closest to meeting all limits; otherwise None."""
         worst = self.scan.landscape.worst_ratio
         best = int(np.argmin(worst))
         if self.status is not DesignStatus.INFEASIBLE or not np.isfinite(worst[best]):

@@ -108,7 +108,8 @@ def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
 
 
 def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
-    """Return the objective (index -1) or a constraint ratio, with gradient, as a function of the uncertain inputs."""
+    """Return a function that computes the objective (index -1) or a constraint ratio from the uncertain inputs."""
+    # The function also returns the gradient.
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
 

@@ -1,8 +1,12 @@
-"""Exported co-simulation units compute what the package computes, in FMPy and in both versions of FMI."""
+"""Exported co-simulation units compute what the package computes, in FMPy and in both versions of FMI.
+
+The environment variable FMILIB names the folder in which FMI Library is installed, for the test with that importer.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
 import shutil
 import subprocess
@@ -315,3 +319,29 @@ def test_a_hostile_file_name_gives_valid_units(tmp_path: Path) -> None:
     from fmpy.validation import validate_fmu
 
     assert [validate_fmu(str(unit_in(tmp_path / "law", standard))) for standard in STANDARDS] == [[], []]
+
+
+@needs_compiler
+@pytest.mark.skipif("FMILIB" not in os.environ, reason="FMILIB names no folder with FMI Library")
+@pytest.mark.parametrize("design", DESIGNS)
+def test_fmi_library_accepts_both_units_and_gives_the_same_bits(
+    design: str, exports: dict[str, Path], tmp_path: Path
+) -> None:
+    """An importer in C that shares no code with FMPy: no warnings about the XML files, and all cases."""
+    root, program = Path(os.environ["FMILIB"]), tmp_path / "play"
+    source = Path(__file__).parents[1] / "embedded/play_fmu.c"
+    libraries = [f"-L{root / 'lib'}", "-lfmilib", "-ldl", "-lm", "-lpthread"]
+    subprocess.run(["cc", "-std=c99", f"-I{root / 'include'}", str(source), *libraries, "-o", str(program)], check=True)
+    law = law_design(DESIGNS[design](), verify=False)
+    rows = [
+        [i, *(getattr(s, name) for name in INPUTS), s.fresh] for i, case in enumerate(law.cases) for s in case.samples
+    ]
+    wanted = np.array([out for case in law.cases for out in case.outputs], float)
+    for standard in STANDARDS:
+        folder = tmp_path / f"fmi{standard}"
+        folder.mkdir()
+        command = [str(program), str(unit_in(exports[design], standard)), str(folder), repr(law.controller.period)]
+        run = subprocess.run(command, input=np.array(rows, float).tobytes(), capture_output=True, check=False)
+        assert (run.returncode, run.stderr) == (0, b"")
+        found = np.frombuffer(run.stdout).reshape(-1, len(OUTPUTS) + 1)
+        np.testing.assert_array_equal(found.view(np.int64), wanted.view(np.int64))

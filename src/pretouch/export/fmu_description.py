@@ -177,7 +177,11 @@ def build_description(identifier: str) -> str:
     """Return the file `buildDescription.xml`, which lists the sources of a unit of FMI 3.0."""
     root = Xml.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     configuration = _add(root, "BuildConfiguration", modelIdentifier=identifier)
-    _add(_add(configuration, "SourceFileSet", language="C99"), "SourceFile", name="fmi3.c")
+    sources = _add(configuration, "SourceFileSet", language="C99")
+    _add(sources, "SourceFile", name="fmi3.c")
+    about = "for a shared library: function names without the model identifier"
+    name = "FMI3_OVERRIDE_FUNCTION_PREFIX"
+    _add(sources, "PreprocessorDefinition", name=name, optional="true", value="1", description=about)
     return as_text(root)
 
 

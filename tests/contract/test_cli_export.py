@@ -144,10 +144,11 @@ def test_a_custom_law_has_no_c_source(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "session", re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL), ids=["export", "make", "ros2"]
+    "session", re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL), ids=["export", "make", "ros2", "fmu"]
 )
 def test_the_sessions_of_the_page_run(session: str, tmp_path: Path) -> None:
-    if "make" in session and (shutil.which("make") is None or shutil.which("cc") is None):
+    needed = ["make", "cc"] if "make" in session else ["cc"] if "fmu" in session else []
+    if not all(map(shutil.which, needed)):
         pytest.skip("no make or no compiler")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     command, _, expected = session.partition("\n")

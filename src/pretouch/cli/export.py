@@ -22,6 +22,7 @@ class Target(StrEnum):
     """What a law is exported as."""
 
     C = "c"
+    FMU = "fmu"
     JSON = "json"
     ROS2 = "ros2"
 
@@ -31,7 +32,8 @@ def export(
         Target,
         typer.Argument(
             metavar="TARGET",
-            help="What to write: c (C99 source), json (parameters and MATLAB code) or ros2 (ROS 2 package).",
+            help="What to write: c (C99 source), fmu (co-simulation units for FMI 2.0 and 3.0), json (parameters and "
+            "MATLAB code) or ros2 (ROS 2 package).",
         ),
     ],
     file: LoopFile,
@@ -77,7 +79,12 @@ def _export(
     from .summary import summary_of  # noqa: PLC0415
 
     task = load_loop(file, "simulating encounters on the loop" if not unverified else "simulating", gain, None)
-    write = {Target.C: exports.export_c, Target.JSON: exports.export_json, Target.ROS2: exports.export_ros2}[target]
+    write = {
+        Target.C: exports.export_c,
+        Target.FMU: exports.export_fmu,
+        Target.JSON: exports.export_json,
+        Target.ROS2: exports.export_ros2,
+    }[target]
     result = write(task, output, verify=not unverified, date=_date(), overwrite=force)
     if json:
         print_text(as_json(result.to_dict()))

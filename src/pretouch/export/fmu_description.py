@@ -1,0 +1,241 @@
+"""Describe a control law as a co-simulation unit: its variables, and the XML files of FMI 2.0 and FMI 3.0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any, Final
+from xml.etree import ElementTree as Xml
+
+from .law_design import LawDesign
+
+_BASE_UNITS: Final[dict[str, dict[str, int]]] = {
+    "s": {"s": 1},
+    "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "m/s2": {"m": 1, "s": -2},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.s": {"kg": 1, "m": 1, "s": -1},
+    "N.s2": {"kg": 1, "m": 1},
+    "1": {},
+}
+_READING: Final = "unit of the readings"
+_TYPES: Final = {  # by the name that this file uses: the names in FMI 2.0 and FMI 3.0
+    "real": ("Real", "Float64"),
+    "integer": ("Integer", "Int32"),
+    "boolean": ("Boolean", "Boolean"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """One variable of a unit.
+
+    Args:
+        name: its name.
+        about: its meaning.
+        place: where the C structure of an instance has it.
+        causality: what FMI calls its role, such as "input".
+        unit: its unit; empty for flags.
+        kind: "real", "integer" or "boolean".
+        variability: when it may change, as FMI calls it.
+        start: its start value; empty if it follows from other variables.
+        bounds: smallest and largest value; None if there are none.
+        follows: names of the variables that determine its value before the first step.
+    """
+
+    name: str
+    about: str
+    place: str
+    causality: str
+    unit: str = ""
+    kind: str = "real"
+    variability: str = "continuous"
+    start: str = ""
+    bounds: tuple[float, float] | None = None
+    follows: tuple[str, ...] = ()
+
+
+def variables(design: LawDesign) -> tuple[Variable, ...]:
+    """Return the variables of a unit; the position of a variable is its value reference."""
+    time = Variable(name="time", about="Time of the simulation", place="m->time", causality="independent", unit="s")
+    return (time, *_inputs(), _number(design), *_outputs())
+
+
+def _inputs() -> tuple[Variable, ...]:
+    rows = (
+        ("reading", "Raw output of the sensor at the start of the step", _READING, "discrete"),
+        ("fresh", "Whether the reading arrived since the last step", "", "discrete"),
+        ("age", "Time since the reading was measured", "s", "discrete"),
+        ("contact_force", "Measured contact force on the robot along x; 0 without a force sensor", "N", "continuous"),
+        ("reference_position", "Reference x_d of the robot at the start of the step", "m", "continuous"),
+        ("reference_velocity", "Velocity of the reference at the start of the step", "m/s", "continuous"),
+        ("reference_acceleration", "Acceleration of the reference during the step", "m/s2", "continuous"),
+    )
+    return tuple(
+        Variable(
+            name=name,
+            about=about,
+            place=f"m->sample.{name}",
+            causality="input",
+            unit=unit,
+            kind="real" if unit else "boolean",
+            variability=variability,
+            start="0" if unit else "false",
+        )
+        for name, about, unit, variability in rows
+    )
+
+
+def _number(design: LawDesign) -> Variable:
+    """Return the parameter for the number of the law, which may be weaker than that of the design."""
+    name, symbol, unit = ("drag", "phi", "N.s2") if design.is_drag else ("gain", "D_p", "N.s")
+    value: float = getattr(design.controller.parameters().law, name)
+    return Variable(
+        name=name,
+        about=f"{name.capitalize()} {symbol} of the law; values between 0 and that of the design are allowed",
+        place=f"m->parameters.law.{name}",
+        causality="parameter",
+        unit=unit,
+        variability="fixed",
+        start=repr(value),
+        bounds=(min(value, 0.0), max(value, 0.0)),
+    )
+
+
+def _outputs() -> tuple[Variable, ...]:
+    rows = (
+        ("position", "Commanded position x_v at the end of the step", "m", "reference_position"),
+        ("velocity", "Commanded velocity at the end of the step", "m/s", "reference_velocity"),
+        ("acceleration", "Commanded acceleration, its mean over the last period", "m/s2", "reference_acceleration"),
+        ("virtual_force", "Virtual force F_p of the last period, after its limit", "N", ""),
+        ("log_level", "ln(xi / floor) after the filters; 0 while nothing is detected", "1", ""),
+        ("status", "Sum of the status flags of the last period", "", ""),
+    )
+    return tuple(
+        Variable(
+            name=name,
+            about=about,
+            place=f"m->out.{name}",
+            causality="output",
+            unit=unit,
+            kind="real" if unit else "integer",
+            variability="continuous" if unit else "discrete",
+            start="" if follows else "0",
+            follows=(follows,) if follows else (),
+        )
+        for name, about, unit, follows in rows
+    )
+
+
+def model_description(design: LawDesign, standard: int, identifier: str, token: str) -> str:
+    """Return the file `modelDescription.xml` of a unit.
+
+    Args:
+        design: the design.
+        standard: the major version of FMI, 2 or 3.
+        identifier: the model identifier, a C name.
+        token: the token that connects the file with the library.
+
+    Returns:
+        The text of the file.
+    """
+    names = {
+        "fmiVersion": f"{standard}.0",
+        "modelName": identifier,
+        ("guid" if standard == 2 else "instantiationToken"): token,
+        "description": f"Pre-contact controller, {design.law_text}, from {design.origin}. {design.verdict_text}",
+        "version": version("pretouch"),
+        "generationTool": f"pretouch {version('pretouch')}",
+        "variableNamingConvention": "flat",
+    }
+    root = Xml.Element("fmiModelDescription", names)
+    period = design.controller.period
+    state = "FMUstate" if standard == 2 else "FMUState"
+    abilities = ("canHandleVariableCommunicationStepSize", f"canGetAndSet{state}", f"canSerialize{state}")
+    unit = Xml.SubElement(root, "CoSimulation", {"modelIdentifier": identifier, **dict.fromkeys(abilities, "true")})
+    if standard == 2:
+        _add(_add(unit, "SourceFiles"), "File", name="fmi2.c")
+    else:
+        unit.set("fixedInternalStepSize", repr(period))
+    units = _add(root, "UnitDefinitions")
+    for name, base in _BASE_UNITS.items():
+        _add(_add(units, "Unit", name=name), "BaseUnit", **base)
+    _add(units, "Unit", name=_READING)
+    _add(_add(root, "LogCategories"), "Category", name="logStatusError", description="Refused calls, with the reason")
+    stop = float(f"{len(design.cases[0].samples) * period:.12g}")
+    _add(root, "DefaultExperiment", startTime=0.0, stopTime=stop, stepSize=period)
+    chosen = variables(design)
+    listed = _add(root, "ModelVariables")
+    for reference, variable in enumerate(chosen):
+        (_add_variable_2 if standard == 2 else _add_variable_3)(listed, reference, variable)
+    _add_structure(_add(root, "ModelStructure"), chosen, standard)
+    return as_text(root)
+
+
+def build_description(identifier: str) -> str:
+    """Return the file `buildDescription.xml`, which lists the sources of a unit of FMI 3.0."""
+    root = Xml.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
+    configuration = _add(root, "BuildConfiguration", modelIdentifier=identifier)
+    sources = _add(configuration, "SourceFileSet", language="C99")
+    _add(sources, "SourceFile", name="fmi3.c")
+    about = "for a shared library: function names without the model identifier"
+    name = "FMI3_OVERRIDE_FUNCTION_PREFIX"
+    _add(sources, "PreprocessorDefinition", name=name, optional="true", value="1", description=about)
+    return as_text(root)
+
+
+def as_text(root: Xml.Element) -> str:
+    """Return an XML tree as the text of a file, with one element per line."""
+    Xml.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root, encoding="unicode") + "\n"
+
+
+def _add(parent: Xml.Element, tag: str, **attributes: Any) -> Xml.Element:
+    return Xml.SubElement(parent, tag, {name: str(value) for name, value in attributes.items()})
+
+
+def _role(variable: Variable, reference: int) -> dict[str, Any]:
+    """Return the attributes of a variable that both versions of FMI have."""
+    initial = {"parameter": "exact", "output": "calculated" if variable.follows else "exact"}.get(variable.causality)
+    return {
+        "name": variable.name,
+        "valueReference": reference,
+        "description": variable.about,
+        "causality": variable.causality,
+        "variability": variable.variability,
+        **({"initial": initial} if initial else {}),
+    }
+
+
+def _value(variable: Variable) -> dict[str, Any]:
+    """Return the attributes of a variable that belong to its type in FMI 2.0."""
+    bounds = variable.bounds or ()
+    given = {"unit": variable.unit, **dict(zip(("min", "max"), bounds, strict=False)), "start": variable.start}
+    return {name: value for name, value in given.items() if value != ""}
+
+
+def _add_variable_2(parent: Xml.Element, reference: int, variable: Variable) -> None:
+    scalar = _add(parent, "ScalarVariable", **_role(variable, reference))
+    _add(scalar, _TYPES[variable.kind][0], **_value(variable))
+
+
+def _add_variable_3(parent: Xml.Element, reference: int, variable: Variable) -> None:
+    _add(parent, _TYPES[variable.kind][1], **_role(variable, reference), **_value(variable))
+
+
+def _add_structure(parent: Xml.Element, chosen: tuple[Variable, ...], standard: int) -> None:
+    """List the outputs, and which inputs they need before the first step; FMI 2.0 counts variables from 1."""
+    number = {variable.name: i + (standard == 2) for i, variable in enumerate(chosen)}
+    key = "index" if standard == 2 else "valueReference"
+    outputs = [variable for variable in chosen if variable.causality == "output"]
+    after_a_step = _add(parent, "Outputs") if standard == 2 else parent
+    for variable in outputs:
+        tag = "Unknown" if standard == 2 else "Output"
+        _add(after_a_step, tag, **{key: number[variable.name]}, dependencies="")
+    before = _add(parent, "InitialUnknowns") if standard == 2 else parent
+    for variable in outputs:
+        if variable.follows:
+            tag = "Unknown" if standard == 2 else "InitialUnknown"
+            needed = " ".join(str(number[name]) for name in variable.follows)
+            _add(before, tag, **{key: number[variable.name]}, dependencies=needed)

@@ -1,0 +1,347 @@
+"""Exported co-simulation units compute what the package computes, in FMPy and in both versions of FMI.
+
+The environment variable FMILIB names the folder in which FMI Library is installed, for the test with that importer.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from exported_designs import DESIGNS
+from pretouch.control import Controller, Sample
+from pretouch.errors import InvalidInputError
+from pretouch.export import export_fmu
+from pretouch.export.law_design import law_design
+
+WARNINGS = "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
+INPUTS = ("reading", "age", "contact_force", "reference_position", "reference_velocity", "reference_acceleration")
+OUTPUTS = ("position", "velocity", "acceleration", "virtual_force", "log_level")
+STANDARDS = (2, 3)
+
+needs_compiler = pytest.mark.skipif(
+    not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="no C compiler: the units have no library"
+)
+
+
+@pytest.fixture(scope="module")
+def exports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """One export of each design, without its verification, which other tests run."""
+    root = tmp_path_factory.mktemp("fmu")
+    for name, design in DESIGNS.items():
+        assert export_fmu(design(), root / name, verify=False).is_written
+    return {name: root / name for name in DESIGNS}
+
+
+def unit_in(folder: Path, standard: int) -> Path:
+    (path,) = folder.glob(f"*-fmi{standard}.fmu")
+    return path
+
+
+class Unit:
+    """One instance of a unit in FMPy, with the same methods for both versions of FMI."""
+
+    def __init__(self, fmu: Any, description: Any) -> None:
+        self.fmu, self.is_2 = fmu, description.fmiVersion == "2.0"
+        self.reference = {v.name: v.valueReference for v in description.modelVariables}
+
+    def set_reals(self, **values: float) -> None:
+        set_values = self.fmu.setReal if self.is_2 else self.fmu.setFloat64
+        set_values([self.reference[name] for name in values], list(values.values()))
+
+    def get_reals(self, *names: str) -> list[float]:
+        get_values = self.fmu.getReal if self.is_2 else self.fmu.getFloat64
+        return list(get_values([self.reference[name] for name in names]))
+
+    def start(self) -> None:
+        if self.is_2:
+            self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def step(self, sample: Sample, duration: float) -> list[float]:
+        """The real outputs and the status after one communication step."""
+        self.set_reals(**{name: getattr(sample, name) for name in INPUTS})
+        self.fmu.setBoolean([self.reference["fresh"]], [bool(sample.fresh)])
+        self.fmu.doStep(currentCommunicationPoint=0.0, communicationStepSize=duration)
+        status = (self.fmu.getInteger if self.is_2 else self.fmu.getInt32)([self.reference["status"]])
+        return [*self.get_reals(*OUTPUTS), status[0]]
+
+
+@contextmanager
+def instance(path: Path) -> Iterator[Unit]:
+    """An instance of a unit that is not initialized yet."""
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install pretouch[fmu])")
+    from fmpy.simulation import instantiate_fmu
+
+    description, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path))
+    try:
+        fmu = instantiate_fmu(folder, description, "CoSimulation")
+        yield Unit(fmu, description)
+        fmu.freeInstance()
+    finally:
+        shutil.rmtree(folder)
+
+
+def controller_of(task: pt.Task) -> Controller:
+    return law_design(task, verify=False).controller
+
+
+def expected(controller: Controller, samples: tuple[Sample, ...]) -> list[list[float]]:
+    run = controller.begin()
+    names = ("contact_force", "reference_position", "reference_velocity", "reference_acceleration")
+    outputs = (run.step(s.reading, s.fresh, s.age, **{name: getattr(s, name) for name in names}) for s in samples)
+    return [[*out[:-1], int(out.status)] for out in outputs]
+
+
+@needs_compiler
+@pytest.mark.parametrize("design", DESIGNS)
+def test_both_units_are_valid_and_every_bit_is_that_of_the_vectors(design: str, exports: dict[str, Path]) -> None:
+    """The exported test counts findings of FMPy and differences; it runs all cases in both versions of FMI."""
+    pytest.importorskip("fmpy", reason="FMPy is not installed (pip install pretouch[fmu])")
+    command = [sys.executable, str(exports[design] / "test_fmu.py")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
+    rows = [
+        re.findall(r": (\d+) findings; (\d+) steps, .* difference (\S+), (\d+) ", s) for s in run.stdout.splitlines()
+    ]
+    assert len(rows) == len(STANDARDS)
+    for ((findings, steps, difference, flags),) in rows:
+        assert (int(findings), float(difference), int(flags)) == (0, 0, 0)
+        assert int(steps) > 1000
+
+
+@needs_compiler
+def test_the_exported_test_notices_another_output(exports: dict[str, Path], tmp_path: Path) -> None:
+    pytest.importorskip("fmpy", reason="FMPy is not installed (pip install pretouch[fmu])")
+    shutil.copytree(exports["damper"], tmp_path / "law")
+    unit_in(tmp_path / "law", 2).unlink()
+    vectors = tmp_path / "law/vectors.csv"
+    *lines, last = vectors.read_text().splitlines()
+    *cells, log_level, status = last.split(",")
+    vectors.write_text("\n".join([*lines, ",".join([*cells, repr(float(log_level) + 1e-6), status])]) + "\n")
+    command = [sys.executable, str(tmp_path / "law/test_fmu.py")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 1, run.stdout + run.stderr
+    assert "FAILED" in run.stdout
+
+
+@needs_compiler
+@pytest.mark.parametrize("standard", STANDARDS)
+def test_a_simulation_of_fmpy_gives_the_same_bits(standard: int, exports: dict[str, Path]) -> None:
+    """FMPy's own loop over time, with signals for all inputs."""
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install pretouch[fmu])")
+    design = law_design(DESIGNS["course"](), verify=False)
+    case, period = design.cases[0], design.controller.period
+    columns = [("time", "f8"), *((name, "f8") for name in INPUTS), ("fresh", "?")]
+    signals = np.array(
+        [(i * period, *(getattr(s, name) for name in INPUTS), s.fresh) for i, s in enumerate(case.samples)], columns
+    )
+    path = str(unit_in(exports["course"], standard))
+    steps = len(case.samples) - 1  # signals hold until the last sample
+    result = fmpy.simulate_fmu(path, input=signals, output=[*OUTPUTS, "status"], stop_time=steps * period)
+    assert len(result) == steps + 1
+    for name in (*OUTPUTS, "status"):
+        wanted = [getattr(out, name) for out in case.outputs[:steps]]
+        np.testing.assert_array_equal(result[name][1:], wanted)
+
+
+@needs_compiler
+@pytest.mark.parametrize("standard", STANDARDS)
+def test_a_step_of_several_periods_equals_single_periods(standard: int, exports: dict[str, Path]) -> None:
+    """The reading is fresh once, and the reference moves on with its constant acceleration."""
+    task = DESIGNS["damper"]()
+    controller = controller_of(task)
+    period, (x, v, a) = controller.period, (0.1, 0.3, 2.0)
+    samples = []
+    for i in range(60):  # twenty communication steps of three periods
+        at = period * (i % 3)
+        moved = {"reference_position": x + v * at + a * at**2 / 2, "reference_velocity": v + a * at}
+        samples.append(
+            Sample(
+                reading=1000.0 * 1.01**i,
+                fresh=i % 3 == 0,
+                age=0.0,
+                contact_force=0.0,
+                reference_acceleration=a,
+                **moved,
+            )
+        )
+    wanted = expected(controller, tuple(samples))[2::3]
+    with instance(unit_in(exports["damper"], standard)) as unit:
+        unit.start()
+        found = [unit.step(sample, 3 * period) for sample in samples[::3]]
+    assert max(abs(out[3]) for out in wanted) > 0.1
+    # both add up the reference of the second and third period, in another order
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
+
+
+@needs_compiler
+@pytest.mark.parametrize("standard", STANDARDS)
+@pytest.mark.parametrize("share", [0.5, 1.5, 1.001, 0.0, -1.0, float("nan"), 1e30])
+def test_a_step_that_is_no_multiple_of_the_period_is_refused(
+    share: float, standard: int, exports: dict[str, Path]
+) -> None:
+    task = DESIGNS["damper"]()
+    samples = law_design(task, verify=False).cases[0].samples
+    period = task.loop.law.period
+    with instance(unit_in(exports["damper"], standard)) as unit:
+        unit.start()
+        first = unit.step(samples[0], period)
+        with pytest.raises(Exception, match="status 3"):
+            unit.step(samples[1], share * period)
+        assert unit.get_reals(*OUTPUTS) == first[:-1]
+
+
+@needs_compiler
+@pytest.mark.parametrize("standard", STANDARDS)
+def test_the_gain_can_be_weaker_but_not_stronger(standard: int, exports: dict[str, Path]) -> None:
+    design = law_design(DESIGNS["damper"](), verify=False)
+    samples = design.cases[0].samples
+    wanted = expected(design.controller.with_value(-0.43), samples)
+    with instance(unit_in(exports["damper"], standard)) as unit:
+        for wrong in (-0.8601, 1e-9, float("nan")):
+            with pytest.raises(Exception, match="status 3"):
+                unit.set_reals(gain=wrong)
+        unit.set_reals(gain=-0.43)
+        unit.start()
+        assert [unit.step(sample, design.controller.period) for sample in samples] == wanted
+        with pytest.raises(Exception, match="status 3"):
+            unit.set_reals(gain=-0.2)
+    assert wanted != expected(design.controller, samples)
+
+
+@needs_compiler
+@pytest.mark.parametrize("standard", STANDARDS)
+@pytest.mark.parametrize("design", ["damper", "drag"])
+def test_a_restored_state_repeats_the_run(design: str, standard: int, exports: dict[str, Path]) -> None:
+    """Stored in the middle of an approach, restored later, directly and from bytes."""
+    law = law_design(DESIGNS[design](), verify=False)
+    samples, period = law.cases[0].samples, law.controller.period
+    with instance(unit_in(exports[design], standard)) as unit:
+        fmu = unit.fmu
+        store, restore = (fmu.getFMUstate, fmu.setFMUstate) if standard == 2 else (fmu.getFMUState, fmu.setFMUState)
+        serialize, deserialize = (
+            (fmu.serializeFMUstate, fmu.deSerializeFMUstate)
+            if standard == 2
+            else (fmu.serializeFMUState, fmu.deserializeFMUState)
+        )
+        unit.start()
+        middle = len(samples) // 2
+        for sample in samples[:middle]:
+            unit.step(sample, period)
+        stored = store()
+        stored_bytes = serialize(stored)
+        wanted = [unit.step(sample, period) for sample in samples[middle:]]
+        restore(stored)
+        assert [unit.step(sample, period) for sample in samples[middle:]] == wanted
+        restore(deserialize(stored_bytes))
+        assert [unit.step(sample, period) for sample in samples[middle:]] == wanted
+
+
+@needs_compiler
+@pytest.mark.parametrize("standard", STANDARDS)
+def test_before_the_first_step_the_outputs_are_the_reference(standard: int, exports: dict[str, Path]) -> None:
+    with instance(unit_in(exports["damper"], standard)) as unit:
+        unit.set_reals(reference_position=0.2, reference_velocity=-0.1, reference_acceleration=3.0)
+        unit.start()
+        assert unit.get_reals(*OUTPUTS) == [0.2, -0.1, 3.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("prefix", [False, True])
+def test_sources_compile_without_warnings(
+    compiler: str, prefix: bool, exports: dict[str, Path], tmp_path: Path
+) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    for design in ("damper", "drag"):
+        for standard in STANDARDS:
+            folder = tmp_path / f"{design}{standard}"
+            zipfile.ZipFile(unit_in(exports[design], standard)).extractall(folder)
+            define = [] if prefix else [f"-DFMI{standard}_OVERRIDE_FUNCTION_PREFIX"]
+            options = f"-std=c99 -O2 -fPIC -ffp-contract=off -fvisibility=hidden {WARNINGS}".split()
+            target = folder / "unit.o"
+            command = [compiler, *options, *define, "-c", f"fmi{standard}.c", "-o", str(target)]
+            subprocess.run(command, cwd=folder / "sources", check=True)
+            name = "loop" if design == "damper" else "drag"
+            assert (f"pretouch_{name}_fmi{standard}DoStep".encode() in target.read_bytes()) == prefix
+
+
+def test_the_same_design_gives_the_same_bytes(exports: dict[str, Path], tmp_path: Path) -> None:
+    assert export_fmu(DESIGNS["damper"](), tmp_path / "again", verify=False).is_written
+    for standard in STANDARDS:
+        first, second = (unit_in(folder, standard) for folder in (exports["damper"], tmp_path / "again"))
+        assert first.read_bytes() == second.read_bytes()
+        names = zipfile.ZipFile(first).namelist()
+        assert names == sorted(names)
+
+
+def test_without_a_compiler_the_units_have_sources_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "a-compiler-that-does-not-exist")
+    result = export_fmu(DESIGNS["damper"](), tmp_path / "law", verify=False)
+    assert "no C compiler" in result.headline
+    for standard in STANDARDS:
+        names = zipfile.ZipFile(unit_in(tmp_path / "law", standard)).namelist()
+        assert not [name for name in names if name.startswith("binaries")]
+        assert {f"sources/fmi{standard}.c", "modelDescription.xml"} <= set(names)
+
+
+def test_a_compiler_that_fails_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if shutil.which("false") is None:
+        pytest.skip("the command false does not exist")
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(InvalidInputError, match="CC"):
+        export_fmu(DESIGNS["damper"](), tmp_path / "law", verify=False)
+    assert not list(tmp_path.iterdir())
+
+
+@needs_compiler
+def test_a_hostile_file_name_gives_valid_units(tmp_path: Path) -> None:
+    task = DESIGNS["damper"]()
+    path = tmp_path / "a" / '1<x> "&*/ ü.toml'
+    source = dataclasses.replace(task.source, path=path)
+    assert export_fmu(task.replace(source=source), tmp_path / "law", verify=False).is_written
+    pytest.importorskip("fmpy", reason="FMPy is not installed (pip install pretouch[fmu])")
+    from fmpy.validation import validate_fmu
+
+    assert [validate_fmu(str(unit_in(tmp_path / "law", standard))) for standard in STANDARDS] == [[], []]
+
+
+@needs_compiler
+@pytest.mark.skipif("FMILIB" not in os.environ, reason="FMILIB names no folder with FMI Library")
+@pytest.mark.parametrize("design", DESIGNS)
+def test_fmi_library_accepts_both_units_and_gives_the_same_bits(
+    design: str, exports: dict[str, Path], tmp_path: Path
+) -> None:
+    """An importer in C that shares no code with FMPy: no warnings about the XML files, and all cases."""
+    root, program = Path(os.environ["FMILIB"]), tmp_path / "play"
+    source = Path(__file__).parents[1] / "embedded/play_fmu.c"
+    libraries = [f"-L{root / 'lib'}", "-lfmilib", "-ldl", "-lm", "-lpthread"]
+    subprocess.run(["cc", "-std=c99", f"-I{root / 'include'}", str(source), *libraries, "-o", str(program)], check=True)
+    law = law_design(DESIGNS[design](), verify=False)
+    rows = [
+        [i, *(getattr(s, name) for name in INPUTS), s.fresh] for i, case in enumerate(law.cases) for s in case.samples
+    ]
+    wanted = np.array([out for case in law.cases for out in case.outputs], float)
+    for standard in STANDARDS:
+        folder = tmp_path / f"fmi{standard}"
+        folder.mkdir()
+        command = [str(program), str(unit_in(exports[design], standard)), str(folder), repr(law.controller.period)]
+        run = subprocess.run(command, input=np.array(rows, float).tobytes(), capture_output=True, check=False)
+        assert (run.returncode, run.stderr) == (0, b"")
+        found = np.frombuffer(run.stdout).reshape(-1, len(OUTPUTS) + 1)
+        np.testing.assert_array_equal(found.view(np.int64), wanted.view(np.int64))

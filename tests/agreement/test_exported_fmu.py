@@ -5,6 +5,7 @@ The environment variable FMILIB names the folder in which FMI Library is install
 
 from __future__ import annotations
 
+import ctypes
 import dataclasses
 import os
 import re
@@ -122,6 +123,62 @@ def test_both_units_are_valid_and_every_bit_is_that_of_the_vectors(design: str, 
     for ((findings, steps, difference, flags),) in rows:
         assert (int(findings), float(difference), int(flags)) == (0, 0, 0)
         assert int(steps) > 1000
+
+
+@needs_compiler
+@pytest.mark.parametrize("standard", STANDARDS)
+def test_the_library_gives_every_bit_of_the_vectors_without_an_importer(
+    standard: int, exports: dict[str, Path], tmp_path: Path
+) -> None:
+    """Called as the standard declares the functions, also where FMPy is not installed."""
+    law = law_design(DESIGNS["filters"](), verify=False)
+    archive = zipfile.ZipFile(unit_in(exports["filters"], standard))
+    (name,) = (name for name in archive.namelist() if name.startswith("binaries"))
+    library = ctypes.CDLL(archive.extract(name, tmp_path))
+    description = archive.read("modelDescription.xml").decode()
+    token = re.search(r"\{[-0-9a-f]{36}\}", description)
+    assert token is not None
+    call = lambda name: getattr(library, f"fmi{standard}{name}")  # noqa: E731
+    call("Instantiate" if standard == 2 else "InstantiateCoSimulation").restype = ctypes.c_void_p
+    flag, number, handle = (ctypes.c_int if standard == 2 else ctypes.c_bool), ctypes.c_double, ctypes.c_void_p
+    size, none = ctypes.c_size_t, ctypes.c_void_p()
+    no = flag(0)
+
+    def create(given: bytes) -> ctypes.c_void_p:
+        if standard == 2:
+            made = library.fmi2Instantiate(b"unit", ctypes.c_int(1), given, none, none, no, no)
+        else:
+            none_of = (none, size(0), none, none, none)
+            made = library.fmi3InstantiateCoSimulation(b"unit", given, none, no, no, no, no, *none_of)
+        return handle(made)
+
+    assert not create(b"another token")
+    unit = create(token[0].encode())
+    variables = re.findall(r'name="(\w+)" valueReference="(\d+)"', description)
+    reference = {name: ctypes.c_uint32(int(text)) for name, text in variables}
+
+    def access(verb: str, kind: str, variable: str, value: Any) -> Any:
+        more = () if standard == 2 else (size(1),)
+        assert call(verb + kind)(unit, ctypes.byref(reference[variable]), size(1), ctypes.byref(value), *more) == 0
+        return value.value
+
+    real, integer = ("Real", "Integer") if standard == 2 else ("Float64", "Int32")
+    for case in law.cases:
+        assert call("Reset")(unit) == 0
+        if standard == 2:
+            assert call("EnterInitializationMode")(unit) == 0
+        else:
+            assert call("EnterInitializationMode")(unit, no, number(0), number(0), no, number(0)) == 0
+        assert call("ExitInitializationMode")(unit) == 0
+        for sample, out in zip(case.samples, case.outputs, strict=True):
+            for variable in INPUTS:
+                access("Set", real, variable, number(getattr(sample, variable)))
+            access("Set", "Boolean", "fresh", flag(bool(sample.fresh)))
+            results = () if standard == 2 else tuple(map(ctypes.byref, (flag(), flag(), flag(), number())))
+            assert call("DoStep")(unit, number(0), number(law.controller.period), no, *results) == 0
+            found = [access("Get", real, variable, number()) for variable in OUTPUTS]
+            assert [*found, access("Get", integer, "status", ctypes.c_int32())] == [*out[:-1], int(out.status)]
+    call("FreeInstance")(unit)
 
 
 @needs_compiler

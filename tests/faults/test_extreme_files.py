@@ -75,8 +75,8 @@ def test_and_one_of_the_command_line(run: Any) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        ('horizon = "5 s"', 'horizon = "5e9 s"', "loop.horizon: found 5e+09 s, which is 5e+12 steps"),
-        ('rate = "1 kHz"', 'rate = "99999 kHz"', "loop.horizon: found 5 s, which is 5e+08 steps"),
+        ('horizon = "5 s"', 'horizon = "5e9 s"', "loop.horizon: found 5e+09 s, which takes 5e+12 steps"),
+        ('rate = "1 kHz"', 'rate = "99999 kHz"', "loop.horizon: found 5 s, which takes 5e+08 steps"),
     ],
 )
 def test_a_loop_that_no_memory_holds_is_refused_with_its_key(

@@ -392,7 +392,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     assert "<table>" in front._repr_html_()
     assert found["knee"]["least_excursion"] == front.knee.bound.least_excursion
     assert found["knee"]["relative_velocity"] == front.knee.values["relative_velocity"]
-    assert repr(front).startswith("<ParetoFront: The Pareto front of deviation from the reference and relative")
+    assert repr(front).startswith("<ParetoFront: The knee of the Pareto front of deviation from the")
     assert repr(front.knee).startswith("<FrontPoint knee")
 
 

@@ -194,7 +194,7 @@ def schedule_drag(
         >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
         >>> schedule = schedule_drag(sensor, 0.0422, 1.0, ratio=0.26, reflectance=(0.9, 1.1), steps=24)
         >>> print(schedule.verdict.partition(": ")[2])
-        its excursion is 28 % smaller (24.7 mm instead of 34.2 mm), but its peak acceleration is 2.0 times as large
+        the excursion is 28 % smaller (24.7 mm instead of 34.2 mm), but the peak acceleration is 2.0 times as large
     """
     low, high = np.log(_pair(reflectance, "reflectance"))
     if np.ndim(ratio) or not positive(ratio, "ratio") < 1:

@@ -53,6 +53,7 @@ _IN_VAIN: Final = 3  # halvings without progress after which the error counts as
 _MAX_PIECES: Final = 20_000
 _GROWTH: Final = 64.0  # ratio of successive ranges of a curve
 _FARTHEST: Final = 1e12  # [m]
+_TINY: Final = 1e-280  # powers of a width that are smaller: the terms they belong to change no digit
 
 LARGEST_START: Final = 2.0**43
 """Largest initial distance [m] from which an encounter is integrated; the pieces of a curve reach 4 times as far.
@@ -166,7 +167,9 @@ def windows_of_pieces(sensor: SensorModel, low: float, high: float) -> FloatArra
     table[:, EDGE] = table[:, LOW] = table[:, SWITCH] = borders[:-1]
     table[:, TOP], table[:, MIDDLE] = borders[1:], pieces[:, 0]
     powers = np.arange(1, pieces.shape[1] - 1)
-    table[:, TERMS + 1 : TERMS + 1 + len(powers)] = pieces[:, 2:] / powers / half ** (powers - 1.0)
+    scales = half ** (powers - 1.0)
+    terms = table[:, TERMS + 1 : TERMS + 1 + len(powers)]
+    np.divide(pieces[:, 2:] / powers, scales, out=terms, where=scales > _TINY)
     return table
 
 

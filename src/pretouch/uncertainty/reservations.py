@@ -373,7 +373,7 @@ def recess_advice(nearest: float, present: float) -> str:
 
     Examples:
         >>> recess_advice(0.021, 0.015)[:77]
-        'mount the sensor 21 mm (now 15 mm) behind the contact surface, with recess = '
+        'mount the sensor 21 mm (now 15 mm) behind the contact surface, and set recess'
     """
     now, recess = f" (now {format_quantity(present, 'm')})" if present else "", recess_in_words(nearest)
     mounting = f'mount the sensor {recess}{now} behind the contact surface, and set recess = "{recess}"'

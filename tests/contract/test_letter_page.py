@@ -217,6 +217,14 @@ def test_the_text_shows_counts_findings_and_disagreements() -> None:
     assert "](#" not in text
 
 
+def test_the_dictionary_has_every_finding_with_its_evidence() -> None:
+    findings = plain(good().to_dict())["findings"]
+    assert [finding["holds"] for finding in findings] == [True] * len(good().findings)
+    assert [finding["title"] for finding in findings] == [finding.title for finding in good().findings]
+    assert all(finding["evidence"] for finding in findings)
+    assert not all(finding["holds"] for finding in plain(bad().to_dict())["findings"])
+
+
 def test_the_text_is_loud_about_what_does_not_come_out() -> None:
     lines = str(bad()).splitlines()
     assert lines[0].endswith("NOT REPRODUCED: finding 7; f1 at -0.9 (table-2).")

@@ -178,10 +178,13 @@ def test_a_preamble_padded_by_a_spreadsheet_is_skipped(file):
 
 
 def test_units_in_a_line_of_their_own_are_read(file):
-    for text in ("Distance;Voltage;gain\nmm;mV;\n0;2500;1\n", "Bench\nDistance\tVoltage\n(mm)\t(mV)\n0\t2500\n"):
+    for line, text in (
+        (2, "Distance;Voltage;gain\nmm;mV;\n0;2500;1\n"),
+        (3, "Bench\nDistance\tVoltage\n(mm)\t(mV)\n0\t2500\n"),
+    ):
         curve = read_calibration(file(text))
         assert (curve.distances.tolist(), curve.outputs.tolist(), curve.unit) == ([0], [2.5], "V")
-        assert curve.source.notes[-1].startswith("The units are those of line ")
+        assert curve.source.notes[-1] == f"The units are those of line {line}."
 
 
 # --- settings, counts and second outputs

@@ -124,7 +124,8 @@ def test_the_dataset_goes_where_it_is_asked_for_and_stays(run: Any, name: str) -
     other = (*asked[:5], "-0.4", *asked[6:])
     code, out, err = run(*other)
     assert (code, out) == (2, "")
-    assert err.startswith(f"pretouch: {name}: the stored sweep differs from this sweep in gain, ")
+    assert err.startswith(f"pretouch: {name}: ")
+    assert "in gain, " in err
     assert "--output" in err
     assert run(*other, "--force")[0] == 0
     if name.endswith(".nc"):

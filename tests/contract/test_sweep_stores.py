@@ -121,11 +121,11 @@ def test_another_sweep_is_refused_and_replaced_only_where_that_is_asked_for(
     output = tmp_path / f"out{suffix}"
     sweep_to(output).close()
     other = {**AXES, "gain": np.linspace(-3.0, -0.05, 10)}
-    with pytest.raises(OutputExistsError, match=r"different axes.* does not overwrite it.* --output.* --force"):
+    with pytest.raises(OutputExistsError, match=r"axes.* does not overwrite .* --output.* --force"):
         pt.sweep(pt.Task(SCENARIO, CURVED), other, results=RESULTS, output=output)
-    with pytest.raises(OutputExistsError, match="different sensor"):
+    with pytest.raises(OutputExistsError, match="sensor"):
         pt.sweep(pt.Task(SCENARIO, CONSTANT), AXES, results=RESULTS, output=output)
-    with pytest.raises(OutputExistsError, match="different seed"):
+    with pytest.raises(OutputExistsError, match="seed"):
         sweep_to(output, seed=3)
     with sweep_to(output) as kept:
         xr.testing.assert_equal(kept.load(), sweep_to(None))
@@ -359,7 +359,7 @@ def test_a_damaged_netcdf_file_is_refused_or_replaced(small: Path, tmp_path: Pat
     with h5py.File(output, "r+") as file:
         file["status"][3, 3] = 77  # no status has this number
     if not overwrite:
-        with pytest.raises(OutputExistsError, match=r"out\.nc: .*damaged.* does not overwrite it.* --force"):
+        with pytest.raises(OutputExistsError, match=r"out\.nc: .*damaged.* does not overwrite .* --force"):
             sweep_to(output)
         return
     with sweep_to(output, overwrite=True) as found:

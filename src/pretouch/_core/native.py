@@ -98,8 +98,9 @@ def _check_file(path: Path) -> None:
 def _broken(path: Path, what: str) -> BrokenCoreError:
     origin = f" ({_LIBRARY} is set to this file)" if os.environ.get(_LIBRARY) else ""
     return BrokenCoreError(
-        f"pretouch's compiled core cannot be used: {path.name} in {path.parent} {what}{origin}. Reinstall "
-        "pretouch by pip; in a source tree, run python native/build.py"
+        f"the compiled core of pretouch cannot be used, because the file {path.name} in the folder "
+        f"{path.parent} {what}{origin}. Reinstall pretouch by pip; in a source tree, run python "
+        "native/build.py"
     )
 
 

@@ -82,7 +82,7 @@ def with_peaks(scenario: pt.Scenario, sensor: Any, drag: Any) -> None:
 
 
 def measure(count: int) -> Iterator[tuple[str, float, float, float, float]]:
-    """Yield what was timed, the time and that of NumPy [s], the asked time [s], and by how many it is divided."""
+    """Yield for each case: name, compiled time and NumPy time [s], required time [s], and number of items per time."""
     for name, sensor in CURVES.items():
         for acceleration in (0.0, 1.0):
             one = encounters(count, acceleration)

@@ -72,7 +72,7 @@ def _export(
     verbose: bool,
     json: bool,
 ) -> None:
-    """Export the law that the command line options describe, and print what was written."""
+    """Export the law that the command line options describe, and print the result."""
     from pretouch import export as exports  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch._core.blocks import page_of  # noqa: PLC0415
 

@@ -96,6 +96,9 @@ def filled(name: str, design: LawDesign | None = None, **more: str) -> str:
         verdict=design.verdict_text,
         steps=sum(len(case.samples) for case in design.cases),
         period=format_quantity(design.controller.period, "s"),
+        number=design.number,
+        suffix=design.suffix,
+        step=f"pretouch_step{design.suffix}",
         limits="\n".join(_limit_lines(design.controller)),
         flags="\n".join(_flag_table()),
         **more,
@@ -118,9 +121,7 @@ def design_header(design: LawDesign) -> str:
         "c/pretouch_design.h",
         design,
         about=block_comment(about),
-        suffix="_drag" if design.is_drag else "",
-        values="\n".join(_values(design.structure, design.controller.parameters(), 1)),
-        step="pretouch_step_drag" if design.is_drag else "pretouch_step",
+        values="\n".join(_values(f"pretouch_parameters{design.suffix}", design.controller.parameters(), 1)),
     )
 
 

@@ -1,4 +1,4 @@
-"""Write an export of a control law, and describe what was written."""
+"""Verify a control law, write the files of an export, and describe the result."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Export(Described, Value):
     """Result of an export: the files that were written, or the verdict for which nothing was written.
 
     Args:
-        kind: what was exported, such as "C".
+        kind: name of the format, such as "C".
         folder: the folder.
         files: paths of the files; empty if nothing was written.
         law: the law and its number in words.

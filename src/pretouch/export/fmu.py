@@ -92,7 +92,7 @@ def fmu_files(design: LawDesign, compiler: tuple[str, ...]) -> dict[str, str | b
         **units,
         "vectors.csv": cases_as_csv(design.cases),
         "test_fmu.py": filled("fmu/test_fmu.py.in"),
-        "README.md": filled("fmu/README.md", design, unit=name, library=library, number=_number(design)),
+        "README.md": filled("fmu/README.md", design, unit=name, library=library),
     }
 
 
@@ -122,7 +122,6 @@ def _unit(design: LawDesign, standard: int, compiler: tuple[str, ...]) -> dict[s
 def _instance(design: LawDesign, identifier: str, token: str) -> str:
     """Return the C header with the variables of a unit."""
     chosen = variables(design)
-    number = _number(design)
     reference = {variable.name: i for i, variable in enumerate(chosen)}
     reals = (f"    case {reference[v.name]}: return &{v.place};" for v in chosen if v.kind == "real")
     return filled(
@@ -130,19 +129,12 @@ def _instance(design: LawDesign, identifier: str, token: str) -> str:
         design,
         identifier=identifier,
         token=token,
-        suffix="_drag" if design.is_drag else "",
-        step="pretouch_step_drag" if design.is_drag else "pretouch_step",
-        number=number,
         number_unit="N s^2" if design.is_drag else "N s",
         reals="\n".join(reals),
-        number_reference=str(reference[number]),
+        number_reference=str(reference[design.number]),
         fresh_reference=str(reference["fresh"]),
         status_reference=str(reference["status"]),
     )
-
-
-def _number(design: LawDesign) -> str:
-    return "drag" if design.is_drag else "gain"
 
 
 def _name(design: LawDesign) -> str:

@@ -50,7 +50,6 @@ def export_json(
 
 def json_files(design: LawDesign) -> dict[str, str]:
     """Return the text of every file of a JSON export by its name."""
-    kind = design.structure
     content = {
         "format": FORMAT,
         "pretouch": version("pretouch"),
@@ -58,7 +57,7 @@ def json_files(design: LawDesign) -> dict[str, str]:
         "scenario": {"file": design.origin, "sha256": design.digest},
         "verification": {"text": design.verdict_text, "date": design.date},
         "parameters": _parameters(design.controller.parameters()),
-        "meanings": dict(_meanings(kind)),
+        "meanings": dict(_meanings(f"pretouch_parameters{design.suffix}")),
     }
     programs = ("pretouch_start.m", "pretouch_steady_low_pass.m", "pretouch_step.m", "test_law.m")
     return {

@@ -54,9 +54,14 @@ class LawDesign(Value):
         return isinstance(self.controller.law, VirtualDrag)
 
     @property
-    def structure(self) -> str:
-        """Name of the C structure that holds the parameters of the controller."""
-        return "pretouch_parameters_drag" if self.is_drag else "pretouch_parameters"
+    def number(self) -> str:
+        """Name of the law's number in C and in parameters of other formats: "gain" or "drag"."""
+        return "drag" if self.is_drag else "gain"
+
+    @property
+    def suffix(self) -> str:
+        """End of the names of the C structures and functions of the law."""
+        return "_drag" if self.is_drag else ""
 
     @property
     def verdict_text(self) -> str:

@@ -70,21 +70,15 @@ def export_ros2(
 
 def ros2_files(design: LawDesign) -> dict[str, str]:
     """Return the text of every file of a ROS 2 package by its path."""
-    values = {**_texts(design), **_parameters(design), **_curve(design), **_admittance(design)}
+    values = {
+        "rate": str(round(1 / design.controller.period)),
+        **_parameters(design),
+        **_curve(design),
+        **_admittance(design),
+    }
     own = {name: filled(f"ros2/{name}", design, **values) for name in _FILLED}
     fixed = {name.removesuffix(".in"): filled(f"ros2/{name}") for name in _FIXED}
     return own | fixed | {f"law/{name}": text for name, text in c_files(design).items()}
-
-
-def _texts(design: LawDesign) -> dict[str, str]:
-    """Return the values for descriptions and for the C functions of the law."""
-    suffix = "_drag" if design.is_drag else ""
-    return {
-        "rate": str(round(1 / design.controller.period)),
-        "suffix": suffix,
-        "step": f"pretouch_step{suffix}",
-        "number": "drag" if design.is_drag else "gain",
-    }
 
 
 def _parameters(design: LawDesign) -> dict[str, str]:

@@ -76,7 +76,7 @@ def columns_of(run: Integration) -> dict[str, FloatArray]:
 
 def _largest(run: Integration, name: str, values: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
     """Return the largest magnitude of a quantity, such as the virtual force, over each motion."""
-    # It lies next to the largest magnitude at the nodes, in the same step or in the one beside it.
+    # It lies next to the largest magnitude at the nodes, in the same step or in an adjacent one.
     magnitude, final = np.abs(values), tables().nodes.size - 1
     of_steps = magnitude.max(axis=1)
     motion = np.repeat(np.arange(len(first)), last - first + 1)

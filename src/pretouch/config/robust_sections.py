@@ -104,8 +104,8 @@ def _distribution_section(unit: str) -> Section:
 
 
 def _described_distribution(unit: str, name: str) -> Key | None:
-    """Return the file key for a type of distribution that an installed package provides."""
-    described = None if name in DISTRIBUTION_KINDS.built_in() else DISTRIBUTION_KINDS.find(name)
+    """Return the file key for a type of distribution without a key of its own above, such as that of a package."""
+    described = DISTRIBUTION_KINDS.find(name)
     if described is None:
         return None
     keys = declared_keys(described)

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,6 +33,14 @@ CURVES = {
     "exponential": pt.ExponentialFirstOrder(scale=0.458, rate=-61.0),
     "Mittag-Leffler": pt.MittagLeffler(scale=1.0, rate=-40.0, order=0.8),
     "table": pt.Table(distances=tuple(GRID), outputs=tuple(POWER.output(GRID))),
+}
+SPRING = pt.SpringImpact(robot_mass=2.0, stiffness=4e3)
+EFFECTS = {
+    "ratio": (0.99, 0.01),
+    "excursion": (0.005, 0.1),
+    "contact_speed": (0.02, 0.2),
+    "impact_force": (2.0, 15.0),
+    "acceleration": (2.0, 6.0),
 }
 DRAG, PEAK_WALKS = 0.0144, 4  # walks of the path for all peaks, one each of force, acceleration, speed and travel
 ASKED_CONTACTS, ASKED_DESIGN, ASKED_PEAKS, ASKED_PAGE = 0.1, 5e-6, 0.01, 2.0  # s, s each, s, s beyond the design
@@ -93,16 +102,17 @@ def measure(count: int) -> Iterator[tuple[str, float, float, float, float]]:
             )
             kind = "accelerated" if acceleration else "uniform"
             yield f"{count:,} contacts, {name}, {kind}", ours, peer, ASKED_CONTACTS * count / COUNT, 1
-    ratio = np.linspace(0.99, 0.01, count // 10)
     still = pt.Scenario(
         admittance=pt.Admittance(mass=1.0, damping=0.0, stiffness=0.0),
         obstacle=pt.Obstacle(position=0.0422, velocity=-1.0),
     )
-    drags = drag_by(POWER, 0.0422, 1.0, ratio=ratio).drag
-    ours, peer = alternating(
-        lambda: drag_by(POWER, 0.0422, 1.0, ratio=ratio), lambda: in_numpy(still, POWER, drags, 1), REPEATS
-    )
-    yield f"a design, of {len(ratio):,} by their ratio", ours, peer, ASKED_DESIGN * len(ratio), len(ratio)
+    for effect, (least, most) in EFFECTS.items():
+        limits = np.linspace(least, most, count // 10)
+        options = {} if effect in {"ratio", "excursion"} else {"largest_speed": 0.5}
+        design = partial(drag_by, POWER, 0.0422, 1.0, impact=SPRING, **{effect: limits}, **options)
+        drags = design().drag
+        ours, peer = alternating(design, lambda drags=drags: in_numpy(still, POWER, drags, 1), REPEATS)  # type: ignore[misc]
+        yield f"a design, of {len(limits):,} by their {effect}", ours, peer, ASKED_DESIGN * len(limits), len(limits)
     for name, sensor in CURVES.items():
         few = encounters(40, 1.0)
         ours, peer = alternating(

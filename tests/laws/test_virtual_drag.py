@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from sensor_samples import SAMPLES, rescaled
 
 ADMITTANCE = Admittance(mass=1.3, damping=9.0, stiffness=20.0)
 POWER = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+SPRING = SpringImpact(robot_mass=2.0, stiffness=4e3)
 CLAIM = 1e-11
 """Of the quadrature, relative: cells are halved until what is left out of them is below 1e-12."""
 
@@ -243,6 +245,35 @@ def test_the_designs_by_contact_speed_and_force_are_the_weakest_that_keep_them()
     hertz = HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01)
     none = drag_by(sensor, 0.0422, 1.0, impact_force=1e5, impact=hertz, largest_speed=speed)
     assert (none.drag, none.ratio, none.excursion) == (0.0, pytest.approx(1.0), pytest.approx(0.0, abs=1e-15))
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "reached"),
+    [
+        ("ratio", (0.05, 0.9), lambda design: design.ratio),
+        ("excursion", (0.005, 0.1), lambda design: design.excursion),
+        ("contact_speed", (0.02, 0.2), lambda design: design.ratio * 0.5),
+        ("impact_force", (2.0, 15.0), lambda design: SPRING.peak_force(design.ratio * 0.5)),
+        ("acceleration", (2.0, 6.0), lambda design: design.peak * 0.5**2),
+    ],
+)
+def test_drags_of_an_array_are_those_of_one_each(effect: str, values: tuple[float, float], reached: Any) -> None:
+    limits = np.random.default_rng(3).uniform(*values, (2, 3))
+    distances = np.array([0.03, 0.0422, 0.05])
+    options = {} if effect in {"ratio", "excursion"} else {"largest_speed": 0.5}
+    many = drag_by(POWER, distances, 1.3, impact=SPRING, **{effect: limits}, **options)
+    assert many.drag.shape == (2, 3)
+    assert reached(many) == pytest.approx(limits, rel=1e-9)
+    for at in np.ndindex(2, 3):
+        one = drag_by(POWER, float(distances[at[1]]), 1.3, impact=SPRING, **{effect: float(limits[at])}, **options)
+        assert many.drag[at] == pytest.approx(one.drag, rel=1e-11)
+
+
+def test_a_limit_of_an_array_that_no_drag_reaches_is_named() -> None:
+    with pytest.raises(InvalidInputError, match=r"the limit of 1e\+09 m .* strongest drag"):
+        drag_by(POWER, 0.0422, 1.0, excursion=[0.05, 1e9, 0.06])
+    with pytest.raises(InvalidInputError, match=r"the limit of 1e\+09 1/m .* strongest drag"):
+        drag_by(POWER, 0.0422, 1.0, acceleration=[2.0, 1e9], largest_speed=1.0)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
-from pretouch._core.numbers import FloatArray, positive
+from pretouch._core.numbers import FloatArray, finite, float_or_array, positive
 from pretouch._core.values import Value
 from pretouch.motion import Admittance, ContactResult, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
@@ -26,6 +26,7 @@ _CLOSE: Final = 1e-13
 _MET: Final = 1e-12
 _PASSES: Final = 200
 _FOREVER: Final = 1e300
+_TOGETHER: Final = 512  # designs by their acceleration that are searched at once, with a grid of drags each
 _UNITS: Final = {"ratio": "", "excursion": "m", "acceleration": "m/s^2", "contact_speed": "m/s", "impact_force": "N"}
 
 
@@ -37,9 +38,10 @@ class DragEffect(Value):
 
     A limit on excursion or acceleration gives the strongest drag that meets it; a limit on contact speed or impact
     force gives the weakest. Ratio and excursion hold at every speed, the other limits up to a largest approach speed.
+    Arrays of numbers choose one drag for each.
 
     Args:
-        ratio: rho, contact speed over approach speed, in (0, 1]; or an array.
+        ratio: rho, contact speed over approach speed, in (0, 1].
         excursion: the largest excursion at contact [m].
         acceleration: the largest acceleration [m/s^2].
         contact_speed: the largest contact speed [m/s].
@@ -51,11 +53,11 @@ class DragEffect(Value):
     """
 
     ratio: ArrayLike | None = None
-    excursion: float | None = None
-    acceleration: float | None = None
-    contact_speed: float | None = None
-    impact_force: float | None = None
-    largest_speed: float | None = None
+    excursion: ArrayLike | None = None
+    acceleration: ArrayLike | None = None
+    contact_speed: ArrayLike | None = None
+    impact_force: ArrayLike | None = None
+    largest_speed: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -78,18 +80,18 @@ class DragEffect(Value):
         return next((f.name, v, _UNITS[f.name]) for f in fields(self) if (v := getattr(self, f.name)) is not None)
 
     def drag(
-        self, sensor: SensorModel, distance: float, mass: float, impact: ImpactModel | None = None
-    ) -> tuple[Any, float]:
+        self, sensor: SensorModel, distance: ArrayLike, mass: float, impact: ImpactModel | None = None
+    ) -> tuple[Any, Any]:
         """Find the virtual drag that meets this requirement for an approaching object.
 
         Args:
             sensor: the sensor curve, which must be valid down to contact.
-            distance: detection distance l_d [m].
+            distance: detection distance l_d [m]; a number or an array.
             mass: M of the virtual object [kg].
             impact: the impact model, which gives the force from the contact speed; for `impact_force`.
 
         Returns:
-            phi [N s^2], and the approach speed [m/s] up to which the limit is met.
+            phi [N s^2], and the approach speed [m/s] up to which the limit is met; arrays if an argument is one.
 
         Raises:
             InvalidInputError: the largest speed or the impact is missing, or even the drag of the ratio 1e-9 meets the
@@ -105,10 +107,10 @@ class DragEffect(Value):
                 f"limit of the {self.chosen[0]} needs this speed"
             )
         else:
-            speed = self.largest_speed
+            speed = finite(self.largest_speed, "largest_speed", "m/s")
             if self.acceleration is not None:
-                return strongest_by_peak(sensor, distance, mass, self.acceleration / speed**2), speed
-            rho = np.asarray(min(1.0, allowed_speed(self.contact_speed, self.impact_force, impact, speed) / speed))
+                return strongest_by_peak(sensor, distance, mass, np.asarray(self.acceleration) / speed**2), speed
+            rho = np.minimum(1.0, allowed_speed(self.contact_speed, self.impact_force, impact, speed) / speed)
         return positive(mass, "mass", "kg") * np.log(1 / rho) / slope_integral(sensor, distance), speed
 
 
@@ -134,8 +136,8 @@ def encounter(  # noqa: PLR0917
 
 
 def allowed_speed(
-    contact_speed: float | None, impact_force: float | None, impact: ImpactModel | None, speed: float
-) -> float:
+    contact_speed: ArrayLike | None, impact_force: ArrayLike | None, impact: ImpactModel | None, speed: ArrayLike
+) -> Any:
     """Return the largest allowed contact speed [m/s], computed from a limit of the contact speed or the impact force.
 
     Args:
@@ -145,39 +147,42 @@ def allowed_speed(
         speed: the approach speed [m/s], which the result does not exceed.
 
     Returns:
-        The speed [m/s].
+        The speed [m/s]; an array if a limit or the speed is one.
 
     Raises:
         InvalidInputError: a limit is not a positive number, or there is a force without an impact model.
     """
     if impact_force is None:
-        return float(positive(contact_speed or 0.0, "contact_speed", "m/s"))
+        return positive(0.0 if contact_speed is None else contact_speed, "contact_speed", "m/s")
     limit = positive(impact_force, "impact_force", "N")
     if impact is None:
         raise InvalidInputError(
             "impact: found none, expected an impact model for a design by impact_force, such as SpringImpact"
         )
-    return _last(lambda w: np.asarray(impact.peak_force(w)) <= limit, speed)
+    limits, high = np.broadcast_arrays(limit, np.asarray(speed, dtype=float))
+    result = _last(lambda w: np.asarray(impact.peak_force(w)) <= limits.reshape(-1, 1), high.reshape(-1))
+    return float_or_array(result.reshape(high.shape))
 
 
-def _last(keeps: Callable[[FloatArray], Any], high: float) -> float:
-    """Return the largest number up to `high` for which a condition is true, by repeated refinement of a grid."""
-    low = 0.0
-    if bool(keeps(np.array([high]))[0]):
-        return high
-    while high - low > _CLOSE * high:
-        grid = np.linspace(low, high, _PARTS)[1:-1]
-        count = int(np.count_nonzero(keeps(grid)))
-        ends = np.array([low, *grid, high])
-        if ends[count] == low and ends[count + 1] == high:
+def _last(keeps: Callable[[FloatArray], Any], high: FloatArray) -> FloatArray:
+    """Return the largest numbers up to `high` for which a condition is true, by repeated refinement of a grid.
+
+    The condition takes a grid for each number, one per row.
+    """
+    low, high = np.where(keeps(high[:, None])[:, 0], high, 0.0), high.copy()
+    while (high - low > _CLOSE * high).any():
+        ends = np.linspace(low, high, _PARTS, axis=1)
+        count = np.count_nonzero(keeps(ends)[:, 1:-1], axis=1)[:, None]
+        new = np.take_along_axis(ends, count, axis=1)[:, 0], np.take_along_axis(ends, count + 1, axis=1)[:, 0]
+        if (new[0] == low).all() and (new[1] == high).all():
             break
-        low, high = float(ends[count]), float(ends[count + 1])
+        low, high = new
     return low
 
 
 def strongest_by_excursion(  # noqa: PLR0917
-    sensor: SensorModel, distance: float, mass: float, limit: float, speed: float = 1.0, push: float = 0.0
-) -> float:
+    sensor: SensorModel, distance: ArrayLike, mass: float, limit: ArrayLike, speed: float = 1.0, push: float = 0.0
+) -> Any:
     """Find the strongest virtual drag whose excursion E stays within a limit, by a bracketing secant method.
 
     E is convex and increasing in phi, and ln(1 + E/l_d) is nearly linear. By convexity, reducing phi by a share reduces
@@ -192,46 +197,57 @@ def strongest_by_excursion(  # noqa: PLR0917
         push: the acceleration of the object toward the plant >= 0 [m/s^2].
 
     Returns:
-        phi [N s^2].
+        phi [N s^2]; an array if the distance or the limit is one.
 
     Raises:
         InvalidInputError: even the strongest searched drag meets the limit.
     """
-    unit = float(positive(mass, "mass", "kg") / slope_integral(sensor, distance))  # the drag of the ratio 1/e
+    shape = np.broadcast_shapes(np.shape(distance), np.shape(limit))
+    limits = np.broadcast_to(limit, shape).reshape(-1).astype(float)
+    distances = np.broadcast_to(distance, shape).reshape(-1).astype(float)
+    unit = positive(mass, "mass", "kg") / slope_integral(sensor, distances)  # the drag of the ratio 1/e
     strongest = unit * math.log(1 / _STRONGEST)
 
-    def excursion(drag: float) -> float:
-        return -float(encounter(sensor, mass, distance, drag, speed, push).end.displacement)
+    def excursion(drag: FloatArray, on: Any) -> FloatArray:
+        end = encounter(sensor, mass, distances[on], drag, speed, push).end
+        return np.asarray(-end.displacement, dtype=float)
 
-    def excess(value: float) -> float:
-        return math.log((distance + value) / (distance + limit))
+    def excess(value: FloatArray, on: Any) -> FloatArray:
+        return np.asarray(np.log((distances[on] + value) / (distances[on] + limits[on])))
 
-    low, under, last = 0.0, excess(0.0), 0.0
-    high = min(unit * math.log1p(2 * limit / distance), strongest)
-    while (over := excess(excursion(high))) <= 0:
-        if high == strongest:
+    low, last = np.zeros_like(limits), np.zeros_like(limits)
+    under, over = excess(low, slice(None)), np.zeros_like(limits)
+    high = np.minimum(unit * np.log1p(2 * limits / distances), strongest)
+    on = np.arange(len(limits))
+    while len(on):
+        over[on] = excess(excursion(high[on], on), on)
+        on = on[over[on] <= 0]
+        if (never := on[high[on] == strongest[on]]).size:
             raise InvalidInputError(
-                f"excursion: the limit of {limit:g} m is too large to choose a virtual drag, because even the "
-                f"strongest drag of the search, with the speed ratio {_STRONGEST:g}, stays below the limit; "
+                f"excursion: the limit of {limits[never[0]]:g} m is too large to choose a virtual drag, because even "
+                f"the strongest drag of the search, with the speed ratio {_STRONGEST:g}, stays below the limit; "
                 "choose the drag by its speed ratio instead"
             )
-        low, under, high = high, over, min(2 * high, strongest)
+        low[on], under[on], high[on] = high[on], over[on], np.minimum(2 * high[on], strongest[on])
+    drag, reached = high.copy(), limits.copy()
+    on = np.arange(len(limits))
     for _ in range(_PASSES):
-        drag = min(max(high - over * (high - low) / (over - under), low), high)
-        value = excursion(drag)
-        if abs(value / limit - 1) <= _CLOSE or high - low <= _CLOSE * high:
+        secant = high[on] - over[on] * (high[on] - low[on]) / (over[on] - under[on])
+        drag[on] = np.clip(secant, low[on], high[on])
+        reached[on] = excursion(drag[on], on)
+        on = on[(np.abs(reached[on] / limits[on] - 1) > _CLOSE) & (high[on] - low[on] > _CLOSE * high[on])]
+        if not len(on):
             break
-        more = excess(value)
-        again = last * more > 0  # the same end moves a second time; the weight of the other end is then halved
-        last = more
-        if more > 0:
-            high, over, under = drag, more, under / 2 if again else under
-        else:
-            low, under, over = drag, more, over / 2 if again else over
-    return drag * (1 - max(value / limit - 1, 0.0))
+        more = excess(reached[on], on)
+        halved = np.where(last[on] * more > 0, 0.5, 1.0)  # an end that stays a second time counts half
+        last[on], above = more, more > 0
+        up, down = on[above], on[~above]
+        high[up], over[up], under[up] = drag[up], more[above], under[up] * halved[above]
+        low[down], under[down], over[down] = drag[down], more[~above], over[down] * halved[~above]
+    return float_or_array((drag * (1 - np.maximum(reached / limits - 1, 0.0))).reshape(shape))
 
 
-def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: float) -> float:
+def strongest_by_peak(sensor: SensorModel, distance: ArrayLike, mass: float, limit: ArrayLike) -> Any:
     """Find the strongest virtual drag whose peak acceleration per squared approach speed stays within a limit.
 
     This peak is not monotone in phi.
@@ -248,39 +264,57 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
         limit: the largest acceleration over the square of the speed [1/m].
 
     Returns:
-        phi [N s^2].
+        phi [N s^2]; an array if the distance or the limit is one.
+    """
+    shape = np.broadcast_shapes(np.shape(distance), np.shape(limit))
+    limits = np.broadcast_to(limit, shape).reshape(-1)
+    distances = np.broadcast_to(distance, shape).reshape(-1)
+    parts = [slice(i, i + _TOGETHER) for i in range(0, limits.size, _TOGETHER)]
+    drags = [_strongest_by_peak(sensor, distances[part], mass, limits[part]) for part in parts]
+    return float_or_array(np.concatenate([*drags, np.empty(0)]).reshape(shape))
+
+
+def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, limit: FloatArray) -> FloatArray:
+    """Find the strongest drags for one-dimensional arrays of distances and limits.
+
+    Returns:
+        phi [N s^2] of each.
 
     Raises:
         InvalidInputError: even the strongest searched drag meets the limit, or the peak of a drag equals the limit.
     """
-    strongest = float(positive(mass, "mass", "kg") * math.log(1 / _STRONGEST) / slope_integral(sensor, distance))
-    slope = float(sensor.log_slope(distance))
-    top = mass * limit / slope**2 if slope else math.inf
+    strongest = positive(mass, "mass", "kg") * math.log(1 / _STRONGEST) / slope_integral(sensor, distance)
+    slope = np.asarray(sensor.log_slope(distance))
+    with np.errstate(divide="ignore"):
+        top = mass * limit / slope**2
 
-    def peaks(drag: FloatArray) -> FloatArray:
-        return np.asarray(encounter(sensor, mass, distance, drag, 1.0, 0.0).end.largest_acceleration)
+    def excess_of(drag: FloatArray, on: Any) -> FloatArray:
+        peaks = encounter(sensor, mass, distance[on, None], drag, 1.0, 0.0).end.largest_acceleration
+        return np.log(np.asarray(peaks) / limit[on, None])
 
-    high = min(top, strongest)
-    excess, steepness = math.log(float(peaks(np.array([high]))[0]) / limit), 0.5
-    if high == strongest < top and excess <= 0:
+    high, steepness = np.minimum(top, strongest), np.full(len(limit), 0.5)
+    excess = excess_of(high[:, None], slice(None))[:, 0]
+    if (never := np.flatnonzero((strongest < top) & (excess <= 0))).size:
         raise InvalidInputError(
-            f"acceleration: the limit of {limit:g} 1/m on acceleration divided by squared approach speed "
+            f"acceleration: the limit of {limit[never[0]]:g} 1/m on acceleration divided by squared approach speed "
             "is too large to choose a virtual drag, because even the strongest drag of the search, with "
             f"the speed ratio {_STRONGEST:g}, stays below the limit; choose the drag by its speed ratio "
             "instead"
         )
     for _ in range(_PASSES):
-        if excess <= _MET:
-            return float(high * math.exp(-max(excess, 0.0)))
-        steps = 0.9 * excess * (1 - 0.95 * steepness) ** np.arange(_PARTS)
-        grid = high * np.exp(-np.cumsum(steps))
-        beyond = np.log(peaks(grid) / limit)
-        end = int(
-            np.argmin(np.append(beyond[:-1] >= steps[1:], False))
-        )  # up to here no drag between grid points can meet it
-        steepness = float(np.clip((excess - beyond[end]) / math.log(high / grid[end]), 0.0, 1.0))
-        high, excess = float(grid[end]), float(beyond[end])
+        on = np.flatnonzero(excess > _MET)
+        if not len(on):
+            return np.asarray(high * np.exp(-np.maximum(excess, 0.0)))
+        shrinks = (1 - 0.95 * steepness[on, None]) ** np.arange(_PARTS)
+        steps = 0.9 * excess[on, None] * shrinks
+        grid = high[on, None] * np.exp(-np.cumsum(steps, axis=1))
+        beyond = excess_of(grid, on)
+        enough = np.pad(beyond[:, :-1] >= steps[:, 1:], ((0, 0), (0, 1)))
+        end = np.argmin(enough, axis=1)[:, None]  # up to here no drag between grid points can meet the limit
+        new, rest = np.take_along_axis(grid, end, axis=1)[:, 0], np.take_along_axis(beyond, end, axis=1)[:, 0]
+        steepness[on] = np.clip((excess[on] - rest) / np.log(high[on] / new), 0.0, 1.0)
+        high[on], excess[on] = new, rest
     raise InvalidInputError(
-        f"acceleration: the search for a virtual drag failed for a limit of {limit:g} 1/m on "
+        f"acceleration: the search for a virtual drag failed for a limit of {limit[on[0]]:g} 1/m on "
         "acceleration divided by squared approach speed; change the limit slightly"
     )

@@ -35,12 +35,12 @@ help:
 $(STAMP): pyproject.toml constraints.txt hatch_build.py $(NATIVE)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "pretouch needs Python 3.11 or newer; name one with: make PYTHON=python3.12"; exit 1; }
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python .ci/pip_progress.py install -c constraints.txt -e '.[dev]'
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python .ci/pip_progress.py install -c constraints.txt -e '.[dev]'
 	@touch $@
 
 demo: $(STAMP)
-	$(BIN)/python examples/demo.py
+	@$(BIN)/python examples/demo.py
 
 check: $(STAMP)
 	$(BIN)/ruff format --check src tests benchmarks examples native hatch_build.py

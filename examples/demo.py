@@ -50,14 +50,16 @@ def run(number: int, step: Step) -> str:
     """Run a step, print its answer, and return its row of the index page."""
     paths = [str(EXAMPLES / word) if (EXAMPLES / word).is_file() else word for word in step.arguments]
     command = f"pretouch {shlex.join(path.replace(f'{EXAMPLES.parent}/', '') for path in paths)}"
-    print(f"\n{number}. {step.title}\n   $ {command}", flush=True)
+    blank = "\n" if number > 1 else ""
+    print(f"{blank}{number}. {step.title}\n   $ {command}", flush=True)
     report = OUTPUT / f"{step.report}.html"
     arguments = [sys.executable, "-m", "pretouch", *paths, "--output", str(report)]
     ended = subprocess.run(arguments, capture_output=True, text=True, encoding="utf-8", check=False)  # noqa: S603
     if ended.returncode != step.status:
         print(ended.stdout, ended.stderr)
         sys.exit(ended.returncode or 1)
-    answer, _, _ = ended.stdout.rstrip().rpartition("\n")  # the last line is the path of the report
+    said = [line for line in ended.stdout.rstrip().splitlines()[:-1] if not line.startswith("All numbers:")]
+    answer = "\n".join(said)  # without the last line, which is the path of the report
     headline, _, _ = answer.partition("\n\n")
     print("\n".join(f"   {line}".rstrip() for line in (answer if step.full else headline).splitlines()), flush=True)
     texts = escape(step.title), escape(command), escape(" ".join(headline.split()))

@@ -56,7 +56,7 @@ MISTAKES = [
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = "1 mV"', "floor", "controller.floor", 'found "1 mV", expected counts'),
     (IN_CONTROLLER, 'rate = "1 kHz"\nfloor = 0', "floor", "controller.floor", "expected a positive sensor output"),
     (IN_CONTROLLER, "rate = 1000\nfloor = 3e4", "scale", "sensor.scale", "below the controller's floor of 3e+04"),
-    (IN_CONTROLLER, "rate = 1000\nsaturation = 50", "satur", "controller.saturation", "the sum of offset and"),
+    (IN_CONTROLLER, "rate = 1000\nsaturation = 50", "satur", "controller.saturation", "offset + floor"),
     (IN_CONTROLLER, "rate = 1000\nmedian_window = 17", "median", "controller.median_window",
      "from 1 (no median filter) to 16"),
     (IN_CONTROLLER, "rate = 1000\nmedian_window = 3.0", "median", "controller.median_window", "a whole number of at l"),

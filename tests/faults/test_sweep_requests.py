@@ -62,7 +62,7 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
         (
             {"obstacle.velocity": [-0.3]},
             {**DESIGN, "bounds": (-0.1, -1.0)},
-            "expected two gains, the smaller gain first",
+            "expected two gains in ascending order",
         ),
         ({"obstacle.velocity": [-0.3, 0.0]}, {**DESIGN, "objective": FOLLOWING}, "cannot scale"),
         (

@@ -361,7 +361,7 @@ def test_what_is_shown_is_what_was_designed() -> None:
         ({"uncertainty": {"obstacle.speed": Uniform(low=0.1, high=0.2)}}, "which is no input; did you mean"),
         ({"uncertainty": {"admittance.mass": Normal(mean=0.3, deviation=0.2)}}, "by a truncated normal distribution"),
         ({"uncertainty": {"sensor.rate": Normal(mean=-10.0, deviation=9.0)}}, "by a truncated normal distribution"),
-        ({"bounds": (-1.0, -2.0)}, "expected two gains, the smaller gain first"),
+        ({"bounds": (-1.0, -2.0)}, "expected two gains in ascending order"),
         ({"confidence": 1.0}, "confidence: found 1"),
         ({"samples": 0}, "samples: found 0"),
         ({"seed": -1}, "seed: found -1"),

@@ -275,7 +275,7 @@ class Structure(ctypes.Structure):
 
 
 def numbers(*names: str, kind: Any = ctypes.c_double) -> tuple[tuple[str, Any], ...]:
-    """Return fields of the same type for the declaration of a C structure.
+    """Return the declaration of several fields of a C structure that all have one type.
 
     Args:
         *names: names of the fields.

@@ -61,7 +61,7 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
             remedy = "record the output with no object, or measure out to where it no longer changes"
             if prepared.reaches_last:
                 remaining = f"{100 * used[-1] / used[0]:.2g} %"
-                remedy += f" (the signal at the last distance is still {remaining} of the largest signal)"
+                remedy += f" (the signal at the farthest distance is still {remaining} of the largest signal)"
         elif offset is not None and best.slope_shift > 0.5 * _ALLOWED / _NORMAL:
             remedy = "record the output with no object more often, because its uncertainty changes the slope"
         size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"

@@ -72,7 +72,7 @@ class Conditioning:
         if self.saturation is not None and not self.offset + self.floor < self.saturation <= _ANY_READING:
             raise InvalidInputError(
                 f"saturation: found {self.saturation:g}, expected more than {self.offset + self.floor:g}, which "
-                f"is the sum of offset and floor, and at most {_ANY_READING:g}"
+                f"is offset + floor, and no more than {_ANY_READING:g}"
             )
         if not abs(self.offset) + self.floor < _ANY_READING:
             raise InvalidInputError(

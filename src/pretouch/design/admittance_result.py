@@ -112,7 +112,7 @@ class AdmittanceDesign(Answer):
 
     @property
     def gain(self) -> float | None:
-        """The optimal gain, such as D_p [N s]; None if there is no optimum."""
+        """The optimal gain of the control law; None if there is no optimum."""
         return None if self.gain_design is None else float(self.gain_design.gain)
 
     @property

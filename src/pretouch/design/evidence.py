@@ -77,7 +77,7 @@ class GainEvidence(Answer):
 
     @property
     def gain(self) -> Any:
-        """The optimal gain, such as D_p [N s]; None, or NaN in an array, if there is no optimum."""
+        """The optimal gain of the control law; None, or NaN in an array, if there is no optimum."""
         return self.answer[1]
 
     @property

@@ -25,7 +25,7 @@ def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
 
 
 def premises_hold(scenario: Scenario) -> BoolArray:
-    """Return which encounters meet the assumptions of the proof that a stronger gain makes contact later."""
+    """Return for which encounters it is proved that contact occurs later with a stronger gain."""
     # The premise that ln xi falls with the distance is tested by `falls`.
     if scenario.obstacle.course:
         return np.zeros(scenario.shape, dtype=bool)

@@ -325,8 +325,8 @@ def _gain_and_sensor(design: GainDesign) -> PageSection | None:
             place = f"{name}, l = {format_quantity(distance, 'm')}"
             rows.append((place, Measured(gain, n.unit), Measured(slope, "1/m"), Measured(gain * slope**power, unit)))
     note = (
-        f"{force} The {n.name} affects the motion only through this product, so values of the {n.name} cannot be "
-        f"compared between different sensors. A sensor with half the slope needs about {times} the {n.name} for "
+        f"{force} The motion depends on the {n.name} only through this product, so do not compare the {n.name} "
+        f"between different sensors. A sensor with half the slope needs about {times} the {n.name} for "
         "the same motion. An offset that remains in the readings lowers the measured slope g and weakens the "
         "force."
     )

@@ -47,7 +47,7 @@ class Criterion:
     has_gradients: bool  # False if a quantity needs the whole motion, or if a user-defined class computes the number
 
     def slope(self, state: ContactState, of: Slope) -> FloatArray:
-        """Return the derivative of the criterion with respect to one input, in SI units."""
+        """Return the derivative of the objective or constraint with respect to one input, in SI units."""
         # `along` makes the function `of`.
         total = np.zeros(np.shape(state.time))
         for quantity, rate in self.rates(state):

@@ -207,9 +207,9 @@ def _law_of(loop: Any) -> ContinuousLaw:
         return DAMPER
     if loop.continuous is None:
         raise InvalidInputError(
-            f"loop: the control law {type(getattr(loop.law, 'law', loop.law)).__name__} has no counterpart in "
-            "continuous time, which the prediction needs; set its attribute `continuous`, such as "
-            '"virtual-damper" or a CustomLaw, or set the law of the task'
+            f"loop: the control law {type(getattr(loop.law, 'law', loop.law)).__name__} has no form in "
+            "continuous time, which the prediction needs; set its attribute `continuous`, for example to "
+            '"virtual-damper" or to a CustomLaw, or set the law of the task'
         )
     return cast("ContinuousLaw", loop.continuous)
 

@@ -88,7 +88,7 @@ def _position(curve: SensorModel, method: str = "auto") -> float:
 
 
 def _r_squared(motions: Mapping[str, Any], name: str) -> float:
-    """Return the agreement R² of a motion with the motion that is integrated for the inverse power curve."""
+    """Return R² between a motion and the numerically integrated motion with the inverse power curve."""
     # The comparison ends at the earlier of the two contacts.
     reference, motion = motions["inverse-power"], motions[name]
     time = np.linspace(0.0, min(reference.time[-1], motion.time[-1]), 1000)

@@ -67,7 +67,7 @@ def letter_page(report: LetterReport) -> Page:
 
 
 def _overview(report: LetterReport) -> PageTable:
-    """Return a table that counts agreeing numbers for each table, figure and section of the published letter."""
+    """Return a table with the number of published values that agree with computed ones, for each part of the letter."""
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
         for r in report.reproductions

@@ -105,9 +105,9 @@ def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[floa
         7,
         "The exponential curves of Table I follow from its inverse power curve",
         "Table I",
-        f"Fits to the inverse power curve alone give exponential curves with the parameters {shown[0]} and "
-        f"{shown[1]}. These curves agree with the published exponential curves to within 1 % of the output at "
-        "contact, so Table I can be checked without the letter's readings. The differences change the optimal "
-        "gain by less than 1 %.",
+        "Exponential curves that were fitted to the published inverse power curve, instead of the readings, have the "
+        f"parameters {shown[0]} and {shown[1]}. These curves agree with the published exponential curves to within "
+        "1 % of the output at contact, so Table I can be checked without the letter's readings. The differences "
+        "change the optimal gain by less than 1 %.",
         *steps,
     )

@@ -1,4 +1,4 @@
-"""Solve encounters under any force by numerical integration, also if the obstacle has a course."""
+"""Solve encounters with any control law by numerical integration, also if the obstacle accelerates or turns back."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class Tables(NamedTuple):
 
 @lru_cache(maxsize=1)
 def tables() -> Tables:
-    """Return the matrices of Radau's collocation, whose points are those of the compiled core."""
+    """Return the matrices of Radau collocation at the points that the compiled core uses."""
     core = np.zeros(POINTS + 4 * POINTS**2)
     kernel("radau_points", POINTER)(address(core))
     integrals = core[POINTS:].reshape(4, POINTS, POINTS)[0].copy()

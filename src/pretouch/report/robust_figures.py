@@ -172,7 +172,7 @@ def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, R
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
-    """Yield plots of the best gain, and of the loss with the robust gain, versus the value of one input."""
+    """Yield two plots over one input: the best gain, and by how much the objective of the robust gain is larger."""
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"

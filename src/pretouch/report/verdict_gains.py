@@ -120,7 +120,7 @@ class _Part(NamedTuple):
     kept: BoolArray
 
     def curves(self, sign: float, top: float) -> Iterator[Curve]:
-        """Yield a thin gray curve for gains that exceed a limit, and a colored curve for all other gains."""
+        """Yield the objective over the gain, gray where a limit is missed and colored where all limits are met."""
         values = np.where(np.isfinite(self.objective) & (self.objective <= 1.02 * top), self.objective, np.nan)
         kept = np.where(self.kept, values, np.nan)
         both = np.isfinite(kept).any()

@@ -157,8 +157,8 @@ class InversePower(SensorModel):
         offset = self.distance_offset
         if not self.minimum_distance + offset > 0:
             raise InvalidInputError(
-                f"distance_offset: found {offset:g} m, expected more than {0.0 - self.minimum_distance:g} m (the "
-                "negative minimum_distance), because the output is otherwise infinite inside the valid range"
+                f"distance_offset: found {offset:g} m, expected more than {0.0 - self.minimum_distance:g} m ("
+                "minus the minimum_distance), because the output is otherwise infinite inside the valid range"
             )
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:

@@ -142,7 +142,7 @@ class SensorModel(ABC):
 
     @classmethod
     def fit_start(cls, slope: float, curvature: float, middle: float) -> Mapping[str, float] | None:  # noqa: ARG003
-        """Return start parameters for fitting this sensor curve, without its scale.
+        """Return initial values for fitting the parameters of this curve, except its scale factor.
 
         Args:
             slope: g in the middle of the window [1/m].

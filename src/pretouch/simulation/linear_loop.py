@@ -65,9 +65,9 @@ class LinearLoop:
     modes: _Complex
 
     def response(self, angle: _Complex | FloatArray) -> _Complex:
-        """Return the open-loop frequency response P(z) [m/(N s)] from force to difference quotient of readings.
+        """Return the open-loop transfer function P(z) [m/(N s)] from the force to the rate of change of the readings.
 
-        It is evaluated at z = exp(i omega T).
+        The rate is the difference of two successive readings over their period. P is evaluated at z = exp(i omega T).
 
         The angles omega T, shape (k,), are real in (0, pi] on the unit circle and complex elsewhere. If
         1 + d P(z) = 0, z is an eigenvalue of the closed loop.

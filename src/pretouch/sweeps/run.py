@@ -139,8 +139,8 @@ def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
     moving = [name for name in names if name.startswith(_MOVE_THE_LIMIT)]
     if moving and task.stability_margin is not None:
         raise InvalidInputError(
-            f"stability_margin: a sweep over {moving[0]} cannot keep a gain margin, because this input changes "
-            "the stability limit; remove the margin, or sweep with a given gain"
+            f"stability_margin: a sweep over {moving[0]} cannot require a gain margin, because the stability "
+            "limit changes with this input; remove stability_margin, or set a fixed gain"
         )
     return task.stable_bounds()
 

@@ -99,7 +99,7 @@ class CorrelatedNormal(JointDistribution):
         return float(slopes @ np.asarray(self.covariance) @ slopes)
 
     def alone(self, index: int) -> Normal:
-        """Return the normal distribution of one input by itself."""
+        """Return the normal distribution of one input alone (the marginal distribution)."""
         return Normal(mean=self.mean[index], deviation=math.sqrt(self.covariance[index][index]))
 
     def others(self, index: int, values: FloatArray) -> FloatArray:

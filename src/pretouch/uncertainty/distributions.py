@@ -49,7 +49,7 @@ class JointDistribution(ABC):
 
     @abstractmethod
     def alone(self, index: int) -> Distribution:
-        """Return the distribution of one input by itself (the marginal distribution)."""
+        """Return the distribution of one input alone (the marginal distribution)."""
 
     @abstractmethod
     def others(self, index: int, values: FloatArray) -> FloatArray:

@@ -141,8 +141,8 @@ class Reservations(Value):
         if not parts:
             return None
         return (
-            f"Not supported by data: this result uses the fitted {self._model} curve beyond the "
-            f"calibrated distances, namely {' and '.join(parts)}.{self._zero}{self._without_force(near)} "
+            f"Not supported by data: this result uses the fitted {self._model} curve where "
+            f"the calibration has no usable readings: {' and '.join(parts)}.{self._zero}{self._without_force(near)} "
             f"To remove this warning, {'; '.join(remedies)}."
         )
 
@@ -244,7 +244,7 @@ class Reservations(Value):
 
     @property
     def verdict(self) -> str:
-        """A line with the verdict on the calibration and the offset that the controller must subtract."""
+        """One line of text: the verdict on the calibration, then the offset that the controller must subtract."""
         offset, unit = self.report.offset, self.report.calibration.unit
         subtract = "" if offset is None else f"; the controller must subtract {offset.value:.4g} {unit}".rstrip()
         return f"Calibration {self.report.calibration.name}: {self.report.verdict}{subtract}"

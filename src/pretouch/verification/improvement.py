@@ -55,12 +55,12 @@ class LoopCurve(Value):
         if not len(self.gain):
             return "<LoopCurve: no gain>"
         ends = f"{self.gain[0]:g} to {self.gain[-1]:g}"
-        return f"<LoopCurve: {len(self.gain)} gains from {ends}, up to {self.runs.max()} runs each>"
+        return f"<LoopCurve: {len(self.gain)} gains between {ends}, at most {self.runs.max()} runs for each>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss(Value):
-    """The objective with the verified gain, compared with the objective of the best gain for the sampled loop.
+    """The objectives of the verified gain and of the best gain on the sampled loop, and their difference.
 
     Args:
         predicted: the objective of the nominal encounter in continuous time; None without contact.
@@ -167,7 +167,7 @@ def find_improvements(
 
 
 def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
-    """Return changes of the loop that may help, for the fastest approach and the largest noise."""
+    """Return changes of the loop that may make contact softer, sized for the fastest approach and the largest noise."""
     draws, check, free = problem.draws, verified.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
     slope = np.abs(np.asarray(sensor.log_slope(verified.passed[0])))

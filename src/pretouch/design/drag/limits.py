@@ -296,10 +296,9 @@ def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, l
     excess = excess_of(high[:, None], slice(None))[:, 0]
     if (never := np.flatnonzero((strongest < top) & (excess <= 0))).size:
         raise InvalidInputError(
-            f"acceleration: the limit of {limit[never[0]]:g} 1/m on acceleration divided by squared approach speed "
-            "is too large to choose a virtual drag, because even the strongest drag of the search, with "
-            f"the speed ratio {_STRONGEST:g}, stays below the limit; choose the drag by its speed ratio "
-            "instead"
+            f"acceleration: the limit of {limit[never[0]]:g} 1/m, acceleration over squared approach speed, is too "
+            f"large to choose a virtual drag: even the strongest drag of the search (speed ratio {_STRONGEST:g}) stays "
+            "below it; choose the drag by its speed ratio instead"
         )
     for _ in range(_PASSES):
         on = np.flatnonzero(excess > _MET)

@@ -41,9 +41,7 @@ class GainAxis:
         low, high = bounds
         low, high = finite(low, "bounds", unit), finite(high, "bounds", unit)
         if not low < high:
-            raise InvalidInputError(
-                f"bounds: found [{low:g}, {high:g}] {unit}, expected two gains, the smaller gain first"
-            )
+            raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] {unit}, expected two gains in ascending order")
         if number is not None and max(number.sign * low, number.sign * high) <= 0:
             shown = pretty_unit(unit)
             raise InvalidInputError(

@@ -108,9 +108,12 @@ def designs(samples: int, most: int) -> list[str]:
 
 def processor_time(arguments: list[str]) -> float:
     """Return the processor time of a command in a new process [s], with all of its threads and imports."""
+    # An installed package has compiled modules, so Python may store them.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     with tempfile.TemporaryDirectory() as folder:
         before = os.times()
-        subprocess.run([sys.executable, "-m", "pretouch", *arguments], cwd=folder, check=False, capture_output=True)
+        command = [sys.executable, "-m", "pretouch", *arguments]
+        subprocess.run(command, cwd=folder, env=environment, check=False, capture_output=True)
         after = os.times()
     return after.children_user + after.children_system - before.children_user - before.children_system
 

@@ -34,6 +34,9 @@ ZIG = "ziglang>=0.14,<0.18"
 WARNINGS = "-Wall -Wextra -Wconversion -Wno-psabi"
 LAW = f"-std=c99 -O2 -ffp-contract=off -pedantic {WARNINGS}"
 PLAIN = f"-std=c++20 -O2 -ffp-contract=off -fno-exceptions -fno-rtti -fno-threadsafe-statics {WARNINGS}"
+UNFUSED = {"lanes_loop"}
+"""Sources in lanes whose results have the same bits as those of a single encounter."""
+
 UNROLLED = {"stiff_step"}
 """Sources whose loops have a constant length, so that -O3 unrolls them."""
 
@@ -184,7 +187,8 @@ def _jobs(compilers: tuple[list[str], list[str]], common: list[str]) -> list[lis
             continue
         for name, flags in PROCESSORS.items():
             if name == "base" or machine in {"x86_64", "AMD64"}:
-                variant = [*LANES.split(), *flags.split(), f"-DPRETOUCH_VARIANT=pretouch_{name}"]
+                unfused = ["-ffp-contract=off"] if path.stem in UNFUSED else []
+                variant = [*LANES.split(), *unfused, *flags.split(), f"-DPRETOUCH_VARIANT=pretouch_{name}"]
                 jobs.append([*cxx, *variant, *common, "-c", str(path)])
     return jobs
 

@@ -1,7 +1,7 @@
 // C interface of the vectorized kernels. When the library is loaded, the kind of processor is detected and the matching
 // variant of the kernels is selected.
 
-#include "pretouch.h"
+#include "approach.hpp"
 
 #define PRETOUCH_VARIANT pretouch_base
 #include "lanes_kernels.hpp"
@@ -87,6 +87,13 @@ void pretouch_follow_gradients(const double *values, int64_t n, const double *ga
 void pretouch_drag_approaches(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves, double horizon,
                               const pretouch_approaches *wanted) {
     CHOSEN(drag_approaches)(inputs, n, curves, horizon, wanted);
+}
+
+// ---- the sampled loop ----
+
+void pretouch::run_side_by_side(const pretouch_loop *loop, const int64_t *which, int64_t n, void *states,
+                                pretouch_reading *waiting, int64_t room) {
+    CHOSEN(run_side_by_side)(loop, which, n, states, waiting, room);
 }
 
 // ---- designs ----

@@ -26,4 +26,7 @@ void find_gains(const double *inputs, int64_t n, double slope, const pretouch_cu
 void interpolate(const double *place, int64_t n, double low, double high, const double *coefficients, int64_t m,
                  double *out);
 
+void run_side_by_side(const pretouch_loop *loop, const int64_t *which, int64_t n, void *states,
+                      pretouch_reading *waiting, int64_t room);
+
 }  // namespace PRETOUCH_VARIANT

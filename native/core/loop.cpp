@@ -18,11 +18,8 @@ Cubic distance_along(const Body &from, const Body &to, double h) {
 
 }  // namespace
 
-Encounter::Encounter(const pretouch_loop &loop_, int64_t index, const Law &law_, pretouch_reading *waiting,
-                     int64_t room)
-    : loop(loop_), scene(loop_.scenes[index]), law(law_),
-      sensor(loop_.chain, loop_.curves[loop_.curve_of[index]],
-             mix(loop_.seed, static_cast<uint64_t>(loop_.draws[index])), waiting, room),
+Encounter::Encounter(const pretouch_loop &loop_, int64_t index, const Law &law_, const Sensor &sensor_)
+    : loop(loop_), scene(loop_.scenes[index]), law(law_), sensor(sensor_),
       end(loop_.ends[index]), touches(loop_.touches + index * loop_.most_touches), ideal(loop_.plant.mass == 0.0),
       inverse_mass(ideal ? 0.0 : 1.0 / loop_.plant.mass + loop_.contact.inverse_mass),
       body{scene.x, scene.v, 0.0, scene.xo, scene.vo, 0.0},
@@ -39,25 +36,54 @@ Encounter::Encounter(const pretouch_loop &loop_, int64_t index, const Law &law_,
     end.largest_speed = fabs(scene.v);
 }
 
-void Encounter::run() {
-    if (sensor.next() <= INSTANT && loop.chain.exposure <= 0.0) sensor.look_at_start(scene.xo - scene.x);
-    const int64_t steps = static_cast<int64_t>(ceil(loop.horizon / loop.period - 1e-9));
-    for (int64_t j = 0; j < steps; j++) {
-        t = static_cast<double>(j) * loop.period;
+void Encounter::run(int64_t period) {
+    const int64_t periods = static_cast<int64_t>(ceil(loop.horizon / loop.period - 1e-9));
+    for (bool lasts = true; lasts && period < periods; period++) {
+        t = static_cast<double>(period) * loop.period;
+        at = 0.0;
         ask_law();
-        const Body before = body;
-        follow_period();
-        end.end_time = now();
-        xv = output.position;
-        vv = output.velocity;
-        if (!(isfinite(body.x) && isfinite(body.v))) {
-            end.status = UNRESOLVED;
-            body = before;
-            break;
-        }
-        if (count && (ideal || end.end_time - first >= loop.follow_time)) break;
+        lasts = end_period(body);
     }
     finish();
+}
+
+// Follows the rest of a period; returns whether the encounter goes on. before: the bodies at its start.
+bool Encounter::end_period(const Body &before) {
+    const Body known = before;
+    follow_period();
+    end.end_time = now();
+    xv = output.position;
+    vv = output.velocity;
+    if (isfinite(body.x) && isfinite(body.v)) return !(count && (ideal || end.end_time - first >= loop.follow_time));
+    end.status = UNRESOLVED;
+    body = known;
+    return false;
+}
+
+void Encounter::resume(const Approach &a) {
+    t = a.t;
+    at = a.at;
+    body = {a.x, a.v, a.servo, a.xo, a.vo, 0.0};
+    xv = a.xv;
+    vv = a.vv;
+    output = a.output;
+    rate = a.rate;
+    acting = a.acting;
+    flags = a.flags;
+    end.end_time = a.end_time;
+    end.detection_time = a.detection_time;
+    end.closest_distance = a.closest_distance;
+    end.largest_excursion = a.largest_excursion;
+    end.largest_travel = a.largest_travel;
+    end.largest_speed = a.largest_speed;
+    end.largest_virtual_force = a.largest_virtual_force;
+    end.largest_acceleration = a.largest_acceleration;
+    if (!a.asked) return run(a.period);
+    set_target();
+    if (end_period({a.last_x, a.last_v, 0.0, a.last_xo, a.last_vo, 0.0}))
+        run(a.period + 1);
+    else
+        finish();
 }
 
 // Passes the available reading to the law, which moves the virtual object over the period.
@@ -72,8 +98,13 @@ void Encounter::ask_law() {
     if (output.status & PRETOUCH_DETECTING && isnan(end.detection_time)) end.detection_time = t;
     if (count == 0) end.largest_virtual_force = larger(end.largest_virtual_force, fabs(output.virtual_force));
     if (trace_rows < loop.trace_rows) record_instant(force);
-    target = {loop.period, output.acceleration, {xv, vv * loop.period, output.position, output.velocity * loop.period}};
     acting = output.virtual_force;
+    set_target();
+}
+
+// The motion of the virtual object over the period, as the law has answered.
+void Encounter::set_target() {
+    target = {loop.period, output.acceleration, {xv, vv * loop.period, output.position, output.velocity * loop.period}};
 }
 
 void Encounter::record_instant(double force) {
@@ -83,7 +114,6 @@ void Encounter::record_instant(double force) {
 }
 
 void Encounter::follow_period() {
-    at = 0.0;
     while (at < loop.period - INSTANT) {
         while (now() >= leg.until - INSTANT) begin_leg();
         Step step = next_step();
@@ -278,14 +308,26 @@ void Encounter::finish() {
 
 using namespace pretouch;
 
+void pretouch::continue_encounter(const pretouch_loop &loop, int64_t index, void *state, const void *sensor,
+                                  const Approach &approach) {
+    const pretouch_laws &laws = loop.laws;
+    const Law law = {laws.step, laws.parameters + laws.law_of[index] * laws.parameters_size, state};
+    Encounter(loop, index, law, *static_cast<const Sensor *>(sensor)).resume(approach);
+}
+
 void pretouch_run_encounters(const pretouch_loop *loop, const int64_t *which, int64_t n, void *state,
                              pretouch_reading *waiting, int64_t room) {
     const pretouch_laws &laws = loop->laws;
+    const bool traced = loop->trace_rows || loop->course_rows;
+    if (n > 1 && laws.step == pretouch_step_damper && !loop->linear.rows && !loop->stretches_each && !traced) {
+        run_side_by_side(loop, which, n, state, waiting, room);
+        return;
+    }
     for (int64_t i = 0; i < n; i++) {
         const int64_t index = which[i];
         memcpy(state, laws.states + laws.start_of[index] * laws.state_size, static_cast<size_t>(laws.state_size));
         const Law law = {laws.step, laws.parameters + laws.law_of[index] * laws.parameters_size, state};
-        Encounter(*loop, index, law, waiting, room).run();
+        Encounter(*loop, index, law, Sensor(*loop, index, waiting, room)).run(0);
     }
 }
 

@@ -8,8 +8,9 @@
 #pragma once
 
 #include <math.h>
+#include <stddef.h>
 
-#include "pretouch.h"
+#include "approach.hpp"
 
 namespace pretouch {
 
@@ -114,17 +115,15 @@ struct Wave {
 // The sensor in one run: exposures that become readings, and readings in transit to the controller.
 class Sensor {
 public:
-    Sensor(const pretouch_chain &chain, const pretouch_curve &curve, uint64_t key, pretouch_reading *waiting,
-           int64_t room);
+    Sensor(const pretouch_loop &loop, int64_t index, pretouch_reading *waiting, int64_t room);
+
+    static void *operator new(size_t, void *place) { return place; }
 
     // Time of the next sample of the distance [s].
     double next() const { return instant; }
 
     // Samples the distance, and makes a reading of a completed exposure.
     void look(double distance);
-
-    // A reading at the start, before anything has moved.
-    void look_at_start(double distance);
 
     // Delivers the reading available at a time; returns whether there was one.
     bool deliver(double t);
@@ -151,6 +150,7 @@ private:
     double exposed_to(double distance) const;
     double raw_reading(double mean, double time) const;
     void draw_misfit();
+    void look_at_start(double distance);
 };
 
 // The law in one run: its parameters, its state, and what it answered last.
@@ -164,9 +164,13 @@ struct Law {
 // to zero ends the step there, and from the touch on, steps resolve the contact.
 class Encounter {
 public:
-    Encounter(const pretouch_loop &loop, int64_t index, const Law &law, pretouch_reading *waiting, int64_t room);
+    Encounter(const pretouch_loop &loop, int64_t index, const Law &law, const Sensor &sensor);
 
-    void run();
+    // Runs periods, from the one with a number on, and then notes how the encounter ended.
+    void run(int64_t period);
+
+    // Continues an encounter that another code has brought so far.
+    void resume(const Approach &approach);
 
 private:
     // A step of the robot: how long, where it begins and where it would end, and the distance meanwhile.
@@ -213,6 +217,8 @@ private:
     double reference_at(double time) const { return scene.xd + time * (scene.vd + 0.5 * scene.ad * time); }
 
     void ask_law();
+    void set_target();
+    bool end_period(const Body &before);
     void record_instant(double force);
     void follow_period();
     void begin_leg();

@@ -36,13 +36,15 @@ double log_output(const pretouch_curve &curve, double distance) {
 
 }  // namespace
 
-Sensor::Sensor(const pretouch_chain &chain_, const pretouch_curve &curve_, uint64_t key_, pretouch_reading *waiting_,
-               int64_t room)
-    : chain(chain_), curve(curve_), key(key_), waiting(waiting_), mask(static_cast<uint64_t>(room) - 1),
-      nodes(chain_.exposure > 0.0 ? 3 : 1) {
+Sensor::Sensor(const pretouch_loop &loop, int64_t index, pretouch_reading *waiting_, int64_t room)
+    : chain(loop.chain), curve(loop.curves[loop.curve_of[index]]),
+      key(mix(loop.seed, static_cast<uint64_t>(loop.draws[index]))), waiting(waiting_),
+      mask(static_cast<uint64_t>(room) - 1), nodes(chain.exposure > 0.0 ? 3 : 1) {
     if (chain.misfit > 0.0) draw_misfit();
     start = start_of(0);
     instant = start + chain.exposure * INNER;
+    const pretouch_scene &scene = loop.scenes[index];
+    if (instant <= INSTANT && chain.exposure <= 0.0) look_at_start(scene.xo - scene.x);
 }
 
 // Wave numbers of the normal distribution and phases of the uniform one make a random function with the covariance
@@ -96,6 +98,7 @@ double Sensor::raw_reading(double mean, double time) const {
     return rounded(smaller(larger(value, chain.lowest), chain.highest), chain.resolution);
 }
 
+// A reading at the start, before anything has moved.
 void Sensor::look_at_start(double distance) {
     waiting[0] = {raw_reading(exposed_to(distance), 0.0), chain.delay, 0.0};
     tail = k = 1;
@@ -125,6 +128,26 @@ bool Sensor::deliver(double t) {
         measured = next.taken;
         fresh = true;
     }
+    return fresh;
+}
+
+static_assert(sizeof(Sensor) <= SENSOR_SIZE);
+
+double start_sensor(void *sensor, const pretouch_loop &loop, int64_t index, pretouch_reading *waiting, int64_t room) {
+    return (new (sensor) Sensor(loop, index, waiting, room))->next();
+}
+
+double sample_distance(void *sensor, double distance) {
+    Sensor *one = static_cast<Sensor *>(sensor);
+    one->look(distance);
+    return one->next();
+}
+
+int32_t deliver_reading(void *sensor, double t, double *reading, double *measured) {
+    Sensor *one = static_cast<Sensor *>(sensor);
+    const bool fresh = one->deliver(t);
+    *reading = one->reading;
+    *measured = one->measured;
     return fresh;
 }
 

@@ -246,8 +246,9 @@ typedef struct {
     pretouch_state_space linear;
 } pretouch_loop;
 
-/* Runs those encounters that `which` names. state: room for one state of the law; waiting: for a power of two of
- * readings, more than can be on their way at once. */
+/* Runs those encounters that `which` names, several of them side by side where the law is the damper. state: room for
+ * eight states of the law; waiting: for eight times `room` readings, a power of two, more than can be on their way at
+ * once. */
 PRETOUCH_API void pretouch_run_encounters(const pretouch_loop *loop, const int64_t *which, int64_t n, void *state,
                                           pretouch_reading *waiting, int64_t room);
 

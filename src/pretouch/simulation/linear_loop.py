@@ -301,10 +301,11 @@ def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, 
     Angles at which P is too small for the smallest damping are not refined.
     """
     lowest = _LOWEST / (1 + loop.remembered)
-    angle = np.unique([*np.geomspace(lowest, math.pi, 400), *np.linspace(0, math.pi, 400)[1:], math.pi * (1 - _NEAR)])
+    ends = np.array([math.pi * (1 - _NEAR)])
+    angle = np.unique(np.concatenate([np.geomspace(lowest, math.pi, 400), np.linspace(0, math.pi, 400)[1:], ends]))
     for pole in poles:
         around = [w for w in (pole * (1 - _NEAR), pole * (1 + _NEAR)) if w <= math.pi]
-        angle = np.unique([*angle[np.abs(angle - pole) > _NEAR * pole], *around])
+        angle = np.unique(np.concatenate([angle[np.abs(angle - pole) > _NEAR * pole], around]))
     response = loop.response(angle)
     while len(angle) < _POINTS:
         with np.errstate(invalid="ignore", divide="ignore"):  # 0 / 0 where the response is zero

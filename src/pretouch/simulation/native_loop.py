@@ -60,10 +60,11 @@ CONTACT_NUMBERS: Final = "stiffness", "damping", "exponent", "grows", "inverse_m
 _Step = ctypes.CFUNCTYPE(None, POINTER, POINTER, ctypes.POINTER(RawSample), ctypes.POINTER(RawOutput))
 _INDEX: Final = np.dtype(np.int64)
 _READING: Final = 3  # numbers stored for each undelivered reading
-_AT_ONCE: Final = 16  # encounters per call, after which Ctrl-C is handled
+_AT_ONCE: Final = 64  # encounters per call, after which Ctrl-C is handled
+_LANES: Final = 8  # largest number of encounters that the compiled loop runs side by side
 _JITTERS: Final = 16  # largest shift of an exposure in standard deviations; none of 2^53 draws exceeds 9
 _BEYOND: Final = 4.0  # times the farthest start: from there on, a curve is taken as flat
-_LEAST_STRETCH: Final = 16  # encounters per thread
+_LEAST_STRETCH: Final = 64  # encounters per thread
 _MOST_STRETCH: Final = 512
 _FEWEST: Final = 257  # rows of a table of a curve
 _MOST: Final = 1 << 16
@@ -171,10 +172,10 @@ def run_loop(
     buffer_size = 1 << (waiting - 1).bit_length()
 
     def run(first: int, last: int) -> None:
-        state, readings = np.zeros(native.laws.state_size // 8), np.empty((buffer_size, _READING))
+        states, readings = np.zeros(_LANES * native.laws.state_size // 8), np.empty((_LANES * buffer_size, _READING))
         for start in range(first, last, _AT_ONCE):
             indices = np.arange(start, min(start + _AT_ONCE, last))
-            _run(byref(native), address(indices, _INDEX), len(indices), address(state), address(readings), buffer_size)
+            _run(byref(native), address(indices, _INDEX), len(indices), address(states), address(readings), buffer_size)
             if python_step is not None and python_step.raised is not None:
                 raise python_step.raised
 

@@ -15,7 +15,7 @@ from pretouch.uncertainty.ensemble import check_draw
 from ..certificate import DesignStatus
 from ..gain import GainDesign
 from ..problem import GainProblem
-from ..search import EXACT, SAMPLED, GainAxis, search_axis
+from ..search import MEASURED, SAMPLED, GainAxis, search_axis
 from ..task import Task, with_file_location
 from .measures import Expected, Measure, WorstCase, checked_measure
 from .problem import RobustProblem
@@ -87,7 +87,7 @@ def design_robust_gain(task: Task) -> RobustDesign:
         problem, searched, minima, worst = search_worst_case(task, axis)
     else:
         problem = RobustProblem.over(task, axis, _draw(task, samples, seed, options.sampling), count=samples)
-        effort = EXACT if evaluate is None else SAMPLED
+        effort = MEASURED if evaluate is None else SAMPLED
         searched, minima = search_axis(problem.landscape, problem.lowest_needed(), axis.span[1], effort)
     local_minima = tuple((float(axis.gain(m.coordinate)), m.value) for m in minima)
     contact = searched.landscape.reached.any()

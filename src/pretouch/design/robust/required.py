@@ -11,6 +11,7 @@ import numpy as np
 
 from pretouch._core.fields import check_types
 from pretouch._core.numbers import checked_probability, float_or_array
+from pretouch._core.probability import beta_quantile, beta_share
 
 from ..constraints import Constraint
 from .measures import sample_quantile
@@ -65,7 +66,8 @@ def runs_to_show(share: float, probability: float, confidence: float) -> int | N
     """
 
     def shows(count: int) -> bool:
-        return least_probability(math.floor(share * count + _ROUNDING), count, confidence) >= probability
+        held = math.floor(share * count + _ROUNDING)
+        return held > 0 and beta_share(held, count - held + 1, probability) <= 1 - confidence
 
     few, many = 0, 1
     while not shows(many):
@@ -80,6 +82,4 @@ def runs_to_show(share: float, probability: float, confidence: float) -> int | N
 
 def least_probability(held: int, count: int, confidence: float) -> float:
     """Return a lower confidence bound of a probability from a number of successes (Clopper and Pearson, 1934)."""
-    from scipy.special import betaincinv  # noqa: PLC0415 - SciPy is imported only for a validation
-
-    return 0.0 if held == 0 else float(betaincinv(held, count - held + 1, 1 - confidence))
+    return 0.0 if held == 0 else beta_quantile(held, count - held + 1, 1 - confidence)

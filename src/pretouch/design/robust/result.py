@@ -121,7 +121,13 @@ class RobustDesign(Answer):
     @cached_property
     def trade_off(self) -> RobustTradeOff:
         """The risk measure of the objective for many gains, including the robust gain and the nominal gain."""
-        axis, u, landscape = self.problem.axis, self.scan.coordinate, self.scan.landscape
+        axis, u = self.problem.axis, self.scan.coordinate
+        middle = 0.5 * (u[:-1] + u[1:])  # a curve of straight lines needs more gains than the search
+        order = np.argsort(np.concatenate([u, middle]), kind="stable")
+        u, landscape = (
+            np.concatenate([u, middle])[order],
+            self.scan.landscape.joined(self.problem.landscape(middle), order),
+        )
         value, feasible = landscape.objective, landscape.feasible
         gains = [axis.gain(u[0]), *(g for g in (self.gain, self.nominal_gain) if g is not None)]
         end = float(axis.coordinate(np.clip(np.array(gains), *axis.ends)).min())

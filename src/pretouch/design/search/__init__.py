@@ -8,11 +8,11 @@ encounters are scanned together (`many`). Over several free parameters, `local` 
 
 from .gain_axis import GainAxis
 from .minima import Minimum, refine, search_axis
-from .scan import EXACT, HELD, RUNS, SAMPLED, Effort, Landscape, Scan, scan
+from .scan import HELD, MEASURED, RUNS, SAMPLED, Effort, Landscape, Scan, scan
 
 __all__ = [
-    "EXACT",
     "HELD",
+    "MEASURED",
     "RUNS",
     "SAMPLED",
     "Effort",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
@@ -131,19 +130,13 @@ def _numbers(value: ArrayLike) -> FloatArray | None:
         raw = np.asarray(value)
         if raw.dtype.kind == "O" and any(isinstance(item, str | bytes | bool) for item in raw.flat):
             return None
-        if raw.dtype.kind in "iufO" and not _is_masked(value):
+        if raw.dtype.kind in "iufO" and not np.ma.is_masked(value):
             return np.array(raw, dtype=np.float64)
     except (TypeError, ValueError):
         pass
     except OverflowError:  # an integer beyond the largest float
         return np.array(np.inf)
     return None
-
-
-def _is_masked(value: ArrayLike) -> bool:
-    # A masked array exists only if numpy.ma is loaded, which takes 20 ms.
-    masked: Any = sys.modules.get("numpy.ma")
-    return masked is not None and bool(masked.is_masked(value))
 
 
 def _require(holds: Any, array: FloatArray, name: str, unit: str, rule: str) -> None:

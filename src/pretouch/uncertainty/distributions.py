@@ -14,7 +14,6 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_declared, quantity
 from pretouch._core.files import with_kind
 from pretouch._core.numbers import FloatArray
-from pretouch._core.probability import normal_quantile, normal_share
 from pretouch._core.units import format_quantity, format_range
 
 _NARROW: Final = 1e-4
@@ -257,7 +256,9 @@ class Normal(Distribution):
         return self.deviation**2
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
-        return np.asarray(self.mean + self.deviation * normal_quantile(probability))
+        from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
+
+        return np.asarray(self.mean + self.deviation * ndtri(probability))
 
     def described(self, unit: str) -> str:
         """Return a description of the normal distribution: its mean and its standard deviation."""
@@ -306,25 +307,29 @@ class TruncatedNormal(Distribution):
 
         It is mu + sigma (phi(a) - phi(b)) / (Phi(b) - Phi(a)), accurate in both tails.
         """
+        from scipy.special import log_ndtr  # noqa: PLC0415 - SciPy, only when it is needed
+
         a, b = ((x - self.location) / self.deviation for x in self.support)
         if b - a < _NARROW:
             fall = (b * b - a * a) / 2
             share = 0.5 - fall / 12 if abs(fall) < _FLAT else 1 / fall - 1 / math.expm1(fall)
             return self.location + self.deviation * (a + (b - a) * share)
         a, b, sign = (-b, -a, -1.0) if a > 0 else (a, b, 1.0)  # Phi(b) - Phi(a) loses digits in the upper tail
-        mass = normal_share(b) - normal_share(a)
+        mass = math.exp(log_ndtr(b)) - math.exp(log_ndtr(a))
         density = (math.exp(-a * a / 2) - math.exp(-b * b / 2)) / math.sqrt(2 * math.pi)
         return self.location + sign * self.deviation * density / mass
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
+        from scipy.special import ndtr, ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
+
         a, b = ((x - self.location) / self.deviation for x in self.support)
         if b - a < _NARROW:
             fall = (b * b - a * a) / 2
             z = a + (b - a) * (-np.log1p(probability * math.expm1(-fall)) / fall if fall else probability)
         elif a > 0:
-            z = -normal_quantile(normal_share(-a) * (1 - probability) + normal_share(-b) * probability)
+            z = -ndtri(ndtr(-a) * (1 - probability) + ndtr(-b) * probability)
         else:
-            z = normal_quantile(normal_share(a) * (1 - probability) + normal_share(b) * probability)
+            z = ndtri(ndtr(a) * (1 - probability) + ndtr(b) * probability)
         return np.asarray(np.clip(self.location + self.deviation * z, self.low, self.high))
 
     def described(self, unit: str) -> str:

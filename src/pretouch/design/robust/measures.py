@@ -13,7 +13,6 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.fields import check_types
 from pretouch._core.files import with_kind
 from pretouch._core.numbers import FloatArray, checked_probability, float_or_array
-from pretouch._core.probability import student_limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,10 +93,12 @@ class Expected(Measure):
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
         """Return the mean of values and its confidence interval by Student's t distribution."""
+        from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is imported only for a validation
+
         middle = float(np.mean(values))
         if not math.isfinite(middle) or len(values) < 2:
             return middle, -math.inf, math.inf
-        half = student_limit(len(values) - 1, confidence) * float(np.std(values, ddof=1))
+        half = float(stdtrit(len(values) - 1, 0.5 + 0.5 * confidence)) * float(np.std(values, ddof=1))
         half /= math.sqrt(len(values))
         return middle, middle - half, middle + half
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from pretouch._core.fields import check_types
 from pretouch._core.numbers import checked_probability, float_or_array
-from pretouch._core.probability import beta_quantile, beta_share
 
 from ..constraints import Constraint
 from .measures import sample_quantile
@@ -66,8 +65,7 @@ def runs_to_show(share: float, probability: float, confidence: float) -> int | N
     """
 
     def shows(count: int) -> bool:
-        held = math.floor(share * count + _ROUNDING)
-        return held > 0 and beta_share(held, count - held + 1, probability) <= 1 - confidence
+        return least_probability(math.floor(share * count + _ROUNDING), count, confidence) >= probability
 
     few, many = 0, 1
     while not shows(many):
@@ -82,4 +80,6 @@ def runs_to_show(share: float, probability: float, confidence: float) -> int | N
 
 def least_probability(held: int, count: int, confidence: float) -> float:
     """Return a lower confidence bound of a probability from a number of successes (Clopper and Pearson, 1934)."""
-    return 0.0 if held == 0 else beta_quantile(held, count - held + 1, 1 - confidence)
+    from scipy.special import betaincinv  # noqa: PLC0415 - SciPy is imported only for a validation
+
+    return 0.0 if held == 0 else float(betaincinv(held, count - held + 1, 1 - confidence))

@@ -233,7 +233,8 @@ def _record(
         check_free(path)
     is_terminal = sys.stderr is not None and sys.stderr.isatty()
     display = (LiveDisplay if is_terminal else PlainDisplay)(readings_on_stdin=origin.stdin)
-    wanted = steps.wanted  # mistakes in the options are reported before a device is opened
+    wanted = steps.wanted
+    steps.plan(wanted, ())  # mistakes in the options are reported before a device is opened
     if wanted and goal.load is None:
         goal = replace(goal, nearest=min(wanted), limit=max(wanted))
     source = origin.open()

@@ -24,6 +24,7 @@ from .record_missing import MissingDistances, missing_distances
 from .record_settling import robust_spread
 
 _FEWEST: Final = 4  # distances from which curves are fitted
+_ENDS: Final = "Distances at the ends of the range are missing."
 _FLOOR: Final = 3.0  # standard deviations of the noise above the offset, as in a fit
 
 
@@ -65,12 +66,13 @@ class Judgment(Value):
     report: CalibrationReport | None = None
 
 
-def judge_recording(calibration: Calibration | None, goal: RecordGoal) -> Judgment:
+def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final: bool = True) -> Judgment:
     """Judge whether the slope g = d ln xi / dl, on which L(2) depends, is known well enough.
 
     Args:
         calibration: the readings so far; None without any.
         goal: what the recording must achieve.
+        final: whether to fit curves in any case; otherwise only if the distances reach far enough.
 
     Returns:
         The judgment: enough if the verdict of the fit is `usable`, the uncertainty of g is within the goal, the
@@ -85,6 +87,10 @@ def judge_recording(calibration: Calibration | None, goal: RecordGoal) -> Judgme
     if count < _FEWEST:
         reason = f"{count} of at least {_FEWEST} distances for a fit are recorded."
         return Judgment(is_enough=False, reason=reason, missing=_missing(calibration, None, goal))
+    if not final and len(calibration.no_object):  # with an unknown offset, a fit must find out what the signal is
+        missing = _missing(calibration, None, goal)
+        if missing.ends:
+            return Judgment(is_enough=False, reason=_ENDS, missing=missing)
     report = rank_models(calibration)
     missing = _missing(calibration, report, goal)
     slope = None if report.slope is None else float(report.slope.uncertainty.max())
@@ -129,7 +135,7 @@ def _objection(report: CalibrationReport, slope: float | None, missing: MissingD
             f"more readings around {place}."
         )
     if missing.ends:
-        return "Distances at the ends of the range are missing."
+        return _ENDS
     return ""
 
 

@@ -169,7 +169,9 @@ def record_calibration(
             interrupted = True
         finally:
             session.close()
-        judgment = session.judgment or judge_recording(file.calibration, goal)
+        judgment = session.judgment
+        if judgment is None or judgment.report is None:
+            judgment = judge_recording(file.calibration, goal)
     return Recording(
         path=str(file.path),
         raw=str(file.raw),
@@ -229,12 +231,14 @@ class _Session:
             yield
         except SourceError as error:
             file = self._file
+            if not self.reader.count:
+                raise
             what = kept(file.readings, len(file.distances), file.count(math.inf), file.path)
             raise SourceError(f"{error}. {what}; continue with --resume") from None
 
     def _judge(self, suggests: bool = False) -> Judgment:
         self.judgment = None  # an interrupted judgment is repeated
-        judgment = judge_recording(self._file.calibration, self._goal)
+        judgment = judge_recording(self._file.calibration, self._goal, final=False)
         self.judgment = judgment
         if self._file.readings:
             missing = ", ".join(format_quantity(d, "m") for d in judgment.missing.all if suggests)

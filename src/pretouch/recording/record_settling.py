@@ -11,8 +11,10 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch.calibration.averaging import MAD_TO_SIGMA
 
-_FEWEST: Final = 6  # readings from which settling is judged, three in each half
-_SIGNIFICANT: Final = 3.0  # standard errors of the difference between two halves
+_FEWEST: Final = 6  # readings from which a drift is judged
+_BLOCKS: Final = 20  # averages of neighboring readings from which it is judged
+_FALSE_ALARM: Final = 1e-3  # probability that noise alone counts as drift
+_JUDGMENTS: Final = 50  # judgments during one dwell
 _PATIENCE: Final = 10.0  # s, or 10 times the dwell, after which readings count although the output drifts
 
 
@@ -32,22 +34,35 @@ def robust_spread(values: FloatArray) -> float:
     return MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))
 
 
-def differs(first: FloatArray, second: FloatArray) -> bool:
-    """Return True if two series of readings differ by more than three standard errors.
+def drifts(values: FloatArray) -> bool:
+    """Return True if a series of readings rises or falls by more than noise explains.
 
     Args:
-        first: the first readings, shape (N,), N >= 1.
-        second: the second readings, shape (M,), M >= 1.
+        values: the readings in the order of their arrival, shape (N,).
 
     Returns:
-        False if noise, or the resolution of the readings, explains the difference between the means.
+        Whether the slope of a straight line through the readings is significant. Neighboring readings are averaged
+        into at most 20 blocks first, because the noise of fast sensors is correlated. Fewer than six readings never
+        drift.
+
+    Examples:
+        >>> drifts(np.array([10.0, 11.0, 10.0, 9.0, 10.0, 11.0, 10.0])), drifts(np.arange(7.0))
+        (False, True)
     """
-    both = np.concatenate([first - np.median(first), second - np.median(second)])
-    steps = np.diff(np.unique(np.concatenate([first, second])))
-    resolution = float(steps.min()) if len(steps) else 0.0
-    sigma = max(MAD_TO_SIGMA * float(np.median(np.abs(both))), resolution / math.sqrt(12))
-    error = sigma * math.sqrt(1 / len(first) + 1 / len(second))
-    return abs(float(np.mean(second)) - float(np.mean(first))) > _SIGNIFICANT * error
+    from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only when a sensor is read
+
+    if len(values) < _FEWEST:
+        return False
+    steps = np.diff(np.unique(values))
+    blocks = np.array([block.mean() for block in np.array_split(values, min(len(values), _BLOCKS))])
+    place = np.arange(len(blocks)) - (len(blocks) - 1) / 2
+    slope = float(place @ blocks / (place @ place))
+    freedom = len(blocks) - 2
+    residual = blocks - blocks.mean() - slope * place
+    # the readings of a converter may all be equal, although the true output is anywhere within one step
+    rounding = float(steps.min()) ** 2 / 12 * len(blocks) / len(values) if len(steps) else 0.0
+    error = math.sqrt(max(float(residual @ residual) / freedom, rounding) / float(place @ place))
+    return abs(slope) > float(stdtrit(freedom, 1 - _FALSE_ALARM / 2)) * error
 
 
 class Stay:
@@ -63,6 +78,7 @@ class Stay:
         self._recent = deque[tuple[float, float]]()
         self._start: float | None = None
         self._counted_from: float | None = None
+        self._judged = -math.inf
         self.counted: list[float] = []
         self.has_settled = True
 
@@ -102,9 +118,8 @@ class Stay:
 
     @property
     def has_drifted(self) -> bool:
-        """Whether the counted readings changed from their first to their second half."""
-        half = len(self.counted) // 2
-        return half >= _FEWEST // 2 and differs(np.array(self.counted[:half]), np.array(self.counted[half:]))
+        """Whether the counted readings rise or fall."""
+        return drifts(np.array(self.counted))
 
     @property
     def recent(self) -> FloatArray:
@@ -115,9 +130,10 @@ class Stay:
         """Return True if the latest readings do not drift, or if the output had enough time."""
         if len(self._recent) < _FEWEST or now - self._recent[0][0] < 0.4 * self._dwell:
             return False
-        outputs = np.array([output for _, output in self._recent])
-        half = len(outputs) // 2
-        if not differs(outputs[:half], outputs[half:]):
+        if now - self._judged < self._dwell / _JUDGMENTS:  # so that fast sensors need little computing time
+            return False
+        self._judged = now
+        if not drifts(np.array([output for _, output in self._recent])):
             return True
         assert self._start is not None  # noqa: S101 - set by the first reading
         if now - self._start > _PATIENCE * max(self._dwell, 0.1):

@@ -136,9 +136,8 @@ class LineParser:
         return self._of_cells(cells, "keys")
 
     def _of_columns(self, text: str) -> SourceReading | None:
-        cells = [
-            cell.strip().strip('"') for cell in re.split(r"[,;\t]|\s+(?=\S)", re.sub(r"\s*([,;\t])\s*", r"\1", text))
-        ]
+        parts = re.split(r"[,;\t]", text)
+        cells = [cell.strip().strip('"') for cell in (parts if len(parts) > 1 else text.split())]
         if not any(_number(cell) is not None for cell in cells):
             self._header = {cell: i + 1 for i, cell in enumerate(cells)}
             return None

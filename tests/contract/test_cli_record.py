@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
+import math
 import os
+import re
+import shlex
 import signal as signals
 import subprocess
 import sys
@@ -18,6 +22,8 @@ import pytest
 from command_text import command
 
 import pretouch as pt
+from pretouch.calibration.averaging import MAD_TO_SIGMA
+from pretouch.cli.record_display import LiveDisplay
 from pretouch.recording.record_file import RecordFile
 from recording_bench import OFFSET, SOURCE, PtySensor, signal
 
@@ -438,6 +444,89 @@ def test_a_file_of_another_unit_is_not_continued(tmp_path: Path) -> None:
     again = RecordFile(tmp_path / "sensor.csv", unit=None, origin="a test", resume=True)
     again.close()
     assert (again.unit, again.count(0.005), again.distances) == ("V", 1, (0.005,))
+
+
+# --- the page, and the terminal
+
+
+def page_rows() -> str:
+    """Return the table of a bench that the page reads from standard input: 52 distances, then the empty scene."""
+    random = np.random.default_rng(5)
+    places = [*np.repeat(np.arange(52.0), 10), *[math.inf] * 20]
+    outputs = [OFFSET + signal(d / 1000) + 6 * random.standard_normal() for d in places]
+    return "".join(f"{d:g},{y:.0f}\n" for d, y in zip(places, outputs, strict=True))
+
+
+def test_the_sessions_of_the_page_run(sensor: PtySensor, tmp_path: Path) -> None:
+    sessions = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
+    assert len(sessions) == 4
+    for session in sessions:
+        line, _, expected = session.partition("\n")
+        words = shlex.split(line.partition(" < ")[0])[2:]
+        if "--port" in words:
+            words[words.index("--port") + 1] = sensor.port
+            words += ["--stage", sensor.stage, "--dwell", "0.1 s"]
+        done = subprocess.run(
+            [sys.executable, "-m", "pretouch", *words],
+            input=page_rows() if "<" in line else "\n",
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=tmp_path,
+        )
+        assert done.returncode == 0, done.stderr
+        pattern = re.escape(expected).replace("\\.\\.\\.\\\n", "(?s:.*)").replace(r"\.\.\.", r"\S+")
+        assert re.fullmatch(pattern, done.stdout), done.stdout
+
+
+def test_the_picture_of_the_page_is_what_the_terminal_shows() -> None:
+    from rich.console import Console
+
+    (picture,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+    display = LiveDisplay()
+    rows = re.findall(r"^  (\d+ mm|empty scene) +(\S+) ± (\S+) +20$", picture, re.MULTILINE)
+    for place, value, spread in rows:
+        distance = math.inf if place == "empty scene" else float(place.removesuffix(" mm")) / 1000
+        half = float(spread) / MAD_TO_SIGMA
+        display.show_distance(distance, [float(value) - half] * 10 + [float(value) + half] * 10)
+    display._now = picture.splitlines()[-1]
+    console = Console(width=100, record=True, file=io.StringIO())
+    console.print(display._view())
+    shown = [line.rstrip() for line in console.export_text().splitlines()]
+    assert shown == picture.rstrip("\n").split("\n")
+
+
+def test_a_terminal_shows_the_live_value_and_the_curve(sensor: PtySensor, tmp_path: Path) -> None:
+    master, slave = os.openpty()
+    shown = bytearray()
+
+    def follow() -> None:
+        try:
+            while data := os.read(master, 65536):
+                shown.extend(data)
+        except OSError:  # the other end is closed
+            return
+
+    thread = threading.Thread(target=follow)
+    thread.start()
+    options = ["sensor.csv", "--distances", "0, 5, 10 mm", "--stage", sensor.stage]
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100", "LINES": "50"}
+    subprocess.run(
+        words(sensor, *options),
+        input=b"\n",
+        stdout=subprocess.DEVNULL,
+        stderr=slave,
+        check=False,
+        cwd=tmp_path,
+        env=environment,
+    )
+    os.close(slave)
+    thread.join()
+    os.close(master)
+    text = shown.decode()
+    assert "10 readings" in text
+    assert "┤●" in text
+    assert text.count("10 mm") > 1
 
 
 # --- topics

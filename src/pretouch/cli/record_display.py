@@ -16,7 +16,7 @@ from pretouch.recording.record_curve import text_curve
 from pretouch.recording.record_settling import robust_spread
 
 _LIVE: Final = 10.0  # updates of the terminal per second
-_ROWS: Final = 12  # recorded distances that are shown
+_ROWS: Final = 24  # recorded distances that are shown
 
 
 class PlainDisplay:
@@ -108,8 +108,10 @@ class LiveDisplay(PlainDisplay):
         self._now = ""
 
     def close(self) -> None:
-        """End the live values."""
+        """End the live values, and leave the distances and the curve in the terminal."""
         self._pause()
+        if self._points:
+            self._console.print(self._view())
 
     def _pause(self) -> None:
         if self._live is not None:

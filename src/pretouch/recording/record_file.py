@@ -94,6 +94,14 @@ class RecordFile:
         return tuple(distance for distance in self.distances if self.count(distance) >= wanted)
 
     @property
+    def outputs(self) -> dict[float, list[float]]:
+        """The readings at each distance [m], infinite without an object."""
+        outputs: dict[float, list[float]] = {}
+        for distance, output in self._rows:
+            outputs.setdefault(distance, []).append(output)
+        return outputs
+
+    @property
     def readings(self) -> int:
         """The number of readings with an object."""
         return len(self._rows) - self.count(math.inf)

@@ -199,6 +199,8 @@ class _Session:
     def run(self, plan: DistancePlan | None) -> None:
         """Record the empty scene, then all distances."""
         self._wait_for_first()
+        for place, outputs in self._file.outputs.items():  # of a recording that is continued
+            self._display.show_distance(place, outputs)
         if self._options.empty and self._file.count(math.inf) < self._options.readings:
             if self._display.ask("Remove every object from the field of view, then press Enter: ") is None:
                 return
@@ -269,7 +271,8 @@ class _Session:
 
     def _follow(self) -> None:
         """Record readings whose distance the source reports, until the slope is known or the source ends."""
-        last = judged = time.monotonic()
+        last = time.monotonic()
+        judged: float | None = None
         while True:
             arrived = self.reader.take(_POLL)
             now = time.monotonic()
@@ -287,10 +290,13 @@ class _Session:
             elif self.reader.has_ended:
                 return
             last = self._check_silence(last, now, bool(arrived))
-            if now - judged > _JUDGED and self.judgment is None and not self._options.all_distances:
+            # by the times of arrival, so that a file is read to its end
+            judged = arrived[0].time if judged is None and arrived else judged
+            is_due = judged is not None and bool(arrived) and arrived[-1].time - judged > _JUDGED
+            if is_due and not self._options.all_distances:
                 if self._judge().is_enough:
                     return
-                judged = time.monotonic()
+                judged = arrived[-1].time
 
     def _wait_for_first(self) -> None:
         """Wait for the first reading, so that a wrong connection is reported before a person sets an object."""

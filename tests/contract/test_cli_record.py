@@ -450,9 +450,9 @@ def test_a_file_of_another_unit_is_not_continued(tmp_path: Path) -> None:
 
 
 def page_rows() -> str:
-    """Return the table of a bench that the page reads from standard input: 52 distances, then the empty scene."""
+    """Return the table of a bench that the page reads from standard input: 61 distances, then the empty scene."""
     random = np.random.default_rng(5)
-    places = [*np.repeat(np.arange(52.0), 10), *[math.inf] * 20]
+    places = [*np.repeat(np.arange(61.0), 10), *[math.inf] * 20]
     outputs = [OFFSET + signal(d / 1000) + 6 * random.standard_normal() for d in places]
     return "".join(f"{d:g},{y:.0f}\n" for d, y in zip(places, outputs, strict=True))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pretouch.calibration import Calibration
+from pretouch.config import load_calibration_plan, load_scenario
+from pretouch.design import Task
 from pretouch.recording.record_judgment import RecordGoal, judge_recording
 from pretouch.recording.record_missing import missing_distances
 from pretouch.recording.record_settling import Stay, drifts, robust_spread
+from pretouch.verification.calibration_check import check_calibration
 
 RATE = 200.0  # readings per second
 
@@ -149,6 +153,36 @@ def test_noise_beyond_the_goal_is_not_enough() -> None:
     assert not strict.is_enough
     assert strict.uncertainty is not None
     assert 1e-4 < strict.uncertainty < 0.05
+
+
+LOOP = (Path(__file__).parents[2] / "examples/loop.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("noise", "empty", "enough"), [(6.0, 20, True), (160.0, 3, False)], ids=["good", "bad"])
+def test_the_loop_of_a_scenario_has_the_last_word(noise: float, empty: int, enough: bool, tmp_path: Path) -> None:
+    """The goal allows any uncertainty of g, so that only the check of `pretouch verify` can object."""
+    measured = readings(FULL, noise, empty=empty)
+    rows = [f"{1000 * d:g},{y:.0f}" for d, y in zip(measured.distances, measured.outputs, strict=True)]
+    rows += [f"inf,{y:.0f}" for y in measured.no_object]
+    (tmp_path / "sensor.csv").write_text("\n".join(["distance [mm],output [counts]", *rows]))
+    sensor = LOOP[LOOP.index("[sensor]") : LOOP.index("[admittance]")]
+    scenario = tmp_path / "loop.toml"
+    scenario.write_text(LOOP.replace(sensor, '[sensor]\ncalibration = "sensor.csv"\n'))
+    plan = load_calibration_plan(scenario)
+    assert (plan.path, plan.nearest, plan.farthest) == (tmp_path / "sensor.csv", 0.0, 0.0422)
+
+    def load() -> Task:
+        """Read the scenario, with a gain for which the contact speed is just at its limit."""
+        return load_scenario(scenario).replace(gain=-0.34)
+
+    goal = RecordGoal(accuracy=0.9, nearest=plan.nearest, farthest=plan.farthest, load=load)
+    judgment = judge_recording(load().calibration.calibration, goal)
+    assert judgment.is_enough is enough, judgment.reason
+    task = load()
+    assert task.calibration.verdict == "usable"  # so that the fit has no objection
+    check = check_calibration(task, task.calibration, -0.34)
+    assert check.is_good_enough is enough
+    assert enough or judgment.reason == check.text
 
 
 def test_a_distance_sensor_is_never_enough() -> None:

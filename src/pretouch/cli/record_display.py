@@ -91,7 +91,7 @@ class LiveDisplay(PlainDisplay):
 
     def say(self, text: str) -> None:
         """Print a sentence above the live values."""
-        self._console.print(text, highlight=False)
+        self._console.print(text, highlight=False, markup=False)
 
     def show(self, distance: float, outputs: Sequence[float], counted: int, wanted: int, settling: bool) -> None:
         """Show the live value at a distance."""

@@ -236,7 +236,7 @@ class _Session:
             if not self.reader.count:
                 raise
             what = kept(file.readings, len(file.distances), file.count(math.inf), file.path)
-            raise SourceError(f"{error}. {what}; continue with --resume") from None
+            raise SourceError(f"{error}; {what}, continue with --resume") from None
 
     def _judge(self, suggests: bool = False) -> Judgment:
         self.judgment = None  # an interrupted judgment is repeated

@@ -10,6 +10,7 @@ The tree:
     │   ├── ScenarioFileError                    a scenario file with a mistake in it
     │   └── OutputExistsError                    an output file that exists and must not be overwritten
     ├── MissingExtraError                        a library of an optional extra that is not installed
+    ├── SourceError                              a sensor that cannot be read, or that stopped
     ├── BrokenCoreError (also an ImportError)    the compiled core is missing, damaged or of another version
     └── ResultUnavailableError                   a part of a result that does not exist, such as a missing contact
 
@@ -26,6 +27,7 @@ from ._core.errors import (
     PretouchError,
     ResultUnavailableError,
     ScenarioFileError,
+    SourceError,
     UnitError,
 )
 
@@ -39,5 +41,6 @@ __all__ = [
     "PretouchError",
     "ResultUnavailableError",
     "ScenarioFileError",
+    "SourceError",
     "UnitError",
 ]

@@ -53,6 +53,10 @@ class MissingExtraError(PretouchError):
     """Raised if an optional library is needed but not installed; the message says how to install it."""
 
 
+class SourceError(PretouchError):
+    """Raised if a source of readings fails, for example an unplugged sensor; the message says what to do."""
+
+
 class BrokenCoreError(PretouchError, ImportError):
     """Raised if the compiled core library of pretouch is missing, damaged or of another version.
 

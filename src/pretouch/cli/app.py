@@ -12,6 +12,7 @@ import typer
 
 from .export import export
 from .fit import fit
+from .record import record
 from .sweep import sweep
 from .terminal import guard_output
 from .verbs import design, pareto, reproduce, robust, simulate, verify
@@ -26,6 +27,11 @@ app = typer.Typer(
 _EXAMPLES: Final[
     dict[Callable[..., None], tuple[str, str, str]]
 ] = {  # in the order of the help: two commands for each verb, and the page of the documentation
+    record: (
+        "record sensor.csv --port /dev/ttyUSB0",
+        'record fingertip.toml --i2c VCNL4040 --distances "0, 2, 5, 10, 20, 40 mm"',
+        "record-a-calibration.md",
+    ),
     fit: ("fit sensor.csv", 'fit sensor.csv --offset "61 counts" --model inverse-power', "calibration.md"),
     design: ("design approach.toml", "design approach.toml --json", "design.md"),
     sweep: (

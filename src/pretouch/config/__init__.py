@@ -12,6 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError, PretouchError, ScenarioFileError
 from pretouch._core.units import format_quantity
@@ -35,7 +37,7 @@ from .sensor import CALIBRATION, FROM_SURFACE, FitRequest, fit_sensor_of, read_n
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
-__all__ = ["ScenarioSource", "load_scenario"]
+__all__ = ["CalibrationPlan", "ScenarioSource", "load_calibration_plan", "load_scenario"]
 
 _SHORT: Final[Mapping[str, str]] = {
     "position": "displacement",
@@ -101,6 +103,52 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
     if task is None:
         raise ScenarioFileError(source.listed(builder.unread + builder.mistakes))
     return task
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationPlan:
+    """The calibration that a scenario file names, and the distances that its encounter needs.
+
+    Args:
+        path: the calibration file, which need not exist.
+        nearest: distance of the sensor from the object at contact [m].
+        farthest: distance of the sensor from the object at the start [m].
+    """
+
+    path: Path
+    nearest: float
+    farthest: float
+
+
+def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
+    """Read which calibration a scenario file needs, before this calibration exists.
+
+    Args:
+        path: the scenario file.
+
+    Returns:
+        The path of the calibration, and the distances of the encounter.
+
+    Raises:
+        ScenarioFileError: the file has mistakes, or its sensor needs no calibration file.
+    """
+    content, text, data = read_document(path)
+    source = ScenarioSource(path=Path(path), text=text, sha256=hashlib.sha256(content).hexdigest())
+    builder = _Builder(source, data)
+    scenario, sensor = builder.scenario(), builder.values("sensor")
+    builder.objective()
+    builder.constraints()
+    if sensor is not None and CALIBRATION not in sensor:
+        builder.refuse(
+            ("sensor",),
+            "found no calibration file, expected one to record; replace the keys of the curve by "
+            'calibration = "sensor.csv"',
+        )
+    if builder.unread or builder.mistakes or scenario is None or sensor is None:
+        raise ScenarioFileError(source.listed(builder.unread + builder.mistakes))
+    recess = sensor.get("recess") or 0.0
+    farthest = recess + float(np.max(scenario.distance))
+    return CalibrationPlan(path=source.path.parent / sensor[CALIBRATION], nearest=recess, farthest=farthest)
 
 
 def _task(builder: _Builder) -> Task | None:

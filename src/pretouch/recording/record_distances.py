@@ -1,0 +1,170 @@
+"""Set the distances of a recording: typed by a person, from a list, or by a linear stage."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+from collections.abc import Sequence
+from typing import Final, Protocol
+
+from pretouch._core.errors import InvalidInputError, PretouchError, SourceError
+from pretouch._core.units import format_quantity, read_quantity
+
+from .record_judgment import Judgment
+
+_SLOWEST: Final = 120.0  # s, after which a command that moves a stage is considered stuck
+
+
+class RecordDisplay(Protocol):
+    """Interface of what shows a recording to a person and asks for the next step."""
+
+    def ask(self, question: str) -> str | None:
+        """Return the answer to a question; None if nobody answers any more."""
+
+    def say(self, text: str) -> None:
+        """Show a sentence."""
+
+    def show(self, distance: float, outputs: Sequence[float], counted: int, wanted: int, settling: bool) -> None:
+        """Show the live value at a distance [m], infinite without an object."""
+
+    def show_distance(self, distance: float, outputs: Sequence[float]) -> None:
+        """Show the counted readings of a distance that is complete."""
+
+
+class DistancePlan(Protocol):
+    """Interface of what decides at which distance the object is next, and waits until it is there.
+
+    `suggests` is True if a person chooses the distances, and so wants to know which are missing.
+    """
+
+    suggests: bool
+
+    def move(self, judgment: Judgment, display: RecordDisplay) -> float | None:
+        """Return the next distance [m] when the object is there; None after the last one."""
+
+
+class TypedDistances:
+    """Distances that a person types after setting the object."""
+
+    suggests = True
+
+    def move(self, judgment: Judgment, display: RecordDisplay) -> float | None:
+        """Ask for the next distance, and suggest the first missing one."""
+        suggested = judgment.missing.all[0] if judgment.missing.all else None
+        offer = "" if suggested is None else f", Enter for {format_quantity(suggested, 'm')}"
+        while True:
+            answer = display.ask(f"Set the object, then type its distance in mm{offer}, or q to end: ")
+            if answer is None or answer.strip().lower() in {"q", "quit", "end", "done"}:
+                return None
+            if not answer.strip():
+                if suggested is not None:
+                    return suggested
+                continue
+            try:
+                return read_distance(answer)
+            except PretouchError as error:
+                display.say(str(error))
+
+
+class ListedDistances:
+    """Distances from a list, at which a person or a stage sets the object.
+
+    Args:
+        distances: the distances in their order [m].
+        done: distances that were recorded before [m], which are skipped.
+        stage: command that moves a linear stage, with `{mm}` or `{m}` for the distance; None if a person sets it.
+    """
+
+    suggests = False
+
+    def __init__(self, distances: Sequence[float], done: Sequence[float] = (), stage: str | None = None) -> None:
+        self._rest = [d for d in distances if not any(abs(d - other) < 1e-9 for other in done)]
+        self._stage = stage
+        if stage is not None and "{mm}" not in stage and "{m}" not in stage:
+            raise InvalidInputError(
+                f"--stage: found {stage!r}, expected a command with {{mm}} or {{m}} for the distance, such as "
+                "'move-stage {mm}'"
+            )
+
+    def move(self, judgment: Judgment, display: RecordDisplay) -> float | None:  # noqa: ARG002 - of the interface
+        """Move to the next distance of the list."""
+        if not self._rest:
+            return None
+        distance = self._rest.pop(0)
+        if self._stage is not None:
+            _run_stage(self._stage, distance)
+        elif display.ask(f"Set the object to {format_quantity(distance, 'm')}, then press Enter: ") is None:
+            return None
+        return distance
+
+
+def read_distance(text: str) -> float:
+    """Read a distance such as `12 mm`, `1.2 cm` or `12`, which is in mm.
+
+    Args:
+        text: the distance.
+
+    Returns:
+        The distance [m].
+
+    Raises:
+        InvalidInputError: the text is no distance, or it is negative or infinite.
+
+    Examples:
+        >>> read_distance("12"), read_distance("1.5 cm")
+        (0.012, 0.015)
+    """
+    written = text.strip()
+    is_bare = written.replace(".", "", 1).replace("-", "", 1).isdigit()
+    distance = read_quantity(f"{written} mm" if is_bare else written, "m", name="distance")
+    if not 0 <= distance < float("inf"):
+        raise InvalidInputError(f"distance: found {written}, expected a distance of 0 mm or more")
+    return distance
+
+
+def read_distances(text: str) -> tuple[float, ...]:
+    """Read a list of distances such as `0 mm, 5 mm, 10 mm`, or `0, 5, 10 mm` with the last unit for all.
+
+    Args:
+        text: the list.
+
+    Returns:
+        The distances in their order [m].
+
+    Raises:
+        InvalidInputError: the list is empty, or a part of it is no distance.
+
+    Examples:
+        >>> read_distances("0, 5, 10 mm")
+        (0.0, 0.005, 0.01)
+    """
+    parts = [part.strip() for part in text.replace(";", ",").split(",") if part.strip()]
+    if not parts:
+        raise InvalidInputError('--distances: found none, expected a list such as "0 mm, 5 mm, 10 mm"')
+    unit = parts[-1].lstrip("-+.0123456789eE").strip()
+    bare = [part.replace(".", "", 1).isdigit() for part in parts]
+    return tuple(
+        read_distance(f"{part} {unit}" if is_bare and unit else part) for part, is_bare in zip(parts, bare, strict=True)
+    )
+
+
+def _run_stage(command: str, distance: float) -> None:
+    """Run the user's command that moves the stage, and wait for its end."""
+    words = shlex.split(command)
+    values = {"{mm}": f"{1000 * distance:.9g}", "{m}": f"{distance:.12g}"}
+    for mark, value in values.items():
+        words = [word.replace(mark, value) for word in words]
+    place = format_quantity(distance, "m")
+    try:
+        done = subprocess.run(  # noqa: S603 - the user's own command, without a shell
+            words, capture_output=True, text=True, check=False, timeout=_SLOWEST, stdin=subprocess.DEVNULL
+        )
+    except FileNotFoundError:
+        raise InvalidInputError(f"--stage: the command {words[0]!r} was not found; check its name and path") from None
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise SourceError(f"--stage: the stage did not reach {place} ({error}); check the stage") from None
+    if done.returncode:
+        said = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()[-1]
+        raise SourceError(
+            f"--stage: {shlex.join(words)} failed with status {done.returncode} ({said}); check the stage"
+        )

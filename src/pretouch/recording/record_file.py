@@ -1,0 +1,183 @@
+"""Write readings to a calibration file and a raw file as they arrive, and continue an interrupted recording."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections import Counter
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch.calibration import Calibration
+
+_HEADER: Final = re.compile(r"distance \[mm\],output(?: \[(?P<unit>[^\]]*)\])?")
+_PICOMETERS: Final = 12  # decimal digits of a distance in m that are compared
+
+
+def raw_path(path: Path) -> Path:
+    """Return the path of the file with all readings, next to the calibration file."""
+    return path.with_name(f"{path.stem}-raw.csv")
+
+
+def check_free(path: Path) -> None:
+    """Raise an error if a new recording would overwrite the calibration file or the file with all readings."""
+    for each in (path, raw_path(path)):
+        if each.exists():
+            raise OutputExistsError(
+                f"{each}: this file already exists, and pretouch does not overwrite it; continue the recording with "
+                "--resume, or choose another name"
+            )
+
+
+class RecordFile:
+    """The calibration file of a recording, and the file with all readings, `STEM-raw.csv`.
+
+    Every reading is handed to the operating system at once, so that nothing is lost if the program ends.
+
+    Args:
+        path: the calibration file (CSV).
+        unit: unit of the readings; None if unknown, or as in the file that is continued.
+        origin: name of the source, for a comment in the file.
+        resume: whether to continue the file; otherwise it must not exist.
+    """
+
+    def __init__(self, path: Path, *, unit: str | None, origin: str, resume: bool) -> None:
+        self.path, self.raw = path, raw_path(path)
+        self._rows: list[tuple[float, float]] = []
+        self._count: Counter[float] = Counter()
+        self.notes: tuple[str, ...] = ()
+        self.unit = unit or ""
+        exists = path.exists()
+        if exists and resume:
+            self._load(unit)
+        elif resume:
+            raise InvalidInputError(f"--resume: the file {path} does not exist; start without --resume")
+        else:
+            check_free(path)
+        title = f"output [{self.unit}]" if self.unit else "output"
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        made = f"# recorded with pretouch {version('pretouch')} from {origin}, {now}\n"
+        self._new, self._received = (() if exists else (path, self.raw)), 0
+        self._file, self._all = _append(path), -1
+        try:
+            self._all = _append(self.raw)
+        except BaseException:
+            self.close()
+            raise
+        self._write(self._file, made if exists else f"{made}distance [mm],{title}\n")
+        is_new = not os.fstat(self._all).st_size
+        self._write(self._all, f"{made}time [s],distance [mm],{title}\n" if is_new else made)
+
+    def add(self, distance: float, output: float) -> None:
+        """Write a reading that counts, at a distance in m, infinite without an object."""
+        self._write(self._file, f"{_mm(distance)},{output:.15g}\n")
+        self._rows.append((distance, output))
+        self._count[round(distance, _PICOMETERS)] += 1
+
+    def add_raw(self, time: float, distance: float | None, output: float) -> None:
+        """Write any reading, with the time since the start [s] and the distance, None while the object moves."""
+        self._received += 1
+        self._write(self._all, f"{time:.6f},{'' if distance is None else _mm(distance)},{output:.15g}\n")
+
+    def count(self, distance: float) -> int:
+        """Return the number of readings at a distance [m]."""
+        return self._count[round(distance, _PICOMETERS)]
+
+    def complete(self, wanted: int) -> tuple[float, ...]:
+        """Return the distances with at least a number of readings [m]."""
+        return tuple(distance for distance in self.distances if self.count(distance) >= wanted)
+
+    @property
+    def outputs(self) -> dict[float, list[float]]:
+        """The readings at each distance [m], infinite without an object."""
+        outputs: dict[float, list[float]] = {}
+        for distance, output in self._rows:
+            outputs.setdefault(distance, []).append(output)
+        return outputs
+
+    @property
+    def readings(self) -> int:
+        """The number of readings with an object."""
+        return len(self._rows) - self.count(math.inf)
+
+    @property
+    def distances(self) -> tuple[float, ...]:
+        """The different distances with an object [m], in increasing order."""
+        return tuple(sorted(d for d in self._count if math.isfinite(d)))
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The readings that count, as a calibration; None before the first reading with an object."""
+        rows = np.array(self._rows).reshape(-1, 2)
+        is_near = np.isfinite(rows[:, 0])
+        if not is_near.any():
+            return None
+        return Calibration(
+            distances=rows[is_near, 0], outputs=rows[is_near, 1], no_object=rows[~is_near, 1], unit=self.unit
+        )
+
+    def close(self) -> None:
+        """Close both files, and remove new files without any reading."""
+        for descriptor in (self._file, self._all):
+            if descriptor >= 0:
+                os.close(descriptor)
+        self._file = self._all = -1
+        if not self._received:
+            for path in self._new:
+                path.unlink(missing_ok=True)
+
+    def _load(self, unit: str | None) -> None:
+        """Read the file that is continued, and remove an incomplete last line."""
+        text = self.path.read_text(encoding="utf-8", errors="replace")
+        if not text.endswith("\n"):
+            text = text[: text.rfind("\n") + 1]
+            os.truncate(self.path, len(text.encode()))
+            self.notes = (f"{self.path}: the incomplete last line was removed.",)
+        lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line and not line.startswith("#")]
+        header = _HEADER.fullmatch(lines[0][1]) if lines else None
+        if header is None:
+            raise InvalidInputError(
+                f"{self.path}: this file was not written by pretouch record, because its header is not "
+                "'distance [mm],output [UNIT]'; choose another name"
+            )
+        self.unit = header["unit"] or ""
+        if unit is not None and unit != self.unit:
+            raise InvalidInputError(
+                f"--unit: found {unit}, but the readings in {self.path} are in {self.unit or 'no unit'}"
+            )
+        for i, line in lines[1:]:
+            cells = line.split(",")
+            try:
+                millimeters, output = map(float, cells)
+            except ValueError:
+                raise InvalidInputError(
+                    f"{self.path}, line {i}: found {line[:40]!r}, expected a distance and an output; correct the line"
+                ) from None
+            distance = millimeters / 1000
+            self._rows.append((distance, output))
+            self._count[round(distance, _PICOMETERS)] += 1
+
+    def _write(self, descriptor: int, line: str) -> None:
+        try:
+            os.write(descriptor, line.encode())
+        except OSError as error:
+            raise InvalidInputError(f"{self.path}: cannot be written ({error.strerror})") from None
+
+
+def _append(path: Path) -> int:
+    """Open a file to append, and create it if necessary."""
+    binary = getattr(os, "O_BINARY", 0)  # exists on Windows only
+    try:
+        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | binary, 0o666)
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be written ({error.strerror}); choose another folder") from None
+
+
+def _mm(distance: float) -> str:
+    return f"{1000 * distance:.12g}"

@@ -1,0 +1,390 @@
+"""Replay a recording: run the sampled law over it, and describe what the sensor really measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.blocks import Described
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.files import plain
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
+from pretouch.control import Controller, Status
+from pretouch.design import Task
+from pretouch.simulation import ClosedLoop
+from pretouch.verification.verify import chosen_gain
+
+from .chain_section import chain_section
+from .detections import BEFORE, Detection, Event, detections_in, events_in, judge
+from .distance_pairs import DistancePairs, pair_distances
+from .latency import Latency, estimate_latency
+from .noise import Noise, noise_of, spread_of_course
+from .recording import Recording
+from .stepping import LawSteps, readings_of, run_steps
+from .timing import Timing, stretches, timing_of
+
+_REGULAR: Final = 1.5  # periods up to which a reading follows the one before
+_SAME_RATE: Final = 0.01  # relative difference of two rates that are called equal
+_PLAUSIBLE: Final = 1.0  # s: a longer transport means that the two clocks differ
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Replay(Described, Value):
+    """Result of `replay`: what the law did with a recording, and what the recording says about the sensor.
+
+    Args:
+        recording: the part of the recording that was replayed.
+        law: the law and its number in words.
+        controller: the controller with its gain.
+        loop: the sampled loop of the scenario, whose sensor chain is compared with the recording.
+        readings: the readings that the law got, in the unit of the sensor output; one for each reading of the recording.
+        steps: inputs and outputs of the law in each control period.
+        timing: when the readings came.
+        noise: noise, offset, resolution and limit of the readings.
+        distance_noise: standard deviation of a recorded distance [m]; None for other readings, or if unknown.
+        detections: what the law detected.
+        events: true events; None if they are unknown.
+        reference: the other topic of the same motion; None if there is none.
+        latency: by how much the sensor lags the reference; None without a reference.
+        counts: number of readings that are "invalid" (NaN), "too near" (minus infinity), "no object" (infinity),
+            "saturated", and "replaced" by a newer one before the law's next step.
+        chain: section [chain] of a scenario file, estimated from the recording; empty if there are too few readings.
+        notes: remarks on the file and on the clock.
+    """
+
+    recording: Recording
+    law: str
+    controller: Controller
+    loop: ClosedLoop
+    readings: FloatArray
+    steps: LawSteps
+    timing: Timing
+    noise: Noise
+    distance_noise: float | None
+    detections: tuple[Detection, ...]
+    events: tuple[Event, ...] | None
+    reference: Recording | None
+    latency: Latency | None
+    counts: dict[str, int]
+    chain: str
+    notes: tuple[str, ...]
+
+    page: ClassVar[str] = "pretouch.recording.replay_page:replay_page"
+
+    @property
+    def false_triggers(self) -> tuple[Detection, ...]:
+        """The detections without a true event; empty if the true events are unknown."""
+        return tuple(d for d in self.detections if d.judgment == "false")
+
+    @property
+    def missed(self) -> tuple[Event, ...]:
+        """The true events that the law did not detect, or not before they began."""
+        return tuple(e for e in self.events or () if e.is_missed or e.is_late)
+
+    @property
+    def usable(self) -> int:
+        """Number of readings that the law could use."""
+        return len(self.readings) - sum(self.counts[name] for name in ("invalid", "saturated"))
+
+    @property
+    def is_good(self) -> bool:
+        """True if the law could use readings, and if no known event contradicts its detections."""
+        return self.usable > 0 and not self.false_triggers and not self.missed
+
+    @property
+    def headline(self) -> str:
+        """What was detected, in one or two sentences."""
+        from .replay_page import headline_of  # noqa: PLC0415 - sentences are made where they are shown
+
+        return headline_of(self)
+
+    def pairs(self) -> DistancePairs:
+        """Return the readings with the distances of the reference, for a calibration.
+
+        A known latency of the sensor is removed.
+
+        Raises:
+            InvalidInputError: there is no reference that is a distance, or the recorded readings are distances.
+        """
+        if self.reference is None or self.reference.kind != "distance":
+            raise InvalidInputError(
+                'reference: a calibration needs a topic with distances, such as --reference "/laser.data [mm]"'
+            )
+        if self.recording.kind == "distance":
+            raise InvalidInputError(
+                f"topic: {self.recording.topic} is a distance already; a calibration needs the raw output of a sensor"
+            )
+        origin = int(self.recording.stamps[0])
+        shift = 0.0 if self.latency is None else self.latency.value or 0.0
+        other = self.reference
+        return pair_distances(
+            self.recording.seconds_after(origin), self.readings, other.seconds_after(origin), other.values, shift
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as one JSON object."""
+        fields: dict[str, Any] = plain(
+            {
+                "status": "replayed" if self.is_good else "contradicted" if self.usable else "no-usable-reading",
+                "headline": self.headline,
+                "recording": self.recording.source,
+                "topic": self.recording.topic,
+                "type": self.recording.message_type,
+                "kind": self.recording.kind,
+                "clock": self.recording.clock,
+                "law": self.law,
+                "timing": self.timing,
+                "noise": self.noise,
+                "distance_noise": self.distance_noise,
+                "counts": self.counts,
+                "detections": self.detections,
+                "events": self.events,
+                "false_triggers": None if self.events is None else len(self.false_triggers),
+                "missed": None if self.events is None else len(self.missed),
+                "latency": self.latency,
+                "chain": self.chain,
+                "notes": self.notes,
+            }
+        )
+        return fields
+
+    def __repr__(self) -> str:
+        return f"<Replay of {self.recording.topic}: {len(self.detections)} detections>"
+
+
+@check_arguments
+def replay(
+    task: Task,
+    recording: Recording,
+    *,
+    reference: Recording | None = None,
+    truth: Recording | None = None,
+    threshold: float = 0.5,
+    contacts: Sequence[float] | None = None,
+    before: float = BEFORE,
+    start: float = 0.0,
+    end: float = np.inf,
+) -> Replay:
+    """Run the sampled law of a task over recorded readings, and compare the sensor with its description in the task.
+
+    The replay is open loop: the recorded readings do not respond to the motion that the law commands. The law is the
+    compiled one that simulations run and exports contain.
+
+    Args:
+        task: the task with its sampled loop; the gain as for `verify_gain`.
+        recording: the readings of the sensor.
+        reference: another topic of the same recording that shows the same motion, such as a distance; for the latency
+            and a calibration.
+        truth: a topic of the same recording that is above `threshold` while there is an object or a contact.
+        threshold: threshold of `truth`.
+        contacts: times of true contacts after the first reading [s], instead of `truth`.
+        before: longest time from a detection to its event [s].
+        start: start of the replayed part after the first reading [s].
+        end: end of this part [s].
+
+    Returns:
+        The replay, with any result: also no detection, or no usable reading.
+
+    Raises:
+        InvalidInputError: the task has no sampled loop, there are no readings in the part, or an option makes no sense.
+    """
+    controller, loop, law = _controller(task)
+    used, notes = _replayed_part(recording, start, end)
+    time = used.time
+    readings = readings_of(used, task.sensor, controller.conditioning.offset)
+    steps = run_steps(controller, time, readings)
+    timing = timing_of(time, used.values)
+    detecting = _detecting_at(steps, time)
+    regular = np.diff(time, prepend=-np.inf) <= _REGULAR / timing.rate if timing.rate > 0 else np.zeros(len(time), bool)
+    regular &= np.diff(time, prepend=0.0) > 0
+    noise = noise_of(used.values, regular, detecting, controller.conditioning.offset)
+    distance_noise = spread_of_course(used.values, regular) if used.kind == "distance" else None
+    origin = int(used.stamps[0])
+    first = (origin - int(recording.stamps[0])) / 1e9
+    events = _events(truth, threshold, contacts, origin, first, float(time.max()))
+    detections, judged = judge(detections_in(steps, controller.conditioning.floor), events, _positive(before))
+    latency = None if reference is None else _latency(task, used, readings, reference, controller)
+    name = f"{used.source}, {used.topic}"
+    chain = ""
+    if timing.rate > 0 and len(time) > 2:
+        chain = chain_section(
+            timing,
+            noise,
+            loop.chain,
+            kind=used.kind,
+            distance_noise=distance_noise,
+            delay=_delay(used, latency, reference),
+            name=name,
+        )
+    return Replay(
+        recording=used,
+        law=law,
+        controller=controller,
+        loop=loop,
+        readings=readings,
+        steps=steps,
+        timing=timing,
+        noise=noise,
+        distance_noise=distance_noise,
+        detections=detections,
+        events=None if events is None else judged,
+        reference=reference,
+        latency=latency,
+        counts=_counts(used, readings, steps, controller),
+        chain=chain,
+        notes=(*used.notes, *notes),
+    )
+
+
+def _positive(value: float) -> float:
+    if not 0 <= value < np.inf:
+        raise InvalidInputError(f"before: found {value!r} s, expected a time of at least 0 s")
+    return value
+
+
+def _controller(task: Task) -> tuple[Controller, ClosedLoop, str]:
+    """Return the controller with its gain, the loop, and the law in words."""
+    loop = task.loop
+    if not isinstance(loop, ClosedLoop) or not isinstance(loop.law, Controller):
+        raise InvalidInputError(
+            "loop: a replay needs the controller of a sampled loop, but this task has none; add [chain] and [controller] "
+            "to the scenario file"
+        )
+    gain = chosen_gain(task)
+    law = f"{task.law.kind.replace('-', ' ')}, {task.law.number.name} {task.law.number.equals(gain)}"
+    return loop.law.with_value(gain), loop, law
+
+
+def _replayed_part(recording: Recording, start: float, end: float) -> tuple[Recording, tuple[str, ...]]:
+    """Return the selected part of a recording or, if its clock was set back, the longest part with one clock."""
+    if not len(recording.stamps):
+        raise InvalidInputError(f"{recording.source}: the topic {recording.topic} has no messages")
+    time = recording.time
+    chosen = np.flatnonzero((time >= start) & (time <= end))
+    if not len(chosen):
+        raise InvalidInputError(
+            f"from, to: there is no reading from {start:g} s to {end:g} s; the recording lasts {time.max():.4g} s"
+        )
+    used = recording.part(chosen)
+    parts = stretches(used.time)
+    if len(parts) == 1:
+        return used, ()
+    longest = max(parts, key=lambda part: part.stop - part.start)
+    lost = len(used.stamps) - (longest.stop - longest.start)
+    other = "--clock receive" if recording.clock == "header" else "--clock header"
+    return used.part(longest), (
+        f"The clock of the recording was set back {len(parts) - 1} time{'s' if len(parts) > 2 else ''}; only the longest "
+        f"part between was replayed, and {lost:,} of {len(used.stamps):,} readings were left out. Try {other}.",
+    )
+
+
+def _detecting_at(steps: LawSteps, time: FloatArray) -> BoolArray:
+    """Return for each reading whether the law detected an object within two control steps around its use."""
+    flags = (steps.status & Status.DETECTING) != 0
+    period = float(steps.time[1] - steps.time[0])
+    index = np.minimum(np.ceil(np.maximum.accumulate(time) / period - 1e-9).astype(int), len(flags) - 1)
+    around = [flags[np.clip(index + shift, 0, len(flags) - 1)] for shift in (-1, 0, 1)]
+    return np.asarray(around[0] | around[1] | around[2])
+
+
+def _events(
+    truth: Recording | None,
+    threshold: float,
+    contacts: Sequence[float] | None,
+    origin: int,
+    first: float,
+    last: float,
+) -> list[tuple[float, float]] | None:
+    """Return start and end of the true events after the first replayed reading [s]; None if they are unknown."""
+    if truth is not None and contacts is not None:
+        raise InvalidInputError("truth, contacts: found both, expected a topic or times")
+    if truth is not None:
+        found = events_in(truth.seconds_after(origin), truth.values, threshold)
+        return [(max(a, 0.0), b) for a, b in found if b >= 0 and a <= last]
+    if contacts is None:
+        return None
+    times = [float(t) - first for t in contacts]
+    if outside := [t for t in times if not 0 <= t <= last]:
+        raise InvalidInputError(
+            f"contacts: found {outside[0] + first:g} s, which is outside of the replayed part, from {first:.4g} s to "
+            f"{first + last:.4g} s after the first reading"
+        )
+    return [(t, t) for t in sorted(times)]
+
+
+def _latency(
+    task: Task, used: Recording, readings: FloatArray, reference: Recording, controller: Controller
+) -> Latency:
+    """Return by how much the log output of the sensor lags the reference."""
+    conditioning = controller.conditioning
+    saturation = np.inf if conditioning.saturation is None else conditioning.saturation
+
+    def log_level(values: FloatArray, raw: bool) -> FloatArray:
+        kept = np.where(raw & (values >= saturation), np.nan, values)
+        return np.log(np.maximum(kept - conditioning.offset, conditioning.floor) / conditioning.floor)
+
+    origin = int(used.stamps[0])
+    other = reference.values
+    if reference.kind == "distance":  # on the curve, both are the same quantity
+        other = log_level(readings_of(reference, task.sensor, conditioning.offset), False)
+    with np.errstate(invalid="ignore"):
+        own = log_level(readings, used.kind == "reading")
+    return estimate_latency(used.seconds_after(origin), own, reference.seconds_after(origin), other)
+
+
+def _delay(used: Recording, latency: Latency | None, reference: Recording | None) -> tuple[float, str] | None:
+    """Return the delay of the sensor chain and how it was measured; None if it is unknown."""
+    if latency is not None and latency.value is not None and reference is not None and latency.value > 0:
+        return latency.value, f"lag behind {reference.topic}, if that has none itself"
+    if used.clock == "header" and len(used.transport):
+        transport = float(np.median(used.transport))
+        if 0 <= transport <= _PLAUSIBLE:
+            return transport, "from the header stamp to the recorder, if their clocks agree"
+    return None
+
+
+def _counts(used: Recording, readings: FloatArray, steps: LawSteps, controller: Controller) -> dict[str, int]:
+    saturation = controller.conditioning.saturation
+    saturated = 0 if saturation is None or used.kind == "distance" else int((readings >= saturation).sum())
+    unusable = ~np.isfinite(readings)
+    return {
+        "invalid": int(unusable.sum()),
+        "too near": int(np.isneginf(used.values).sum()) if used.kind == "distance" else 0,
+        "no object": int(np.isposinf(used.values).sum()) if used.kind == "distance" else 0,
+        "saturated": saturated if saturation is None else saturated - int(np.isposinf(readings).sum()),
+        "replaced": len(readings) - int(steps.fresh.sum()),
+    }
+
+
+def describe_rates(replay: Replay) -> Iterator[str]:
+    """Yield sentences that compare the rate of the recording with the rate of the scenario.
+
+    Args:
+        replay: the replay.
+    """
+    timing, declared = replay.timing, replay.loop.chain.rate
+    if not timing.rate > 0:
+        yield f"There are {timing.count} readings at one time, so the rate is unknown."
+        return
+    gaps = ""
+    if timing.gaps:
+        several = f"{timing.gaps:,} gaps of up to" if timing.gaps > 1 else "one gap of"
+        gaps = f" with {several} {format_quantity(timing.longest_gap, 's', 3)}"
+    if not gaps and abs(timing.mean_rate / declared - 1) < _SAME_RATE:
+        yield f"The sensor read at {format_quantity(timing.mean_rate, 'Hz', 4)}, as the scenario says."
+        return
+    yield (
+        f"The scenario says that the sensor reads at {format_quantity(declared, 'Hz', 4)}; it read at "
+        f"{format_quantity(timing.mean_rate, 'Hz', 4)}{gaps}."
+    )
+    if timing.held > 1:
+        yield (
+            f"Each value is repeated {timing.held} times, so the sensor itself delivers only about "
+            f"{format_quantity(timing.rate / timing.held, 'Hz', 3)}."
+        )

@@ -80,7 +80,9 @@ def range_bag(path: Path, time: Any, values: Any, *, delay_ns: int = 0, topic: s
     """Write a bag with a topic of type Range: header stamps, and receive times that are `delay_ns` later."""
     types = options.pop("types", None) or store()
     stamps = np.round(np.asarray(time) * 1e9).astype(np.int64) + 10**18
-    messages = [(int(s) + delay_ns, range_message(types, int(s), float(v))) for s, v in zip(stamps, values, strict=True)]
+    messages = [
+        (int(s) + delay_ns, range_message(types, int(s), float(v))) for s, v in zip(stamps, values, strict=True)
+    ]
     return write_bag(path, {topic: (RANGE, messages)}, types=types, **options)
 
 

@@ -92,14 +92,15 @@ def _decode_cdr(data: list[bytes], topic: Topic, field: str) -> Decoded:
         except UnsupportedLayoutError:
             layout = None
         if layout is None or not same_layout(table, layout):
-            name = _decode_each(data, rows, topic, name, store, (values, stamps))
+            name = _decode_each(data, rows, topic, name, store=store, columns=(values, stamps))
             continue
         name = _field_of(name, list(layout.fields), topic)
         if name in layout.fields:
             values[rows] = column(table, layout.fields[name])
         stamps[rows] = _stamps(table, layout)
         if {"min_range", "max_range"} <= set(layout.fields):
-            bounds = tuple(float(column(table[:1], layout.fields[f"{end}_range"])[0]) for end in ("min", "max"))
+            low, high = (float(column(table[:1], layout.fields[f"{end}_range"])[0]) for end in ("min", "max"))
+            bounds = low, high
     return Decoded(field=name, values=values, stamps=stamps, bounds=bounds)
 
 
@@ -113,7 +114,13 @@ def _stamps(table: Any, layout: Layout) -> Any:
 
 
 def _decode_each(
-    data: list[bytes], rows: IntArray, topic: Topic, name: str, store: Any, columns: tuple[FloatArray, IntArray]
+    data: list[bytes],
+    rows: IntArray,
+    topic: Topic,
+    name: str,
+    *,
+    store: Any,
+    columns: tuple[FloatArray, IntArray],
 ) -> str:
     """Decode messages one by one, such as lists of different lengths, and return the name of the field."""
     values, stamps = columns
@@ -151,8 +158,8 @@ def _field_of(field: str, fields: list[str], topic: Topic) -> str:
     if field:
         if field not in fields and not any(name.partition("[")[0] == field.partition("[")[0] for name in fields):
             raise InvalidInputError(
-                f"{topic.name}: the type {topic.message_type or topic.encoding} has no number {field!r}; its numbers are "
-                f"{_listed(fields)}"
+                f"{topic.name}: the type {topic.message_type or topic.encoding} has no number {field!r}; its numbers "
+                f"are {_listed(fields)}"
             )
         return field
     own = [name for name in fields if not name.startswith(_STAMP)]
@@ -160,8 +167,8 @@ def _field_of(field: str, fields: list[str], topic: Topic) -> str:
     if usual or len(own) == 1:
         return (usual or own)[0]
     raise InvalidInputError(
-        f"{topic.name}: the type {topic.message_type or topic.encoding} has {len(own) or 'no'} numbers; name one, such as "
-        f"{topic.name}.{own[0] if own else 'data'} (the numbers are {_listed(own)})"
+        f"{topic.name}: the type {topic.message_type or topic.encoding} has {len(own) or 'no'} numbers; name one, such "
+        f"as {topic.name}.{own[0] if own else 'data'} (the numbers are {_listed(own)})"
     )
 
 
@@ -235,8 +242,8 @@ def _type_store(topic: Topic, message: bytes) -> Any:
     store = types.get_typestore(types.Stores.LATEST)
     if topic.message_type not in store.fielddefs:
         raise InvalidInputError(
-            f"{topic.name}: the recording has no definition of the type {topic.message_type}, and ROS has no such type; "
-            "record it again with a recent ROS 2 to MCAP, which stores the definitions"
+            f"{topic.name}: the recording has no definition of the type {topic.message_type}, and ROS has no such "
+            "type; record it again with a recent ROS 2 to MCAP, which stores the definitions"
         )
     return store
 

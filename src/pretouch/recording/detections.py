@@ -129,9 +129,8 @@ def judge(
     Returns:
         The detections with a judgment, and the events with the lead of their detection.
     """
-    names = ("start", "end", "peak", "largest_force")
     if events is None:
-        return tuple(Detection(**dict(zip(names, row, strict=True))) for row in found), ()
+        return tuple(_detection(row, "unknown") for row in found), ()
     right: set[int] = set()
     judged = []
     for start, end in events:
@@ -141,8 +140,10 @@ def judge(
         announcing = [i for i in matching if found[i][0] <= start]
         acting = announcing[-1] if announcing else matching[0] if matching else None
         judged.append(Event(start=start, end=end, lead=np.nan if acting is None else start - found[acting][0]))
-    detections = (
-        Detection(**dict(zip(names, row, strict=True)), judgment="right" if i in right else "false")
-        for i, row in enumerate(found)
-    )
+    detections = (_detection(row, "right" if i in right else "false") for i, row in enumerate(found))
     return tuple(detections), tuple(judged)
+
+
+def _detection(row: tuple[float, float, float, float], judgment: Judgment) -> Detection:
+    start, end, peak, force = row
+    return Detection(start=start, end=end, peak=peak, largest_force=force, judgment=judgment)

@@ -15,6 +15,9 @@ _FEWEST: Final = 50  # readings of the slower topic that overlap
 _LEAST: Final = 0.7  # correlation below which no latency is stated
 _RIVAL: Final = 0.9  # of the largest correlation: another maximum above this is as likely
 _DROP: Final = 0.5  # of the largest correlation, at which its main maximum ends
+_KERNEL: Final = 0.14  # width of the smoothing kernel, in half-widths of the correlation
+_LAGS: Final = 1.0  # lags of the autocorrelation, in half-widths of the correlation
+_MOST_POINTS: Final = 5_000_000
 _LIMIT: Final = 1.959963984540054  # standard deviations of a 95 % interval
 
 
@@ -37,7 +40,7 @@ class Latency(Value):
     reason: str = ""
 
 
-def estimate_latency(
+def estimate_latency(  # noqa: PLR0911 - one return for each reason
     time: FloatArray, signal: FloatArray, other_time: FloatArray, other: FloatArray, longest: float = _LONGEST
 ) -> Latency:
     """Estimate by how much a signal lags another one, from readings at irregular times.
@@ -84,7 +87,8 @@ def estimate_latency(
             f"shifts of {1e3 * shifts[best]:.4g} ms and {1e3 * shifts[rival]:.4g} ms fit almost equally well; move the "
             "object irregularly",
         )
-    value, error = _refine(time, signal, other_time, other, float(shifts[best]), float(shifts[1] - shifts[0]))
+    half_width = _half_width(np.abs(correlations), best) * float(shifts[1] - shifts[0])
+    value, error = _refine(time, signal, _smoothed(other_time, other, half_width), float(shifts[best]), half_width)
     return Latency(value=value, low=value - _LIMIT * error, high=value + _LIMIT * error, correlation=peak)
 
 
@@ -105,49 +109,63 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
     return float(a @ b / size) if size > 0 else 0.0
 
 
+def _half_width(correlations: FloatArray, best: int) -> int:
+    """Return the number of search steps from the largest correlation to the nearer end of its maximum."""
+    below = np.flatnonzero(correlations < _DROP * correlations[best])
+    return int(np.abs(below - best).min()) if len(below) else max(best, len(correlations) - 1 - best)
+
+
 def _rival(correlations: FloatArray, best: int) -> int | None:
     """Return the index of another maximum that is almost as large as the largest one; None if there is none."""
-    low, high = correlations < _DROP * correlations[best], len(correlations)
-    start = next((i for i in range(best, -1, -1) if low[i]), -1)
-    end = next((i for i in range(best, high) if low[i]), high)
-    outside = np.concatenate([np.arange(start + 1), np.arange(end, high)]).astype(int)
-    if not len(outside):
+    below = correlations < _DROP * correlations[best]
+    left, right = np.flatnonzero(below[:best]), np.flatnonzero(below[best:])
+    outside = np.ones(len(correlations), dtype=bool)
+    outside[(left[-1] if len(left) else 0) : (best + right[0] if len(right) else len(correlations))] = False
+    if not outside.any():
         return None
-    second = int(outside[np.argmax(correlations[outside])])
+    second = int(np.argmax(np.where(outside, correlations, -1.0)))
     return second if correlations[second] > _RIVAL * correlations[best] else None
 
 
+def _smoothed(time: FloatArray, values: FloatArray, half_width: float) -> tuple[FloatArray, FloatArray]:
+    """Smooth a signal by a symmetric kernel, which is narrower than its motion and does not shift it."""
+    # Without this, the noise of the interpolated signal would make the residual a jagged function of the shift.
+    width = _KERNEL * half_width
+    step = min(width / 5, float(np.median(np.diff(time))) / 2)
+    count = min(int((time[-1] - time[0]) / step), _MOST_POINTS)
+    grid = np.linspace(time[0], time[-1], max(count, 2))
+    reach = int(np.ceil(4 * width / (grid[1] - grid[0])))
+    kernel = np.exp(-0.5 * ((grid[1] - grid[0]) * np.arange(-reach, reach + 1) / width) ** 2)
+    from scipy.signal import fftconvolve  # noqa: PLC0415 - slow to import
+
+    padded = np.pad(np.interp(grid, time, values), reach, mode="edge")
+    return grid, fftconvolve(padded, kernel / kernel.sum(), mode="valid")
+
+
 def _refine(
-    time: FloatArray, signal: FloatArray, other_time: FloatArray, other: FloatArray, shift: float, width: float
+    time: FloatArray, signal: FloatArray, other: tuple[FloatArray, FloatArray], shift: float, half_width: float
 ) -> tuple[float, float]:
     """Return the shift of least squares and its standard error, with autocorrelated residuals (Newey and West)."""
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to import
 
     least = minimize_scalar(
-        lambda s: _residual(time, signal, other_time, other, s),
-        bounds=(shift - 2 * width, shift + 2 * width),
+        lambda s: 1 - _correlation(signal, np.interp(time - s, *other)) ** 2,
+        bounds=(shift - half_width / 2, shift + half_width / 2),
         method="bounded",
-        options={"xatol": 1e-4 * width},
+        options={"xatol": 1e-5 * half_width},
     )
     shift = float(least.x)
-    slope_step = max(width / 4, float(np.median(np.diff(other_time))) / 2)
-    shifted = np.interp(time - shift, other_time, other)
-    ends = (np.interp(time - shift + side * slope_step, other_time, other) for side in (1, -1))
-    change = (next(ends) - next(ends)) / (2 * slope_step)
+    shifted = np.interp(time - shift, *other)
+    slope = np.interp(time - shift, other[0], np.gradient(other[1], other[0]))
     design = np.column_stack([np.ones_like(shifted), shifted])
     coefficients, *_ = np.linalg.lstsq(design, signal, rcond=None)
     rest = signal - design @ coefficients
-    jacobian = np.column_stack([design, -coefficients[1] * change])
+    jacobian = np.column_stack([design, -coefficients[1] * slope])
     bread = np.linalg.pinv(jacobian.T @ jacobian)
     scores = jacobian * rest[:, None]
-    lags = int(np.ceil(4 * (len(time) / 100) ** (2 / 9))) + 1
+    lags = min(int(np.ceil(_LAGS * half_width / float(np.median(np.diff(time))))) + 1, len(time) // 4)
     meat = scores.T @ scores
     for lag in range(1, lags + 1):
         part = scores[lag:].T @ scores[:-lag]
         meat += (1 - lag / (lags + 1)) * (part + part.T)
     return shift, float(np.sqrt(max((bread @ meat @ bread)[2, 2], 0.0)))
-
-
-def _residual(time: FloatArray, signal: FloatArray, other_time: FloatArray, other: FloatArray, shift: float) -> float:
-    """Return the share of the signal's variance that the shifted other signal does not explain."""
-    return 1 - _correlation(signal, np.interp(time - shift, other_time, other)) ** 2

@@ -111,7 +111,7 @@ class _Walk:
             return
         if name not in _TYPES:
             raise UnsupportedLayoutError
-        kind = np.dtype(_TYPES[name]).newbyteorder(self.order)  # type: ignore[call-overload]
+        kind = np.dtype(_TYPES[name]).newbyteorder(">" if self.order == ">" else "<")
         self._align(kind.itemsize)
         self.fields[path] = Place(self.place, kind)
         self.place += kind.itemsize

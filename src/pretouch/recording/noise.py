@@ -47,20 +47,23 @@ class Noise(Value):
     quiet: int
 
 
-def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, offset: float) -> Noise:
+def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, near: BoolArray, offset: float) -> Noise:
     """Estimate the noise of readings.
 
     Args:
         readings: the readings in the order of their times.
         regular: whether each reading followed the one before after about one period.
         detecting: whether the law detected an object when it used the reading.
+        near: whether the reading is shortly before or after a detection, when an object may be near already.
         offset: offset that the controller subtracts, for xi.
 
     Returns:
         The estimates.
     """
     finite = np.isfinite(readings)
-    quiet = finite & ~detecting
+    quiet = finite & ~detecting & ~near
+    if quiet.sum() < _FEWEST:
+        quiet = finite & ~detecting
     values = readings[quiet]
     resolution = _resolution(readings[finite])
     noise = wander = center = None
@@ -117,9 +120,7 @@ def _rest_of_course(
     return views @ np.array(_FOURTH) / np.sqrt(np.sum(np.square(_FOURTH))), views.mean(axis=1)
 
 
-def _relative(
-    readings: FloatArray, used: BoolArray, regular: BoolArray, offset: float, noise: float
-) -> float | None:
+def _relative(readings: FloatArray, used: BoolArray, regular: BoolArray, offset: float, noise: float) -> float | None:
     """Return the noise relative to xi, from fourth differences of readings with an object at several levels."""
     rest, means = _rest_of_course(readings, used, regular)
     if rest is None or means is None:
@@ -127,12 +128,14 @@ def _relative(
     level = means - offset
     order = np.argsort(level)
     parts = [part for part in np.array_split(order, _BINS) if len(part) >= _FEWEST // 2]
-    shares = [
-        max((ROBUST * np.median(np.abs(rest[part]))) ** 2 - noise**2, 0.0) / np.median(level[part]) ** 2
-        for part in parts
-        if np.median(level[part]) > 0
-    ]
-    return float(np.sqrt(np.median(shares))) if shares else None
+    squares = np.array([np.median(level[part]) ** 2 for part in parts])
+    variances = np.array([(ROBUST * np.median(np.abs(rest[part]))) ** 2 for part in parts])
+    if not parts or not (variances > 0).any():
+        return None
+    # the error of a variance is proportional to it, so low levels, where the other noise dominates, have little weight
+    weights = np.where(variances > 0, variances, variances[variances > 0].min()) ** -2.0
+    share = float(weights @ (squares * (variances - noise**2)) / (weights @ squares**2))
+    return float(np.sqrt(max(share, 0.0)))
 
 
 def _resolution(values: FloatArray) -> float:

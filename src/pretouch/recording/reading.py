@@ -39,9 +39,6 @@ def read_recording(path: str | os.PathLike[str], topic: str = "", *, clock: str 
 
     Returns:
         The readings.
-
-    Raises:
-        InvalidInputError: the recording cannot be read, has no such topic or no messages on it, or has no such clock.
     """
     return read_recordings(path, (topic,), clock=clock)[0]
 
@@ -60,7 +57,7 @@ def read_recordings(
         The readings of each topic.
 
     Raises:
-        InvalidInputError: see `read_recording`.
+        InvalidInputError: the recording cannot be read, has no such topic or no messages on it, or has no such clock.
     """
     if clock not in {None, "header", "receive"}:
         raise InvalidInputError(f"clock: found {clock!r}, expected 'header' or 'receive'")
@@ -78,8 +75,9 @@ def read_recordings(
             if not each.stamps.all():
                 missing = "no header stamp" if not each.stamps.any() else "messages without a header stamp"
                 raise InvalidInputError(f"{name}: this topic has {missing}; use the receive times with --clock receive")
+    used: Clock = "header" if chosen == "header" else "receive"
     return tuple(
-        _recording(file, chosen, unit, messages, each, tuple(contents.notes))  # type: ignore[arg-type]
+        _recording(file, used, unit, messages=messages, decoded=each, notes=tuple(contents.notes))
         for (_, unit), (messages, each) in zip(wanted, decoded, strict=True)
     )
 
@@ -105,7 +103,7 @@ def _decoded(contents: Contents, name: str, source: str) -> tuple[Messages, Deco
 
 
 def _recording(
-    file: Path, clock: Clock, unit: str | None, messages: Messages, decoded: Decoded, notes: tuple[str, ...]
+    file: Path, clock: Clock, unit: str | None, *, messages: Messages, decoded: Decoded, notes: tuple[str, ...]
 ) -> Recording:
     received = np.array(messages.received, dtype=np.int64)
     stamps: IntArray = decoded.stamps if clock == "header" else received
@@ -145,7 +143,7 @@ def _valid_ranges(values: FloatArray, bounds: tuple[float, float]) -> tuple[Floa
 
 
 def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tuple[str, ...]]:
-    """Return kind and values of readings: distances in m if the unit is a length, and otherwise readings as they are."""
+    """Return kind and values of readings: distances in m if the unit is a length, otherwise the readings as they are."""
     if not unit:
         return "reading", values, ()
     try:

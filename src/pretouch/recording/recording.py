@@ -39,7 +39,8 @@ class Recording(Value):
         notes: remarks on the file, such as that it is truncated.
 
     Examples:
-        >>> Recording(source="bag", topic="/range", message_type="", stamps=[0, 10**7], values=[0.5, 0.4], kind="distance")
+        >>> columns = {"stamps": [0, 10**7], "values": [0.5, 0.4]}
+        >>> Recording(source="bag", topic="/range", message_type="", kind="distance", **columns)
         <Recording /range: 2 distances in 10 ms>
     """
 
@@ -60,8 +61,8 @@ class Recording(Value):
             object.__setattr__(self, name, column)
         if self.stamps.ndim != 1 or self.stamps.shape != self.values.shape:
             raise InvalidInputError(
-                f"stamps, values: found the shapes {self.stamps.shape} and {self.values.shape}, expected two columns of "
-                "the same length"
+                f"stamps, values: found the shapes {self.stamps.shape} and {self.values.shape}, expected two columns "
+                "of the same length"
             )
 
     @property

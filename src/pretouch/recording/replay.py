@@ -31,6 +31,7 @@ from .timing import Timing, stretches, timing_of
 
 _REGULAR: Final = 1.5  # periods up to which a reading follows the one before
 _SAME_RATE: Final = 0.01  # relative difference of two rates that are called equal
+_AROUND: Final = 0.5  # s around a detection, in which an object may be near already
 _PLAUSIBLE: Final = 1.0  # s: a longer transport means that the two clocks differ
 
 
@@ -43,7 +44,7 @@ class Replay(Described, Value):
         law: the law and its number in words.
         controller: the controller with its gain.
         loop: the sampled loop of the scenario, whose sensor chain is compared with the recording.
-        readings: the readings that the law got, in the unit of the sensor output; one for each reading of the recording.
+        readings: the readings that the law got, in the unit of the sensor output; one for each recorded reading.
         steps: inputs and outputs of the law in each control period.
         timing: when the readings came.
         noise: noise, offset, resolution and limit of the readings.
@@ -190,9 +191,6 @@ def replay(
 
     Returns:
         The replay, with any result: also no detection, or no usable reading.
-
-    Raises:
-        InvalidInputError: the task has no sampled loop, there are no readings in the part, or an option makes no sense.
     """
     controller, loop, law = _controller(task)
     used, notes = _replayed_part(recording, start, end)
@@ -200,15 +198,19 @@ def replay(
     readings = readings_of(used, task.sensor, controller.conditioning.offset)
     steps = run_steps(controller, time, readings)
     timing = timing_of(time, used.values)
+    found = detections_in(steps, controller.conditioning.floor)
     detecting = _detecting_at(steps, time)
     regular = np.diff(time, prepend=-np.inf) <= _REGULAR / timing.rate if timing.rate > 0 else np.zeros(len(time), bool)
     regular &= np.diff(time, prepend=0.0) > 0
-    noise = noise_of(used.values, regular, detecting, controller.conditioning.offset)
+    near = np.zeros(len(time), dtype=bool)
+    for begin, finish, *_ in found:
+        near |= (time > begin - _AROUND) & (time < finish + _AROUND)
+    noise = noise_of(used.values, regular, detecting, near, controller.conditioning.offset)
     distance_noise = spread_of_course(used.values, regular) if used.kind == "distance" else None
     origin = int(used.stamps[0])
     first = (origin - int(recording.stamps[0])) / 1e9
-    events = _events(truth, threshold, contacts, origin, first, float(time.max()))
-    detections, judged = judge(detections_in(steps, controller.conditioning.floor), events, _positive(before))
+    events = _events(truth, threshold, contacts, origin=origin, first=first, last=float(time.max()))
+    detections, judged = judge(found, events, _positive(before))
     latency = None if reference is None else _latency(task, used, readings, reference, controller)
     name = f"{used.source}, {used.topic}"
     chain = ""
@@ -219,7 +221,7 @@ def replay(
             loop.chain,
             kind=used.kind,
             distance_noise=distance_noise,
-            delay=_delay(used, latency, reference),
+            delay=_delay(used, latency, reference, loop.chain.exposure),
             name=name,
         )
     return Replay(
@@ -253,8 +255,8 @@ def _controller(task: Task) -> tuple[Controller, ClosedLoop, str]:
     loop = task.loop
     if not isinstance(loop, ClosedLoop) or not isinstance(loop.law, Controller):
         raise InvalidInputError(
-            "loop: a replay needs the controller of a sampled loop, but this task has none; add [chain] and [controller] "
-            "to the scenario file"
+            "loop: a replay needs the controller of a sampled loop, but this task has none; add [chain] and "
+            "[controller] to the scenario file"
         )
     gain = chosen_gain(task)
     law = f"{task.law.kind.replace('-', ' ')}, {task.law.number.name} {task.law.number.equals(gain)}"
@@ -279,8 +281,8 @@ def _replayed_part(recording: Recording, start: float, end: float) -> tuple[Reco
     lost = len(used.stamps) - (longest.stop - longest.start)
     other = "--clock receive" if recording.clock == "header" else "--clock header"
     return used.part(longest), (
-        f"The clock of the recording was set back {len(parts) - 1} time{'s' if len(parts) > 2 else ''}; only the longest "
-        f"part between was replayed, and {lost:,} of {len(used.stamps):,} readings were left out. Try {other}.",
+        f"The clock of the recording was set back {len(parts) - 1} time{'s' if len(parts) > 2 else ''}; only the "
+        f"longest part between was replayed, and {lost:,} of {len(used.stamps):,} readings were left out. Try {other}.",
     )
 
 
@@ -297,6 +299,7 @@ def _events(
     truth: Recording | None,
     threshold: float,
     contacts: Sequence[float] | None,
+    *,
     origin: int,
     first: float,
     last: float,
@@ -338,10 +341,13 @@ def _latency(
     return estimate_latency(used.seconds_after(origin), own, reference.seconds_after(origin), other)
 
 
-def _delay(used: Recording, latency: Latency | None, reference: Recording | None) -> tuple[float, str] | None:
+def _delay(
+    used: Recording, latency: Latency | None, reference: Recording | None, exposure: float
+) -> tuple[float, str] | None:
     """Return the delay of the sensor chain and how it was measured; None if it is unknown."""
     if latency is not None and latency.value is not None and reference is not None and latency.value > 0:
-        return latency.value, f"lag behind {reference.topic}, if that has none itself"
+        # a latency counts from the middle of an exposure, and a delay from its end
+        return latency.value - exposure / 2, f"from the lag behind {reference.topic}, if that has none itself"
     if used.clock == "header" and len(used.transport):
         transport = float(np.median(used.transport))
         if 0 <= transport <= _PLAUSIBLE:
@@ -363,7 +369,7 @@ def _counts(used: Recording, readings: FloatArray, steps: LawSteps, controller: 
 
 
 def describe_rates(replay: Replay) -> Iterator[str]:
-    """Yield sentences that compare the rate of the recording with the rate of the scenario.
+    """Yield one or two sentences that compare the rate of the recording with the rate of the scenario.
 
     Args:
         replay: the replay.

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Row = tuple[Cell, ...]
 
+_CLOCK: Final = {"header": "header stamps", "receive": "receive times", "column": "time column"}
 _ENOUGH: Final = 4.0  # standard deviations of the noise that a floor should have
 _SLOWER: Final = 0.95  # of the rate of the scenario, below which the difference is a warning
 _NOISIER: Final = 1.5  # times the noise of the scenario
@@ -38,17 +39,20 @@ def headline_of(replay: Replay) -> str:
     Args:
         replay: the replay.
     """
-    span = format_quantity(replay.timing.duration, "s", 3)
+    span = f"{format_quantity(replay.timing.duration, 's', 3)} ({_CLOCK[replay.recording.clock]})"
+    rates = " ".join(describe_rates(replay))
     if not replay.usable:
         return f"The law could use none of the {len(replay.readings):,} readings: {_why_unusable(replay)}."
     count = len(replay.detections)
-    detected = f"{count} detection{'s' if count != 1 else ''} in {span}" if count else f"No object was detected in {span}"
+    detected = (
+        f"{count} detection{'s' if count != 1 else ''} in {span}" if count else f"No object was detected in {span}"
+    )
     if replay.events is None:
-        return f"{detected}."
+        return f"{detected}. {rates}"
     false, missed, events = len(replay.false_triggers), len(replay.missed), len(replay.events)
     late = sum(event.is_late for event in replay.missed)
     too_late = f", {late} of them too late" if late else ""
-    return f"{detected}: {false} without an object. {missed} of {events} true events were missed{too_late}."
+    return f"{detected}: {false} without an object. {missed} of {events} true events were missed{too_late}. {rates}"
 
 
 def _why_unusable(replay: Replay) -> str:
@@ -62,7 +66,7 @@ def _why_unusable(replay: Replay) -> str:
 
 
 def replay_page(replay: Replay) -> Page:
-    """Create the report on a replay.
+    """Return the report on a replay.
 
     Args:
         replay: the replay.
@@ -106,9 +110,9 @@ def replay_page(replay: Replay) -> Page:
 def _key_figures(replay: Replay) -> Iterator[tuple[str, Cell]]:
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
     if timing.rate > 0:
-        gap = format_quantity(timing.longest_gap, "s", 3)
-        rate = f"{format_quantity(timing.mean_rate, 'Hz', 4)}, {timing.gaps:,} gaps, longest interval {gap}"
-        yield f"readings; scenario {format_quantity(chain.rate, 'Hz', 4)}", rate
+        declared = f"{format_quantity(chain.rate, 'Hz', 4)}, jitter {format_quantity(chain.jitter, 's', 2)}"
+        jitter = format_quantity(timing.jitter, "s", 2)
+        yield f"rate between gaps; scenario {declared}", f"{format_quantity(timing.rate, 'Hz', 4)}, jitter {jitter}"
     if replay.recording.kind == "distance":
         if replay.distance_noise is not None:
             declared = format_quantity(chain.distance_noise, "m", 3)
@@ -130,8 +134,6 @@ def _key_figures(replay: Replay) -> Iterator[tuple[str, Cell]]:
 
 
 def _findings(replay: Replay) -> Iterator[str]:
-    yield from describe_rates(replay)
-    yield f"Times are {CLOCKS[replay.recording.clock]}."
     if replay.events is None and replay.detections:
         yield (
             "Whether these detections are right is unknown, because the recording has no true contacts; name them with "
@@ -165,8 +167,8 @@ def _warnings(replay: Replay) -> Iterator[str]:
             )
         if floor < _ENOUGH * noise.noise:
             yield (
-                f"The floor of {floor:.4g} is only {floor / noise.noise:.2g} standard deviations of the noise, so noise "
-                f"alone can be detected as an object. Raise it to at least {_ENOUGH * noise.noise:.3g}."
+                f"The floor of {floor:.4g} is only {floor / noise.noise:.2g} standard deviations of the noise, so "
+                f"noise alone can be detected as an object. Raise it to at least {_ENOUGH * noise.noise:.3g}."
             )
         if noise.offset is not None and abs(noise.offset - replay.controller.conditioning.offset) > floor / 2:
             yield (
@@ -188,8 +190,8 @@ def _fault_warnings(replay: Replay) -> Iterator[str]:
             yield f"{counts[name]:,} of {total:,} readings {text}."
     if replay.noise.clipped and not counts["saturated"] and replay.recording.kind == "reading":
         yield (
-            f"The readings stay at their largest value, {replay.noise.largest:.6g}, several times in a row, which looks "
-            "like saturation; set saturation in [controller] to this value."
+            f"The readings stay at their largest value, {replay.noise.largest:.6g}, several times in a row, which "
+            "looks like saturation; set saturation in [controller] to this value."
         )
     if timing.late:
         yield f"{timing.late:,} readings have earlier times than readings before them; the law ignores them as too old."
@@ -257,6 +259,7 @@ def _sensor_rows(replay: Replay) -> Iterator[Row]:
     """Yield the measured properties of the sensor, next to those of the scenario."""
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
     yield "topic", f"{replay.recording.topic} ({replay.recording.message_type})", ""
+    yield "times", CLOCKS[replay.recording.clock], ""
     yield "property", "recording", "scenario"
     yield "readings", f"{timing.count:,}", ""
     yield "rate between gaps", Measured(timing.rate, "Hz"), Measured(chain.rate, "Hz")

@@ -102,7 +102,7 @@ def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) ->
             f"recording: found {arrival[-1]:,.0f} s, which are {count:,} control periods; at most {_MOST_STEPS:,} are "
             "allowed. Replay a part of it with --from and --to"
         )
-    clock = controller.period * np.arange(count)
+    clock: FloatArray = controller.period * np.arange(count, dtype=np.float64)
     newest = np.searchsorted(arrival, clock + _INSTANT, side="right") - 1
     samples = np.zeros(count, dtype=_SAMPLE)
     samples["reading"] = readings[newest]

@@ -70,7 +70,14 @@ def timing_of(time: FloatArray, values: FloatArray) -> Timing:
         nothing = dict.fromkeys(("rate", "mean_rate", "jitter", "longest_gap", "longest_gap_at"), np.nan)
         repeated = len(steps)
         return Timing(
-            count=len(time), duration=duration, gaps=0, dropout=0.0, repeated_stamps=repeated, late=late, held=1, **nothing
+            count=len(time),
+            duration=duration,
+            gaps=0,
+            dropout=0.0,
+            repeated_stamps=repeated,
+            late=late,
+            held=1,
+            **nothing,
         )
     regular = positive[positive <= _GAP * np.median(positive)]
     period = float(regular.mean())

@@ -92,7 +92,7 @@ def _spread(deviations: FloatArray, resolution: float) -> float:
         return robust
     # the median of few levels is coarse, so the mean square of all but the outliers is used
     kept = np.abs(deviations) <= _OUTLIER * max(robust, resolution, np.finfo(float).tiny)
-    return float(np.sqrt(np.mean(deviations[kept] ** 2))) if kept.any() else 0.0
+    return float(np.std(deviations[kept])) if kept.any() else 0.0
 
 
 def spread_of_course(values: FloatArray, regular: BoolArray) -> float | None:

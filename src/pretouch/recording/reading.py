@@ -143,7 +143,7 @@ def _valid_ranges(values: FloatArray, bounds: tuple[float, float]) -> tuple[Floa
 
 
 def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tuple[str, ...]]:
-    """Return kind and values of readings: distances in m if the unit is a length, otherwise the readings as they are."""
+    """Return kind and values of readings: distances in m if the unit is a length, otherwise unchanged readings."""
     if not unit:
         return "reading", values, ()
     try:

@@ -193,7 +193,8 @@ def replay(
         The replay, with any result: also no detection, or no usable reading.
     """
     controller, loop, law = _controller(task)
-    used, notes = _replayed_part(recording, start, end)
+    whole, notes = _one_clock(recording)
+    used = _part_between(whole, start, end)
     time = used.time
     readings = readings_of(used, task.sensor, controller.conditioning.offset)
     steps = run_steps(controller, time, readings)
@@ -208,7 +209,7 @@ def replay(
     noise = noise_of(used.values, regular, detecting, near, controller.conditioning.offset)
     distance_noise = spread_of_course(used.values, regular) if used.kind == "distance" else None
     origin = int(used.stamps[0])
-    first = (origin - int(recording.stamps[0])) / 1e9
+    first = (origin - int(whole.stamps[0])) / 1e9
     events = _events(truth, threshold, contacts, origin=origin, first=first, last=float(time.max()))
     detections, judged = judge(found, events, _positive(before))
     latency = None if reference is None else _latency(task, used, readings, reference, controller)
@@ -263,27 +264,34 @@ def _controller(task: Task) -> tuple[Controller, ClosedLoop, str]:
     return loop.law.with_value(gain), loop, law
 
 
-def _replayed_part(recording: Recording, start: float, end: float) -> tuple[Recording, tuple[str, ...]]:
-    """Return the selected part of a recording or, if its clock was set back, the longest part with one clock."""
+def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
+    """Return a recording or, if its clock was set back, its longest part with one clock."""
     if not len(recording.stamps):
         raise InvalidInputError(f"{recording.source}: the topic {recording.topic} has no messages")
+    parts = stretches(recording.time)
+    if len(parts) == 1:
+        return recording, ()
+    longest = max(parts, key=lambda part: part.stop - part.start)
+    total = len(recording.stamps)
+    lost = total - (longest.stop - longest.start)
+    other = "--clock receive" if recording.clock == "header" else "--clock header"
+    return recording.part(longest), (
+        f"The clock of the recording was set back {len(parts) - 1} time{'s' if len(parts) > 2 else ''}; only the "
+        f"longest part between was replayed, and {lost:,} of {total:,} readings were left out. Try {other}.",
+    )
+
+
+def _part_between(recording: Recording, start: float, end: float) -> Recording:
+    """Return the readings between two times after the first one [s]."""
+    if start <= 0 and end == np.inf:
+        return recording
     time = recording.time
     chosen = np.flatnonzero((time >= start) & (time <= end))
     if not len(chosen):
         raise InvalidInputError(
             f"from, to: there is no reading from {start:g} s to {end:g} s; the recording lasts {time.max():.4g} s"
         )
-    used = recording.part(chosen)
-    parts = stretches(used.time)
-    if len(parts) == 1:
-        return used, ()
-    longest = max(parts, key=lambda part: part.stop - part.start)
-    lost = len(used.stamps) - (longest.stop - longest.start)
-    other = "--clock receive" if recording.clock == "header" else "--clock header"
-    return used.part(longest), (
-        f"The clock of the recording was set back {len(parts) - 1} time{'s' if len(parts) > 2 else ''}; only the "
-        f"longest part between was replayed, and {lost:,} of {len(used.stamps):,} readings were left out. Try {other}.",
-    )
+    return recording.part(chosen)
 
 
 def _detecting_at(steps: LawSteps, time: FloatArray) -> BoolArray:

@@ -117,7 +117,7 @@ def test_a_bag_is_read_as_rosbags_reads_it(storage: str, compression: str, tmp_p
     stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for _, m in rows]
     assert header.stamps.tolist() == stamps
     assert receive.stamps.tolist() == [t for t, _ in rows]
-    valid = [m.range if 0 <= m.range else -np.inf for _, m in rows]  # below min_range: too near
+    valid = [m.range if m.range >= 0 else -np.inf for _, m in rows]  # below min_range: too near
     assert np.array_equal(header.values, valid)
     assert header.transport == pytest.approx(2.5e-6, abs=1e-12)
     assert (header.kind, header.clock, receive.clock) == ("distance", "header", "receive")
@@ -199,7 +199,7 @@ def test_decoded_columns_are_those_of_the_deserializer(message_type: str, tmp_pa
     assert decoded.stamps.tolist() == stamps
 
 
-def test_the_layout_is_that_of_every_type_that_rosbags_knows() -> None:
+def test_the_layout_is_that_of_every_type_that_rosbags_knows() -> None:  # noqa: C901
     """All numbers of a message of every ROS type whose fields have a default, compared one by one."""
     types = recorded.store("ROS2_JAZZY")
     rng = np.random.default_rng(3)

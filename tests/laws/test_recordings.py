@@ -261,7 +261,7 @@ def test_a_replay_finds_every_contact_and_nothing_else() -> None:
     assert not result.missed
     assert result.is_good
     leads = [event.lead for event in result.events]
-    # the floor of 100 counts is at 165 mm: 0.41 to 0.66 s before contact; noise of 20 counts may detect a little earlier
+    # the floor of 100 counts is at 165 mm, 0.41 to 0.66 s before contact; noise may detect a little earlier
     assert 0.35 < min(leads) < max(leads) < 0.9
     assert result.counts["replaced"] == 0
 

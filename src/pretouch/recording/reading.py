@@ -18,7 +18,7 @@ from .columns import is_table, read_columns
 from .containers import read_contents
 from .decoding import Decoded, decode
 from .messages import Contents, Messages, refuse_unknown, split_name
-from .recording import CLOCKS, Clock, Kind, Recording
+from .recording import Clock, Kind, Recording
 
 _WITH_UNIT: Final = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")
 _LENGTH: Final = parse_unit("m").exponents
@@ -166,12 +166,3 @@ def _from_table(file: Path, name: str, unit: str | None) -> Recording:
     fields: dict[str, Any] = {"source": file.name, "topic": column, "message_type": "column", "clock": "column"}
     stamps = np.round(time[usable] * 1e9).astype(np.int64)
     return Recording(stamps=stamps, values=values[usable], kind=kind, notes=notes, **fields)
-
-
-def clock_in_words(recording: Recording) -> str:
-    """Return a sentence on which times of a recording are used.
-
-    Args:
-        recording: the recording.
-    """
-    return f"Times are {CLOCKS[recording.clock]}."

@@ -16,9 +16,9 @@ Kind: TypeAlias = Literal["reading", "distance"]
 Clock: TypeAlias = Literal["header", "receive", "column"]
 
 CLOCKS: Final = {
-    "header": "the stamps in the message headers",
-    "receive": "the times at which the recorder received the messages",
-    "column": "the time column of the file",
+    "header": "header stamps",
+    "receive": "receive times",
+    "column": "time column",
 }
 """The clocks of a recording, in words."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -21,8 +22,7 @@ if TYPE_CHECKING:
 
 Row = tuple[Cell, ...]
 
-_CLOCK: Final = {"header": "header stamps", "receive": "receive times", "column": "time column"}
-_ENOUGH: Final = 4.0  # standard deviations of the noise that a floor should have
+_HOUR: Final = 3600.0  # s
 _SLOWER: Final = 0.95  # of the rate of the scenario, below which the difference is a warning
 _NOISIER: Final = 1.5  # times the noise of the scenario
 _LISTED: Final = 50  # detections in a table
@@ -39,7 +39,7 @@ def headline_of(replay: Replay) -> str:
     Args:
         replay: the replay.
     """
-    span = f"{format_quantity(replay.timing.duration, 's', 3)} ({_CLOCK[replay.recording.clock]})"
+    span = f"{format_quantity(replay.timing.duration, 's', 3)} ({CLOCKS[replay.recording.clock]})"
     rates = " ".join(describe_rates(replay))
     if not replay.usable:
         return f"The law could use none of the {len(replay.readings):,} readings: {_why_unusable(replay)}."
@@ -51,8 +51,15 @@ def headline_of(replay: Replay) -> str:
         return f"{detected}. {rates}"
     false, missed, events = len(replay.false_triggers), len(replay.missed), len(replay.events)
     late = sum(event.is_late for event in replay.missed)
-    too_late = f", {late} of them too late" if late else ""
-    return f"{detected}: {false} without an object. {missed} of {events} true events were missed{too_late}. {rates}"
+    if not events:
+        before = "there is no true event"
+    elif missed:
+        too_late = f" or detected too late ({late})" if late else ""
+        before = f"{missed} of {events} true events {'was' if missed == 1 else 'were'} missed{too_late}"
+    else:
+        before = f"all {events} true events were detected before they began"
+    triggers = f", {false} of them false" if count else ""
+    return f"{detected}{triggers}; {before}. {rates}"
 
 
 def _why_unusable(replay: Replay) -> str:
@@ -165,16 +172,28 @@ def _warnings(replay: Replay) -> Iterator[str]:
                 f"The noise of {noise.noise:.3g} is {noise.noise / chain.noise:.2g} times that of the scenario, so the "
                 "verification is too optimistic."
             )
-        if floor < _ENOUGH * noise.noise:
+        needed = _quiet_floor(replay, noise.noise)
+        if floor < needed:
             yield (
                 f"The floor of {floor:.4g} is only {floor / noise.noise:.2g} standard deviations of the noise, so "
-                f"noise alone can be detected as an object. Raise it to at least {_ENOUGH * noise.noise:.3g}."
+                f"noise alone can be detected as an object more than once per hour. Raise it to at least {needed:.3g}."
             )
         if noise.offset is not None and abs(noise.offset - replay.controller.conditioning.offset) > floor / 2:
             yield (
                 f"Without an object, the median reading is {noise.offset:.5g}, but the controller subtracts "
                 f"{replay.controller.conditioning.offset:.5g}; set offset in [controller] to the median."
             )
+
+
+def _quiet_floor(replay: Replay, noise: float) -> float:
+    """Return the floor above which normal noise is detected less than once per hour; 0 if a low-pass reduces it."""
+    conditioning, rate = replay.controller.conditioning, replay.timing.rate
+    if conditioning.low_pass_order or not rate > 0 or not noise > 0:
+        return 0.0
+    window = conditioning.median_window
+    least = (window + 1) // 2  # readings above the floor for a median above it
+    chance = (1 / (_HOUR * rate * math.comb(window, least))) ** (1 / least)
+    return -noise * NormalDist().inv_cdf(chance)
 
 
 def _fault_warnings(replay: Replay) -> Iterator[str]:
@@ -216,7 +235,7 @@ def _next_step(replay: Replay) -> str:
     if replay.missed:
         return "look at the missed events in the report; a lower floor or a faster sensor detects earlier"
     if replay.false_triggers:
-        return "look at the false triggers in the report; a higher floor avoids them, and detects later"
+        return "look at the false triggers in the report: an object may have passed without an event, or it is noise"
     return "put the section [chain] of the report into the scenario file (--chain FILE), and run pretouch verify"
 
 

@@ -77,11 +77,10 @@ def main(count: int = MESSAGES) -> None:
             peer, rows = timed(lambda bag=bag: by_rosbags(bag))
             if not np.array_equal(recording.values, rows[:, 1]):
                 raise SystemExit("pretouch and rosbags have read different ranges")
+            steps = len(result.steps.time)
+            print(f"{storage.name.lower()}: reading {reading:.2f} s, replay of {steps:,} steps {running:.2f} s,")
             print(
-                f"{storage.name.lower()}: reading {reading:.2f} s, replay {running:.2f} s for {len(result.steps.time):,} steps"
-            )
-            print(
-                f"  together {reading + running:.2f} s; rosbags reads in {peer:.2f} s, {peer / reading:.0f} times as long"
+                f"  together {reading + running:.2f} s; rosbags reads in {peer:.2f} s, {peer / reading:.1f} times as long"
             )
 
 

@@ -12,7 +12,7 @@ import pretouch as pt
 from pretouch.calibration import fit_sensor, read_calibration
 from pretouch.errors import InvalidInputError
 from pretouch.recording import Recording, replay
-from pretouch.recording.detections import Detection, events_in, judge
+from pretouch.recording.detections import RecordedDetection, events_in, judge
 from pretouch.recording.distance_pairs import pair_distances
 from pretouch.recording.latency import estimate_latency
 from pretouch.recording.noise import noise_of, spread_of_course
@@ -218,7 +218,7 @@ def test_detections_are_compared_with_true_events() -> None:
     unknown, none = judge(found, None, 1.0)
     assert {d.judgment for d in unknown} == {"unknown"}
     assert none == ()
-    assert isinstance(unknown[0], Detection)
+    assert isinstance(unknown[0], RecordedDetection)
 
 
 def test_events_are_the_periods_above_the_threshold() -> None:

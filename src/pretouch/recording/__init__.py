@@ -2,6 +2,7 @@
 
 from .reading import read_recording
 from .recording import Recording
-from .replay import Replay, replay
+from .replay import replay
+from .result import Replay
 
 __all__ = ["Recording", "Replay", "read_recording", "replay"]

@@ -15,7 +15,7 @@ from pretouch._core.numbers import FloatArray, IntArray
 
 from .containers import EXTRA
 from .layout import (
-    Layout,
+    MessageLayout,
     UnsupportedLayoutError,
     column,
     empty_columns,
@@ -104,7 +104,7 @@ def _decode_cdr(data: list[bytes], topic: Topic, field: str) -> Decoded:
     return Decoded(field=name, values=values, stamps=stamps, bounds=bounds)
 
 
-def _stamps(table: Any, layout: Layout) -> Any:
+def _stamps(table: Any, layout: MessageLayout) -> Any:
     """Return the header stamps of messages with the same layout; 0 without a header."""
     for name in _STAMP:
         pair = [layout.fields.get(f"{name}.{part}") for part in ("sec", "nanosec")]

@@ -23,7 +23,7 @@ Judgment: TypeAlias = Literal["right", "false", "unknown"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Detection(Value):
+class RecordedDetection(Value):
     """A period in which the law detected an object.
 
     Args:
@@ -116,7 +116,7 @@ def events_in(time: FloatArray, values: FloatArray, threshold: float) -> list[tu
 
 def judge(
     found: list[tuple[float, float, float, float]], events: list[tuple[float, float]] | None, before: float
-) -> tuple[tuple[Detection, ...], tuple[Event, ...]]:
+) -> tuple[tuple[RecordedDetection, ...], tuple[Event, ...]]:
     """Compare detections with true events.
 
     A detection is right if it overlaps an event, or ends at most `before` ahead of its start.
@@ -144,6 +144,6 @@ def judge(
     return tuple(detections), tuple(judged)
 
 
-def _detection(row: tuple[float, float, float, float], judgment: Judgment) -> Detection:
+def _detection(row: tuple[float, float, float, float], judgment: Judgment) -> RecordedDetection:
     start, end, peak, force = row
-    return Detection(start=start, end=end, peak=peak, largest_force=force, judgment=judgment)
+    return RecordedDetection(start=start, end=end, peak=peak, largest_force=force, judgment=judgment)

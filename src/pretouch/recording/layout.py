@@ -32,7 +32,7 @@ class Place(NamedTuple):
     kind: np.dtype[Any]
 
 
-class Layout(NamedTuple):
+class MessageLayout(NamedTuple):
     """Places of all numbers of a message.
 
     Args:
@@ -50,7 +50,7 @@ class UnsupportedLayoutError(Exception):
     """Raised for a message that has to be decoded by the library, such as one with wide characters."""
 
 
-def layout_of(message: bytes, message_type: str, types: Mapping[str, Any]) -> Layout:
+def layout_of(message: bytes, message_type: str, types: Mapping[str, Any]) -> MessageLayout:
     """Find the places of all numbers of one message.
 
     Args:
@@ -74,7 +74,7 @@ def layout_of(message: bytes, message_type: str, types: Mapping[str, Any]) -> La
     rest = len(message) - walk.place
     if not 0 <= rest <= _PADDING:
         raise UnsupportedLayoutError
-    return Layout(walk.fields, walk.lengths, walk.place)
+    return MessageLayout(walk.fields, walk.lengths, walk.place)
 
 
 class _Walk:
@@ -138,7 +138,7 @@ def column(table: Any, place: Place) -> Any:
     return part.view(place.kind)[:, 0]
 
 
-def same_layout(table: Any, layout: Layout) -> bool:
+def same_layout(table: Any, layout: MessageLayout) -> bool:
     """Return True if all messages of a table have the lengths of texts and lists, and the encoding, of its first one.
 
     Args:

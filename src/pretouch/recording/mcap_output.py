@@ -20,7 +20,7 @@ from pretouch.control import Status
 from pretouch.simulation import LoopTrace
 
 from .containers import EXTRA
-from .replay import Replay
+from .result import Replay
 
 LAW: Final = "/pretouch/law"
 ENCOUNTER: Final = "/pretouch/encounter"

@@ -15,10 +15,9 @@ from pretouch.control import Status
 from pretouch.control.components import format_output
 
 from .recording import CLOCKS
-from .replay import describe_rates
 
 if TYPE_CHECKING:
-    from .replay import Replay
+    from .result import Replay
 
 Row = tuple[Cell, ...]
 
@@ -31,45 +30,6 @@ _OPEN_LOOP: Final = (
     "The replay is open loop: on a robot, the motion that the law commands changes later readings. Detections and the "
     "force at their start are those of the robot; the later course of force and motion is not."
 )
-
-
-def headline_of(replay: Replay) -> str:
-    """Return what the law detected, and how that compares with the true events, in one or two sentences.
-
-    Args:
-        replay: the replay.
-    """
-    span = f"{format_quantity(replay.timing.duration, 's', 3)} ({CLOCKS[replay.recording.clock]})"
-    rates = " ".join(describe_rates(replay))
-    if not replay.usable:
-        return f"The law could use none of the {len(replay.readings):,} readings: {_why_unusable(replay)}."
-    count = len(replay.detections)
-    detected = (
-        f"{count} detection{'s' if count != 1 else ''} in {span}" if count else f"No object was detected in {span}"
-    )
-    if replay.events is None:
-        return f"{detected}. {rates}"
-    false, missed, events = len(replay.false_triggers), len(replay.missed), len(replay.events)
-    late = sum(event.is_late for event in replay.missed)
-    if not events:
-        before = "there is no true event"
-    elif missed:
-        too_late = f" or detected too late ({late})" if late else ""
-        before = f"{missed} of {events} true events {'was' if missed == 1 else 'were'} missed{too_late}"
-    else:
-        before = f"all {events} true events were detected before they began"
-    triggers = f", {false} of them false" if count else ""
-    return f"{detected}{triggers}; {before}. {rates}"
-
-
-def _why_unusable(replay: Replay) -> str:
-    counts = replay.counts
-    reasons = []
-    if counts["saturated"]:
-        reasons.append(f"{counts['saturated']:,} are saturated")
-    if counts["invalid"]:
-        reasons.append(f"{counts['invalid']:,} are not numbers (NaN)")
-    return " and ".join(reasons)
 
 
 def replay_page(replay: Replay) -> Page:

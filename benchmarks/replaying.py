@@ -79,9 +79,8 @@ def main(count: int = MESSAGES) -> None:
                 raise SystemExit("pretouch and rosbags have read different ranges")
             steps = len(result.steps.time)
             print(f"{storage.name.lower()}: reading {reading:.2f} s, replay of {steps:,} steps {running:.2f} s,")
-            print(
-                f"  together {reading + running:.2f} s; rosbags reads in {peer:.2f} s, {peer / reading:.1f} times as long"
-            )
+            total = reading + running
+            print(f"  together {total:.2f} s; rosbags reads in {peer:.2f} s, {peer / reading:.1f} times as long")
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import math
 import sqlite3
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,13 @@ import pytest
 
 import pretouch as pt
 from pretouch.control import Conditioning, Status, VirtualDrag
+from pretouch.control.structures import RawSample
 from pretouch.recording import Recording, read_recording, replay
 from pretouch.recording.containers import read_contents
 from pretouch.recording.decoding import decode
 from pretouch.recording.layout import UnsupportedLayoutError, layout_of
 from pretouch.recording.reading import read_recordings
-from pretouch.recording.stepping import readings_of, run_steps
+from pretouch.recording.stepping import readings_of, run_samples, run_steps
 
 pytest.importorskip("rosbags", reason="needs the extra ros")
 pytest.importorskip("mcap", reason="needs the extra ros")
@@ -87,6 +89,19 @@ def test_the_steps_of_a_drag_agree_to_the_rounding_of_stamps(tmp_path: Path) -> 
     forces = np.array([o.virtual_force for o in expected[:count]])
     assert np.abs(forces).max() > 0.05
     assert steps.virtual_force[:count] == pytest.approx(forces, rel=0, abs=1e-6 * np.abs(forces).max())
+
+
+def test_a_law_in_python_runs_as_well() -> None:
+    """The same steps by calls of the compiled one, one by one."""
+    controller = pt.load_scenario(LOOP).loop.law.with_value(-0.86)
+    samples = np.zeros(300, dtype=np.dtype(RawSample))
+    samples["reading"] = 300 * np.exp(np.arange(300) / 100)
+    samples["fresh"] = np.arange(300) % 4 == 0
+    in_python = SimpleNamespace(step=lambda *_: None, begin=controller.begin)
+    own, compiled = run_samples(in_python, samples), run_samples(controller, samples)
+    assert np.abs(compiled["virtual_force"]).max() > 1
+    for name in compiled.dtype.names:
+        assert np.array_equal(own[name], compiled[name])
 
 
 def test_distances_are_converted_as_in_the_simulation() -> None:

@@ -140,6 +140,7 @@ def test_simulate_and_verify_write_mcap(verb: str, tmp_path: Path) -> None:
         (["LOOP", "TABLE", "--topic", "reading", "--from", "99 s"], "from, to"),
         (["LOOP", "TABLE", "--topic", "reading", "--chain", "full"], "already exists"),
         (["LOOP", "TABLE", "--topic", "reading", "--mcap", "TABLE", "--force"], "input"),
+        (["LOOP", "TABLE", "--topic", "reading", "--clock", "header"], "clock"),
     ],
 )
 def test_a_mistake_is_one_sentence_and_writes_nothing(words: list[str], told: str, tmp_path: Path) -> None:
@@ -154,6 +155,19 @@ def test_a_mistake_is_one_sentence_and_writes_nothing(words: list[str], told: st
     assert told in answer.stderr
     assert "Traceback" not in answer.stderr
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_file_of_the_bag_is_never_overwritten(tmp_path: Path) -> None:
+    recorded = pytest.importorskip("recorded")
+    pytest.importorskip("rosbags", reason="needs the extra ros")
+    bag = recorded.float_bag(tmp_path / "bag", np.arange(100) * 4e-3, np.full(100, 200.0))
+    content = (bag / "bag.mcap").read_bytes()
+    for option in ("--mcap", "--output"):
+        words = ["replay", str(LOOP), "bag", "--topic", "/reading", *GAIN, option, "bag/bag.mcap", "--force"]
+        answer = run(*words, folder=tmp_path)
+        assert answer.returncode == 2
+        assert "input" in answer.stderr
+    assert (bag / "bag.mcap").read_bytes() == content
 
 
 def test_the_example_is_what_its_program_prints() -> None:

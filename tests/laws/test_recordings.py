@@ -298,6 +298,25 @@ def test_the_chain_of_a_recording_is_that_of_its_sensor_and_loads(tmp_path: Path
     assert chain.dropout == 0
 
 
+def test_the_chain_of_a_sensor_that_measures_distances_loads(tmp_path: Path) -> None:
+    rng = np.random.default_rng(13)
+    time = np.arange(0, 12, 0.02)
+    distance = 0.4 - 0.3 * np.abs(np.sin(time)) + 1e-3 * rng.standard_normal(len(time))
+    distance[distance > 0.38] = np.inf
+    distance[300:310] = np.nan
+    stamps = np.round(1e9 * time).astype(np.int64)
+    named = {"source": "b", "topic": "/range", "message_type": "", "kind": "distance", "clock": "header"}
+    recording = Recording(stamps=stamps, values=distance, transport=np.full(len(time), 4e-3), **named)
+    result = replay(pt.load_scenario(LOOP).replace(gain=-0.86), recording)
+    assert len(result.detections) == 4
+    text = re.sub(r"\[chain\]\n.*?(?=\[controller\])", lambda _: result.chain + "\n", LOOP.read_text(), flags=re.DOTALL)
+    (tmp_path / "measured.toml").write_text(text)
+    chain = pt.load_scenario(tmp_path / "measured.toml").loop.chain
+    assert chain.measures_distance
+    assert chain.distance_noise == pytest.approx(1e-3, rel=0.25)  # 4 * 1.2 / sqrt(400)
+    assert (chain.rate, chain.delay, chain.jitter) == (50.0, 4e-3, 0.0)
+
+
 def test_the_pairs_of_a_recording_calibrate_the_sensor(tmp_path: Path) -> None:
     task = pt.load_scenario(LOOP).replace(gain=-0.86)
     readings, distance, _ = visits(lag=0.012)

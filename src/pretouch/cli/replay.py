@@ -68,8 +68,10 @@ def replay(
     from pretouch.recording import replay as run  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     _refuse_swapped(file, recording)
+    inputs = [path for path in recording.iterdir() if path.is_file()] if recording.is_dir() else [recording]
+    for path in filter(None, (chain, calibration, mcap, shown.output)):
+        refuse_input(path, [file, *inputs])
     for path in filter(None, (chain, calibration, mcap)):
-        refuse_input(path, [file, recording])
         refuse_existing(path, force=shown.force)
     task = load_loop(file, "reading the recording", gain, None)
     sensor, *others = _recordings(recording, topic, [name for name in (reference, truth) if name], clock)
@@ -91,7 +93,7 @@ def replay(
         f"{recording.name.partition('.')[0] or 'recording'}-replay.html",
         task,
         good=result.is_good,
-        inputs=[recording] if recording.is_file() else [],
+        inputs=inputs,
         files=written,
     )
 

@@ -69,7 +69,7 @@ def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, nea
     noise = wander = center = None
     pairs = quiet[1:] & quiet[:-1] & regular[1:]
     if pairs.sum() >= _FEWEST:
-        noise = _spread(np.diff(readings)[pairs] / np.sqrt(2), resolution)
+        noise = _spread((readings[1:][pairs] - readings[:-1][pairs]) / np.sqrt(2), resolution)
         center = float(np.median(values))
         wander = _spread(values - center, resolution)
     largest = float(readings[finite].max()) if finite.any() else None

@@ -63,6 +63,8 @@ def read_recordings(
         raise InvalidInputError(f"clock: found {clock!r}, expected 'header' or 'receive'")
     file, wanted = Path(path), [_split_unit(topic) for topic in topics]
     if is_table(file):
+        if clock is not None:
+            raise InvalidInputError(f"clock: {file.name} has only the times of its time column; leave the clock out")
         return tuple(_from_table(file, name, unit) for name, unit in wanted)
     if not all(name for name, _ in wanted):
         names = ", ".join(topic.name for topic in read_contents(file, ()).counts)

@@ -15,6 +15,7 @@ _GAP: Final = 1.5  # periods between two readings, above which a reading is miss
 _DROPPED: Final = 5.5  # periods: a longer gap is an interruption, and no sequence of single dropouts
 _CONFIRMED: Final = 5  # readings after a step back of the clock that are all early: the clock was set back
 _REPEATED: Final = 0.8  # share of readings in runs of the same length, above which the sensor is slower than its topic
+_RESOLUTION: Final = 1e-9  # s, of stamps
 _FEWEST_RUNS: Final = 8
 
 
@@ -89,8 +90,7 @@ def timing_of(time: FloatArray, values: FloatArray) -> Timing:
         duration=duration,
         rate=1 / period,
         mean_rate=len(steps) / duration,
-        # the interval between two readings has the jitter of both
-        jitter=float(ROBUST * np.median(np.abs(regular - np.median(regular))) / np.sqrt(2)),
+        jitter=_jitter(regular),
         gaps=int(gaps.sum()),
         longest_gap=float(steps[longest]),
         longest_gap_at=float(ordered[longest] - time[0]),
@@ -99,6 +99,13 @@ def timing_of(time: FloatArray, values: FloatArray) -> Timing:
         late=late,
         held=_held(values),
     )
+
+
+def _jitter(intervals: FloatArray) -> float:
+    """Return the robust standard deviation of the time of a reading [s]; 0 below the resolution of stamps."""
+    # the interval between two readings has the jitter of both
+    jitter = float(ROBUST * np.median(np.abs(intervals - np.median(intervals))) / np.sqrt(2))
+    return jitter if jitter >= _RESOLUTION else 0.0
 
 
 def _held(values: FloatArray) -> int:

@@ -17,12 +17,13 @@ import pytest
 import pretouch
 from pretouch.report import plots
 
-EXTRA = {"xarray", "zarr", "dask", "distributed", "h5netcdf", "h5py", "pandas", "mujoco"}
+EXTRA = {"xarray", "zarr", "dask", "distributed", "h5netcdf", "h5py", "pandas", "mujoco", "rosbags", "mcap"}
 HEAVY = {"scipy", "matplotlib", "pydantic", "typer", *EXTRA}
 
 
 @pytest.mark.parametrize(
-    "folder", ["", ".sensors", ".control", ".motion", ".design", ".simulation", ".sweeps", ".verification"]
+    "folder",
+    ["", ".sensors", ".control", ".motion", ".design", ".simulation", ".sweeps", ".verification", ".recording"],
 )
 def test_importing_loads_nothing_heavy(folder: str) -> None:
     code = f"import sys, pretouch{folder}; print(*sys.modules)"

@@ -13,6 +13,7 @@ import typer
 from .export import export
 from .fit import fit
 from .record import record
+from .replay import replay
 from .sweep import sweep
 from .terminal import guard_output
 from .verbs import design, pareto, reproduce, robust, simulate, verify
@@ -47,6 +48,11 @@ _EXAMPLES: Final[
         'export c loop.toml --gain "-0.86 N*s" --output law',
         "export c loop.toml --unverified --output draft",
         "export.md",
+    ),
+    replay: (
+        "replay loop.toml approaches.csv --topic reading --truth contact",
+        'replay loop.toml approaches.csv --topic reading --reference "distance" --calibration pairs.csv',
+        "what-did-my-sensor-see.md",
     ),
     reproduce: ("reproduce", "reproduce table-2 figure-4", "letter.md"),
 }

@@ -260,11 +260,13 @@ class Presentation:
         good: bool,
         inputs: Sequence[Path] = (),
         lines: int | None = 15,
+        files: Sequence[str] = (),
     ) -> None:
         """Print a result, write its report, and exit with the status of the result.
 
         The text has at most `lines` lines, unless that is None or the option --verbose is given. The files that were
-        read, those of the task and `inputs`, are never overwritten.
+        read, those of the task and `inputs`, are never overwritten. `files` are lines about other files that were
+        written, which follow the text.
         """
         target = self.output or Path(default)
         inputs = (*inputs, *getattr(None if task is None else task.source, "inputs", ()))
@@ -272,7 +274,7 @@ class Presentation:
         if lines is None or self.json or self.verbose:
             text = self.formatted(reservations, result.to_dict, result.__str__)
         else:
-            text = self._summary(result, reservations, lines - self.report)
+            text = self._summary(result, reservations, lines - self.report - len(files))
         if self.json and self.output is not None:
             self._write(result, target, task, inputs)
         try:
@@ -281,8 +283,10 @@ class Presentation:
             if self.report and not self.json:
                 self._write(result, target, task, inputs)
         if self.report and not self.json:
+            files = (*files, f"Report with figures: {target}")
+        if files and not self.json:
             gap = "\n" if lines is None or self.verbose else ""
-            print_text(f"{gap}Report with figures: {target}")
+            print_text(gap + "\n".join(files))
         end(good=good and not (reservations is not None and reservations.is_refuted))
 
     def formatted(

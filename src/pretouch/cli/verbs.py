@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
+from pretouch._core.errors import InvalidInputError, OutputExistsError
+
 from .terminal import Presentation, ScenarioFile, option, print_progress, read_gain, verb
 
 if TYPE_CHECKING:
     from pretouch.design import Task
+    from pretouch.recording.mcap_output import Series
+    from pretouch.verification import Verdict
 
 
 UncertainFile: TypeAlias = Annotated[
@@ -23,6 +27,9 @@ LoopFile: TypeAlias = Annotated[
 LoopGain: TypeAlias = Annotated[
     str | None,
     option("GAIN", 'The gain to run, such as "-0.7 N*s"; by default that of the file, or the designed gain.'),
+]
+McapFile: TypeAlias = Annotated[
+    Path | None, option("PATH", "Write the time series as an MCAP file, with a Foxglove layout next to it.")
 ]
 LoopSeed: TypeAlias = Annotated[int | None, option("NUMBER", "Seed of the noise; by default that of the file.", min=0)]
 
@@ -42,6 +49,20 @@ def load_loop(file: Path, activity: str, gain: str | None, seed: int | None) -> 
     number = read_gain(gain, task.law)
     loop = task.loop if seed is None or task.loop is None else replace(task.loop, seed=seed)
     return task.replace(loop=loop, gain=task.gain if number is None else number)
+
+
+def refuse_existing(path: Path | None, *, force: bool) -> None:
+    """Raise an error, before anything is computed, if an output file exists and may not be replaced."""
+    if path is not None and path.exists() and not force:
+        raise OutputExistsError(f"{path}: this file already exists; choose another name, or replace it with --force")
+
+
+def write_series(path: Path, series: tuple[Series, ...], *, force: bool) -> str:
+    """Write time series as an MCAP file with a Foxglove layout, and return a line that names both."""
+    from pretouch.recording.mcap_output import write_mcap  # noqa: PLC0415
+
+    written, layout = write_mcap(path, series, overwrite=force)
+    return f"Time series for Foxglove: {written}, layout {layout.name}"
 
 
 @verb
@@ -117,7 +138,9 @@ def robust(
 
 
 @verb
-def simulate(shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed: LoopSeed = None) -> None:
+def simulate(
+    shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed: LoopSeed = None, mcap: McapFile = None
+) -> None:
     """Simulate one encounter of a scenario file (TOML) with sampled sensor, controller, robot and contact.
 
     Prints the simulated contact compared with the prediction and with no mitigation, the moment of detection, every
@@ -129,9 +152,15 @@ def simulate(shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed
     """
     from pretouch.verification import simulate_encounter  # noqa: PLC0415
 
+    refuse_existing(mcap, force=shown.force)
     task = load_loop(file, "simulating the loop", gain, seed)
     encounter = simulate_encounter(task)
-    shown.show(encounter, f"{file.stem}-simulate.html", task, good=encounter.is_mitigated)
+    files: tuple[str, ...] = ()
+    if mcap is not None:
+        from pretouch.recording.mcap_output import series_of_trace  # noqa: PLC0415
+
+        files = (write_series(mcap, series_of_trace(encounter.trace, floor_of(task)), force=shown.force),)
+    shown.show(encounter, f"{file.stem}-simulate.html", task, good=encounter.is_mitigated, files=files)
 
 
 @verb
@@ -147,6 +176,7 @@ def verify(
     changes: Annotated[
         bool, typer.Option("--changes/--no-changes", help="Search for the single change that would help most.")
     ] = True,
+    mcap: McapFile = None,
 ) -> None:
     """Verify by simulation that a gain meets its limits on the sampled loop of a scenario file (TOML).
 
@@ -160,11 +190,35 @@ def verify(
     """
     from pretouch.verification import verify_gain  # noqa: PLC0415
 
+    refuse_existing(mcap, force=shown.force)
     task = load_loop(file, "simulating encounters on the loop", gain, seed)
     if runs is not None:
         task = task.replace(verify=replace(task.verify, runs=runs))
     verdict = verify_gain(task, changes=changes)
-    shown.show(verdict, f"{file.stem}-verify.html", task, good=verdict.status in {"holds", "holds-narrowly"}, lines=20)
+    files: tuple[str, ...] = ()
+    if mcap is not None:
+        files = (write_series(mcap, _series_of_verdict(verdict, task), force=shown.force),)
+    good = verdict.status in {"holds", "holds-narrowly"}
+    shown.show(verdict, f"{file.stem}-verify.html", task, good=good, lines=20, files=files)
+
+
+def _series_of_verdict(verdict: Verdict, task: Task) -> tuple[Series, ...]:
+    """Return the time series of the run with the highest contact speed or, without contact, of the first run."""
+    import numpy as np  # noqa: PLC0415
+
+    from pretouch.recording.mcap_output import series_of_trace  # noqa: PLC0415
+
+    runs = verdict.mitigated
+    if runs is None:
+        raise InvalidInputError("--mcap: there is no gain, so nothing was simulated")
+    speeds = np.where(runs.touched, np.abs(runs.relative_velocity), -1.0)
+    return series_of_trace(runs.trace(int(np.argmax(speeds))), floor_of(task))
+
+
+def floor_of(task: Task) -> float:
+    """Return the detection threshold of the controller of a task; NaN for a law without one."""
+    law = None if task.loop is None else task.loop.law
+    return float(getattr(getattr(law, "conditioning", None), "floor", float("nan")))
 
 
 @verb

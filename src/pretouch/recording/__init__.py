@@ -1,1 +1,8 @@
-"""Record calibrations at the bench, and evaluate what the sensors of a robot recorded."""
+"""Record calibrations at the bench, read what a robot recorded, and run the sampled law over it."""
+
+from .reading import read_recording
+from .recording import Recording
+from .replay import replay
+from .result import Replay
+
+__all__ = ["Recording", "Replay", "read_recording", "replay"]

@@ -5,6 +5,7 @@ from .design_figures import sensitivity, trade_off
 from .drag_figures import drag
 from .motion_figures import motion, sampled_motion
 from .pareto_figures import admittance, pareto
+from .replay_figures import replay
 from .robust_figures import outcome, price, robust
 from .simulation_figures import simulation
 from .sweep_figures import sweep
@@ -19,6 +20,7 @@ __all__ = [
     "outcome",
     "pareto",
     "price",
+    "replay",
     "robust",
     "sampled_motion",
     "sensitivity",

@@ -167,7 +167,7 @@ def _panel(
 ) -> Panel:
     """Return a plot of one quantity over time; only the first plot of the figure names the curves."""
     name, label, unit = which
-    shown = [(c, *_window(*c.columns[name], end)) for c in runs if name in c.columns]
+    shown = [(c, *thin_out(*c.columns[name], end)) for c in runs if name in c.columns]
     shown = [(c, t, v) for c, t, v in shown if np.isfinite(v).any()]
     scale = Scale(1.0, unit) if name == "reading" else scale_for(unit, max(_largest(v) for _, _, v in shown))
     first = name == "distance"
@@ -189,7 +189,7 @@ def _largest(values: FloatArray) -> float:
     return float(np.nanmax(np.abs(values)))
 
 
-def _window(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
+def thin_out(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
     """Remove the part of a time series after the end of the plot, and thin out its points without losing extremes."""
     kept = time <= end
     time, values = time[kept], np.where(np.isfinite(values[kept]), values[kept], np.nan)
@@ -248,7 +248,7 @@ def _impact_panel(encounter: SimulatedEncounter) -> Panel:
     clock, scale = Scale(1e-3, "ms"), scale_for("N", max(float(force.max()) for *_, force in shown))
     curves, marks = [], []
     for label, style, time, force in shown:
-        t, f = _window(time, force, end)
+        t, f = thin_out(time, force, end)
         curves.append(Curve(x=t / clock.factor, y=f / scale.factor, label=label, style=style))
         at = int(force.argmax())
         text = scale.text(float(force[at]))

@@ -1,0 +1,136 @@
+"""Implement the command `pretouch replay`, which runs the law of a scenario over a recording of a real sensor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.files import refuse_input, write_text
+from pretouch._core.units import read_quantity
+
+from .terminal import Presentation, option, print_progress, verb
+from .verbs import LoopFile, LoopGain, McapFile, load_loop, refuse_existing, write_series
+
+if TYPE_CHECKING:
+    from pretouch.recording import Recording, Replay
+
+
+@verb
+def replay(
+    shown: Presentation,
+    *,
+    file: LoopFile,
+    recording: Annotated[
+        Path,
+        typer.Argument(metavar="BAG", help="ROS 2 bag (folder or file), MCAP file with JSON messages, or CSV file."),
+    ],
+    topic: Annotated[
+        str,
+        option(
+            "TOPIC", 'Topic of the sensor, with a field and a unit if needed: "/joints.position[0]", "/laser [mm]".'
+        ),
+    ] = "",
+    truth: Annotated[
+        str | None, option("TOPIC", "Topic that is above --truth-above while there is an object or a contact.")
+    ] = None,
+    truth_above: Annotated[float, option("NUMBER", "Threshold of --truth.")] = 0.5,
+    contacts: Annotated[
+        str | None, option("TIMES", 'Times of true contacts after the first reading, such as "1.2 s, 4.7 s".')
+    ] = None,
+    before: Annotated[str, option("TIME", "Longest time from a detection to the contact that it announces.")] = "1 s",
+    reference: Annotated[
+        str | None, option("TOPIC", "Another topic of the same motion, such as a distance; for the latency.")
+    ] = None,
+    clock: Annotated[
+        str | None, option("header|receive", "Which times to use; by default the header stamps, if there are any.")
+    ] = None,
+    start: Annotated[str | None, typer.Option("--from", metavar="TIME", help="Start of the replayed part.")] = None,
+    end: Annotated[str | None, typer.Option("--to", metavar="TIME", help="End of the replayed part.")] = None,
+    gain: LoopGain = None,
+    chain: Annotated[Path | None, option("PATH", "Write the section [chain] of this sensor to a file.")] = None,
+    calibration: Annotated[
+        Path | None, option("PATH", "Write readings and distances of --reference as a calibration file (CSV).")
+    ] = None,
+    mcap: McapFile = None,
+) -> None:
+    """Run the sampled law of a scenario file (TOML) over a recording, and describe what the sensor really measured.
+
+    Prints what the law detects, false triggers and missed contacts if the true ones are known, rate, gaps and noise of
+    the sensor next to those of the scenario, and its lag behind another topic. Writes a report with figures,
+    STEM-replay.html in this folder. The replay is open loop: the readings do not respond to the motion.
+
+    Exit status: 0 the law ran, 1 no reading could be used, or a known contact contradicts the detections, 2 a mistake
+    in the request.
+    """
+    from pretouch.recording import replay as run  # noqa: PLC0415 - keeps `pretouch --help` quick
+
+    _refuse_swapped(file, recording)
+    inputs = [path for path in recording.iterdir() if path.is_file()] if recording.is_dir() else [recording]
+    for path in filter(None, (chain, calibration, mcap, shown.output)):
+        refuse_input(path, [file, *inputs])
+    for path in filter(None, (chain, calibration, mcap)):
+        refuse_existing(path, force=shown.force)
+    task = load_loop(file, "reading the recording", gain, None)
+    sensor, *others = _recordings(recording, topic, [name for name in (reference, truth) if name], clock)
+    named = dict(zip([key for key, name in (("reference", reference), ("truth", truth)) if name], others, strict=True))
+    print_progress(f"{recording}: replaying {len(sensor.stamps):,} readings")
+    result = run(
+        task,
+        sensor,
+        **named,
+        threshold=truth_above,
+        contacts=None if contacts is None else [_time(text, "--contacts") for text in contacts.split(",")],
+        before=_time(before, "--before"),
+        start=0.0 if start is None else _time(start, "--from"),
+        end=float("inf") if end is None else _time(end, "--to"),
+    )
+    written = _write(result, shown, chain, calibration, mcap)
+    shown.show(
+        result,
+        f"{recording.name.partition('.')[0] or 'recording'}-replay.html",
+        task,
+        good=result.is_good,
+        inputs=inputs,
+        files=written,
+    )
+
+
+def _refuse_swapped(file: Path, recording: Path) -> None:
+    if file.suffix != ".toml" and recording.suffix == ".toml":
+        raise InvalidInputError(f"{file}: expected the scenario file first: pretouch replay {recording} {file}")
+
+
+def _recordings(path: Path, topic: str, others: list[str], clock: str | None) -> tuple[Recording, ...]:
+    from pretouch.recording.reading import read_recordings  # noqa: PLC0415
+
+    print_progress(f"{path}: reading")
+    return read_recordings(path, (topic, *others), clock=clock)
+
+
+def _time(text: str, name: str) -> float:
+    """Parse a time such as "1.2 s"; a number without unit is in seconds."""
+    return read_quantity(text, "s", name=name)
+
+
+def _write(
+    result: Replay, shown: Presentation, chain: Path | None, calibration: Path | None, mcap: Path | None
+) -> tuple[str, ...]:
+    """Write the files that the options name, and return a line about each."""
+    written = []
+    pairs = None if calibration is None else result.pairs()  # before anything is written
+    if chain is not None:
+        if not result.chain:
+            raise InvalidInputError(f"{chain}: there are too few readings to describe a sensor chain; record longer")
+        written.append(f"Section [chain]: {write_text(chain, result.chain, overwrite=shown.force)}")
+    if calibration is not None and pairs is not None:
+        write_text(calibration, pairs.as_csv(), overwrite=shown.force)
+        removed = f", lag of {1e3 * pairs.shift:.3g} ms removed" if pairs.shift else ""
+        written.append(f"Calibration{removed}: {calibration}")
+    if mcap is not None:
+        from pretouch.recording.mcap_output import series_of_replay  # noqa: PLC0415
+
+        written.append(write_series(mcap, series_of_replay(result), force=shown.force))
+    return tuple(written)

@@ -1,0 +1,247 @@
+"""Read the undecoded messages of MCAP files, sqlite3 files, and ROS 2 bag folders with or without metadata."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import sqlite3
+import struct
+import tempfile
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote
+
+from pretouch._core.errors import InvalidInputError, MissingExtraError, require
+
+from .messages import Contents, Messages, Topic, split_name
+
+EXTRA: Final = "ros"
+"""The extra of pretouch that installs the libraries for bags."""
+
+_ENDINGS: Final = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
+_MCAP: Final = b"\x89MCAP0\r\n"
+_ZSTD: Final = b"\x28\xb5\x2f\xfd"
+_SQLITE: Final = b"SQLite format 3\0"
+_ROS1: Final = b"#ROSBAG V"
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6  # opcodes of MCAP records
+_RECORD: Final = struct.Struct("<BQ")
+_HEAD: Final = struct.Struct("<HIQQ")  # channel, sequence, receive time, publish time
+_YAML_FILES: Final = re.compile(r"relative_file_paths:\s*\n((?:\s*-\s*.+\n?)*)")
+
+
+def read_contents(path: Path, wanted: Collection[str]) -> Contents:
+    """Read the messages of some topics, and count the messages of all topics.
+
+    Args:
+        path: an MCAP file, a sqlite3 file of a ROS 2 bag, or the folder of a bag.
+        wanted: topics, each with or without a field.
+
+    Returns:
+        The messages.
+
+    Raises:
+        InvalidInputError: the path does not exist, cannot be read, or is not a recording.
+    """
+    contents = Contents()
+    try:
+        files = _files_of(path, contents) if path.is_dir() else [path]
+        for file in files:
+            _read_file(file, wanted, contents)
+    except FileNotFoundError:
+        raise InvalidInputError(f"{path}: this file or folder does not exist") from None
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    return contents
+
+
+def _files_of(folder: Path, contents: Contents) -> list[Path]:
+    """Return the files of a bag in their order: that of its metadata or, without metadata, that of their numbers."""
+    present = sorted((f for f in folder.iterdir() if f.name.endswith(_ENDINGS)), key=_natural)
+    if not present:
+        raise InvalidInputError(f"{folder}: this folder contains no recording, which ends with .mcap or .db3")
+    metadata = folder / "metadata.yaml"
+    if not metadata.exists():
+        contents.notes.append(
+            f"The bag has no metadata.yaml; its {len(present)} file{'s were' if len(present) > 1 else ' was'} read in "
+            "the order of their names."
+        )
+        return present
+    listed = _YAML_FILES.search(metadata.read_text(encoding="utf-8", errors="replace"))
+    names = [] if listed is None else [line.strip(" -\"'\r").rsplit("/", 1)[-1] for line in listed[1].splitlines()]
+    files = [folder / name for name in names if name and (folder / name).exists()]
+    if missing := [name for name in names if name and not (folder / name).exists()]:
+        contents.notes.append(f"Files of the bag are missing: {', '.join(missing)}.")
+    return files or present
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Return a sort key by which bag_10 comes after bag_9."""
+    return [(int(part) if part.isdigit() else -1, part) for part in re.split(r"(\d+)", path.name)]
+
+
+def _read_file(path: Path, wanted: Collection[str], contents: Contents) -> None:
+    with path.open("rb") as stream:
+        start = stream.read(16)
+        stream.seek(0)
+        if start.startswith(_ZSTD):
+            _read_compressed(path, stream, wanted, contents)
+        elif start.startswith(_MCAP):
+            _read_mcap(path.name, stream, wanted, contents)
+        elif start.startswith(_SQLITE):
+            _read_sqlite(path, path.name, wanted, contents)
+        elif not start:
+            raise InvalidInputError(f"{path}: this file is empty; was the recorder stopped before it wrote anything?")
+        elif start.startswith(_ROS1):
+            raise InvalidInputError(
+                f"{path}: this is a bag of ROS 1, but pretouch reads bags of ROS 2; convert it with: rosbags-convert "
+                f"--src {path.name} --dst {path.stem}"
+            )
+        else:
+            raise InvalidInputError(f"{path}: this is neither an MCAP file nor a ROS 2 bag (sqlite3) nor a CSV file")
+
+
+def _read_compressed(path: Path, stream: Any, wanted: Collection[str], contents: Contents) -> None:
+    """Read a file that the recorder compressed as a whole."""
+    zstandard = require("zstandard", extra=EXTRA)
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder, path.stem)
+        try:
+            with plain.open("wb") as out:
+                zstandard.ZstdDecompressor().copy_stream(stream, out)
+        except zstandard.ZstdError:
+            contents.notes.append(f"{path.name} is truncated or damaged; only its beginning was read.")
+        _read_file(plain, wanted, contents)
+
+
+def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Contents) -> None:
+    """Read an MCAP file, and keep what was written before a truncation."""
+    reader = require("mcap.stream_reader", extra=EXTRA)
+    records = require("mcap.records", extra=EXTRA)
+    state = _Channels(wanted, contents)
+    size = stream.seek(0, os.SEEK_END)
+    place, complete = len(_MCAP), False
+    try:
+        while place + _RECORD.size <= size and not complete:
+            stream.seek(place)
+            opcode, length = _RECORD.unpack(stream.read(_RECORD.size))
+            place += _RECORD.size + length
+            if place > size:
+                break
+            if opcode == _CHUNK:
+                chunk = records.Chunk.read(_fields(stream.read(length)))
+                data, _ = reader.get_chunk_data_stream(chunk, validate_crc=True)
+                _read_records(data.read(chunk.uncompressed_size), state)
+            elif opcode in {_SCHEMA, _CHANNEL, _MESSAGE}:
+                _read_records(_RECORD.pack(opcode, length) + stream.read(length), state)
+            complete = opcode == _FOOTER  # indexes are not read
+    except Exception as error:  # each library for compression has errors of its own
+        if isinstance(error, MemoryError | InvalidInputError | MissingExtraError):
+            raise
+    if not complete:
+        count = sum(contents.counts.values())
+        contents.notes.append(f"{name} is truncated or damaged; only the {count:,} messages before that were read.")
+
+
+def _fields(data: bytes) -> Any:
+    """Return the content of an MCAP record in the form that the library reads."""
+    return require("mcap.data_stream", extra=EXTRA).ReadDataStream(io.BytesIO(data))
+
+
+class _Channels:
+    """Channels of one MCAP file, with the messages of the wanted ones."""
+
+    def __init__(self, wanted: Collection[str], contents: Contents) -> None:
+        self.wanted, self.contents = wanted, contents
+        self.schemas: dict[int, Any] = {}
+        self.topics: dict[int, Topic] = {}
+        self.kept: dict[int, Messages] = {}
+
+    def add(self, channel: Any) -> None:
+        """Add a channel, of which a file may contain several copies."""
+        if channel.id in self.topics:
+            return
+        schema = self.schemas.get(channel.schema_id)
+        parts = ("", "", "") if schema is None else (schema.name, schema.data.decode(errors="replace"), schema.encoding)
+        topic = Topic(channel.topic, parts[0], channel.message_encoding, parts[1], parts[2])
+        self.topics[channel.id] = topic
+        self.contents.counts.setdefault(topic, 0)
+        if is_wanted(topic.name, self.wanted):
+            self.kept[channel.id] = self.contents.messages_of(topic)
+
+
+def _read_records(data: bytes, state: _Channels) -> None:
+    """Read the schemas, channels and messages of an MCAP chunk."""
+    # This loop runs once per message, so it reads only what is needed.
+    records = require("mcap.records", extra=EXTRA)
+    counts: dict[int, int] = {}
+    place, end, head = 0, len(data), _RECORD.size + _HEAD.size
+    while place + _RECORD.size <= end:
+        opcode, length = _RECORD.unpack_from(data, place)
+        following = place + _RECORD.size + length
+        if opcode == _MESSAGE:
+            channel, _, received, _ = _HEAD.unpack_from(data, place + _RECORD.size)
+            counts[channel] = counts.get(channel, 0) + 1
+            kept = state.kept.get(channel)
+            if kept is not None:
+                kept.received.append(received)
+                kept.data.append(data[place + head : following])
+        elif opcode == _SCHEMA:
+            schema = records.Schema.read(_fields(data[place + _RECORD.size : following]))
+            state.schemas[schema.id] = schema
+        elif opcode == _CHANNEL:
+            state.add(records.Channel.read(_fields(data[place + _RECORD.size : following])))
+        place = following
+    for channel, number in counts.items():
+        state.contents.counts[state.topics[channel]] += number
+
+
+def is_wanted(name: str, wanted: Collection[str]) -> bool:
+    """Return True if one of the wanted topics, with or without a field, is the topic of this name.
+
+    Args:
+        name: the topic.
+        wanted: topics, each with or without a field.
+    """
+    return any(split_name(text, (name,)) is not None for text in wanted)
+
+
+def _read_sqlite(path: Path, name: str, wanted: Collection[str], contents: Contents) -> None:
+    """Read a sqlite3 file of a ROS 2 bag."""
+    journal = path.with_name(f"{path.name}-wal")
+    fixed = "&immutable=1" if not journal.exists() or not journal.stat().st_size else ""
+    connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro{fixed}", uri=True)
+    try:
+        _read_database(connection, wanted, contents)
+    except sqlite3.DatabaseError as error:
+        if not contents.counts:
+            raise InvalidInputError(f"{name}: this database is not a ROS 2 bag, or it is damaged ({error})") from None
+        contents.notes.append(f"{name} is truncated or damaged ({error}); the messages before that were read.")
+    finally:
+        connection.close()
+
+
+def _read_database(connection: sqlite3.Connection, wanted: Collection[str], contents: Contents) -> None:
+    definitions: dict[str, tuple[str, str]] = {}
+    if connection.execute("SELECT name FROM sqlite_master WHERE name = 'message_definitions'").fetchone():
+        rows = connection.execute("SELECT topic_type, encoded_message_definition, encoding FROM message_definitions")
+        definitions = {kind: (text, encoding) for kind, text, encoding in rows}
+    columns = "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
+    topics = {i: Topic(n, k, f, *definitions.get(k, ("", ""))) for i, n, k, f in connection.execute(columns)}
+    for topic in topics.values():
+        contents.counts.setdefault(topic, 0)
+    counted = connection.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id").fetchall()
+    for i, topic in topics.items():
+        contents.counts[topic] += dict(counted).get(i, 0)
+        if not is_wanted(topic.name, wanted):
+            continue
+        kept = contents.messages_of(topic)
+        for received, data in _rows(connection, i):
+            kept.received.append(received)
+            kept.data.append(data)
+
+
+def _rows(connection: sqlite3.Connection, topic: int) -> Iterator[tuple[int, bytes]]:
+    """Yield receive time and content of the messages of a topic in the order in which they were written."""
+    yield from connection.execute("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id", (topic,))

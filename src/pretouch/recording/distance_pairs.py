@@ -1,0 +1,95 @@
+"""Pair readings with distances of another topic, as a calibration file for `pretouch fit`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
+
+_MOST_ROWS: Final = 20_000
+_LONGEST_GAP: Final = 5.0  # typical periods of the distance topic, over which distances are interpolated
+_FEWEST: Final = 10  # pairs
+_NARROW: Final = 1e-3  # m, range of distances below which there is nothing to fit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DistancePairs(Value):
+    """Readings with the distance at the time of each reading.
+
+    Args:
+        distance: distances [m]; infinite without an object.
+        reading: readings.
+        shift: latency of the sensor that was removed before pairing [s]; 0 if it is unknown.
+        largest_speed: 95 % quantile of the speed of the object during the readings [m/s].
+    """
+
+    distance: FloatArray
+    reading: FloatArray
+    shift: float
+    largest_speed: float
+
+    def as_csv(self) -> str:
+        """Return the pairs as a calibration table; of more than 20,000 rows, every n-th row."""
+        every = -(-len(self.distance) // _MOST_ROWS)
+        rows = [
+            f"{'inf' if np.isinf(d) else f'{1e3 * d:.6g}'},{y!r}"
+            for d, y in zip(self.distance[::every].tolist(), self.reading[::every].tolist(), strict=True)
+        ]
+        return "\n".join(["distance [mm],output", *rows]) + "\n"
+
+
+def pair_distances(
+    time: FloatArray, readings: FloatArray, other_time: FloatArray, distance: FloatArray, shift: float
+) -> DistancePairs:
+    """Interpolate distances at the times of the readings.
+
+    Args:
+        time: times of the readings [s].
+        readings: the readings; those that are not finite are left out.
+        other_time: times of the distances [s], from the same clock.
+        distance: distances [m]; plus infinity means no object, and NaN or minus infinity are left out.
+        shift: by how much the readings lag the distances [s].
+
+    Returns:
+        The pairs.
+
+    Raises:
+        InvalidInputError: there are too few pairs, or the distance hardly changes.
+    """
+    order = np.argsort(other_time, kind="stable")
+    usable = order[~np.isnan(distance[order]) & ~np.isneginf(distance[order])]
+    clock, length = other_time[usable], distance[usable]
+    if len(clock) < 2:
+        raise InvalidInputError("reference: the distance topic has fewer than two usable distances")
+    at = time - shift
+    after = np.clip(np.searchsorted(clock, at, side="right"), 1, len(clock) - 1)
+    width = clock[after] - clock[after - 1]
+    steps = np.diff(clock)
+    longest = _LONGEST_GAP * float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    inside = (at >= clock[0]) & (at <= clock[-1]) & (width <= longest) & (width > 0) & np.isfinite(readings)
+    first, last = length[after - 1], length[after]
+    both = np.isfinite(first) & np.isfinite(last)
+    none = np.isposinf(first) & np.isposinf(last)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.where(width > 0, (at - clock[after - 1]) / width, 0.0)
+        between = np.where(both, first + share * (last - first), np.inf)
+        speed = np.where(both, np.abs(last - first) / width, 0.0)
+    kept = inside & (both | none)
+    finite = between[kept & both]
+    if len(finite) < _FEWEST or np.ptp(finite) < _NARROW:
+        span = f"from {1e3 * finite.min():.4g} to {1e3 * finite.max():.4g} mm" if len(finite) else "none"
+        raise InvalidInputError(
+            f"reference: there are {len(finite)} readings with a distance ({span}), but a calibration needs at least "
+            f"{_FEWEST}, over more than {1e3 * _NARROW:g} mm; move the object toward the sensor while recording"
+        )
+    return DistancePairs(
+        distance=between[kept],
+        reading=readings[kept],
+        shift=shift,
+        largest_speed=float(np.quantile(speed[kept & both], 0.95)),
+    )

@@ -1,0 +1,159 @@
+"""Estimate offset, noise, resolution and saturation of a sensor from the readings of a moving or an empty scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.values import Value
+
+from .timing import ROBUST
+
+_FEWEST: Final = 30  # readings that an estimate needs
+_OUTLIER: Final = 8.0  # robust standard deviations, beyond which a difference is no noise
+_FOURTH: Final = (1.0, -4.0, 6.0, -4.0, 1.0)  # removes a cubic course, so that only noise remains
+_BINS: Final = 8  # levels of xi at which noise is estimated
+_FEWEST_LEVELS: Final = 6  # distinct readings: with fewer, equal steps may be chance
+_CLIPPED: Final = 5  # readings in a row at the largest value, from which it counts as a limit
+_WHOLE: Final = 0.02  # of a step: deviation of quantized readings from whole steps
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise(Value):
+    """What a recording says about the noise of its readings; None where it says nothing.
+
+    Args:
+        offset: median reading without an object, in the unit of the readings.
+        noise: robust standard deviation of a reading without an object, from the differences of successive readings.
+        wander: robust standard deviation of the readings without an object around their median. It exceeds the noise if
+            the offset drifts.
+        relative_noise: standard deviation relative to xi, in addition to the noise; None also if the noise is unknown.
+        resolution: step of the readings; 0 if they have none.
+        largest: largest finite reading.
+        clipped: whether the largest reading occurs many times in a row, so that it is probably a limit of the sensor.
+        quiet: number of readings without an object.
+    """
+
+    offset: float | None
+    noise: float | None
+    wander: float | None
+    relative_noise: float | None
+    resolution: float
+    largest: float | None
+    clipped: bool
+    quiet: int
+
+
+def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, near: BoolArray, offset: float) -> Noise:
+    """Estimate the noise of readings.
+
+    Args:
+        readings: the readings in the order of their times.
+        regular: whether each reading followed the one before after about one period.
+        detecting: whether the law detected an object when it used the reading.
+        near: whether the reading is shortly before or after a detection, when an object may be near already.
+        offset: offset that the controller subtracts, for xi.
+
+    Returns:
+        The estimates.
+    """
+    finite = np.isfinite(readings)
+    quiet = finite & ~detecting & ~near
+    if quiet.sum() < _FEWEST:
+        quiet = finite & ~detecting
+    values = readings[quiet]
+    resolution = _resolution(readings[finite])
+    noise = wander = center = None
+    pairs = quiet[1:] & quiet[:-1] & regular[1:]
+    if pairs.sum() >= _FEWEST:
+        noise = _spread((readings[1:][pairs] - readings[:-1][pairs]) / np.sqrt(2), resolution)
+        center = float(np.median(values))
+        wander = _spread(values - center, resolution)
+    largest = float(readings[finite].max()) if finite.any() else None
+    return Noise(
+        offset=center,
+        noise=noise,
+        wander=wander,
+        relative_noise=None if noise is None else _relative(readings, finite & detecting, regular, offset, noise),
+        resolution=resolution,
+        largest=largest,
+        clipped=_is_clipped(readings[finite]),
+        quiet=int(quiet.sum()),
+    )
+
+
+def _spread(deviations: FloatArray, resolution: float) -> float:
+    """Return a robust standard deviation, also of readings with a coarse resolution."""
+    robust = float(ROBUST * np.median(np.abs(deviations - np.median(deviations))))
+    if robust > 2 * resolution:
+        return robust
+    # the median of few levels is coarse, so the mean square of all but the outliers is used
+    kept = np.abs(deviations) <= _OUTLIER * max(robust, resolution, np.finfo(float).tiny)
+    return float(np.std(deviations[kept])) if kept.any() else 0.0
+
+
+def spread_of_course(values: FloatArray, regular: BoolArray) -> float | None:
+    """Return the robust standard deviation of values around their smooth course; None for too few values.
+
+    Args:
+        values: the values in the order of their times; those that are not finite are left out.
+        regular: whether each value followed the one before after about one period.
+    """
+    rest, _ = _rest_of_course(values, np.isfinite(values), regular)
+    return None if rest is None else _spread(rest, _resolution(values[np.isfinite(values)]))
+
+
+def _rest_of_course(
+    values: FloatArray, used: BoolArray, regular: BoolArray
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Return the scaled fourth differences of regular values, which have their noise, and the means around them."""
+    width, windows = len(_FOURTH), np.lib.stride_tricks.sliding_window_view
+    if len(values) < width:
+        return None, None
+    fits = windows(used, width).all(axis=1) & windows(regular, width)[:, 1:].all(axis=1)
+    if fits.sum() < _FEWEST:
+        return None, None
+    views = windows(values, width)[fits]
+    return views @ np.array(_FOURTH) / np.sqrt(np.sum(np.square(_FOURTH))), views.mean(axis=1)
+
+
+def _relative(readings: FloatArray, used: BoolArray, regular: BoolArray, offset: float, noise: float) -> float | None:
+    """Return the noise relative to xi, from fourth differences of readings with an object at several levels."""
+    rest, means = _rest_of_course(readings, used, regular)
+    if rest is None or means is None:
+        return None
+    level = means - offset
+    order = np.argsort(level)
+    parts = [part for part in np.array_split(order, _BINS) if len(part) >= _FEWEST // 2]
+    squares = np.array([np.median(level[part]) ** 2 for part in parts])
+    variances = np.array([(ROBUST * np.median(np.abs(rest[part]))) ** 2 for part in parts])
+    if not parts or not (variances > 0).any():
+        return None
+    # the error of a variance is proportional to it, so low levels, where the other noise dominates, have little weight
+    weights = np.where(variances > 0, variances, variances[variances > 0].min()) ** -2.0
+    share = float(weights @ (squares * (variances - noise**2)) / (weights @ squares**2))
+    return float(np.sqrt(max(share, 0.0)))
+
+
+def _resolution(values: FloatArray) -> float:
+    """Return the step of quantized readings; 0 if there is none."""
+    levels = np.unique(values)
+    if len(levels) < _FEWEST_LEVELS:
+        return 0.0
+    steps = np.diff(levels)
+    step = float(steps.min())
+    multiples = (levels - levels[0]) / step
+    rounding = np.spacing(np.float32(np.abs(levels).max())) / step  # of numbers in single precision
+    return step if np.all(np.abs(multiples - np.round(multiples)) <= _WHOLE + rounding) and rounding < 0.1 else 0.0
+
+
+def _is_clipped(values: FloatArray) -> bool:
+    """Return True if the largest value occurs several times in a row, although the readings vary otherwise."""
+    if len(values) < _CLIPPED or values.min() == values.max():
+        return False
+    at_top = np.concatenate([[0], (values == values.max()).astype(np.int8), [0]])
+    edges = np.diff(at_top)
+    return bool((np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)).max() >= _CLIPPED)

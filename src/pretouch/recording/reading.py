@@ -1,0 +1,170 @@
+"""Read the readings of one topic or column from a recording, with the clock and the unit that the user chooses."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.errors import InvalidInputError, UnitError
+from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.units import parse_unit
+
+from .columns import is_table, read_columns
+from .containers import read_contents
+from .decoding import Decoded, decode
+from .messages import Contents, Messages, refuse_unknown, split_name
+from .recording import Clock, Kind, Recording
+
+_WITH_UNIT: Final = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")
+_LENGTH: Final = parse_unit("m").exponents
+_RANGE: Final = "sensor_msgs/msg/Range"
+
+
+@check_arguments
+def read_recording(path: str | os.PathLike[str], topic: str = "", *, clock: str | None = None) -> Recording:
+    """Read one topic of a ROS 2 bag or MCAP file, or one column of a CSV file.
+
+    Args:
+        path: folder or file of a ROS 2 bag (MCAP or sqlite3), an MCAP file with JSON messages, or a CSV file.
+        topic: the topic, with a field if its messages have several numbers, such as "/joints.position[0]"; with a unit
+            of length for distances, such as "/laser [mm]". Distances of sensor_msgs/Range need no unit. For a CSV file,
+            the header of a column.
+        clock: "header" for the stamps in the messages, or "receive" for the times at which they were recorded; None
+            for the stamps if all messages have one.
+
+    Returns:
+        The readings.
+    """
+    return read_recordings(path, (topic,), clock=clock)[0]
+
+
+def read_recordings(
+    path: str | os.PathLike[str], topics: tuple[str, ...], *, clock: str | None = None
+) -> tuple[Recording, ...]:
+    """Read several topics of one recording, all with the same clock, in one pass over the file.
+
+    Args:
+        path: see `read_recording`.
+        topics: see `read_recording`.
+        clock: see `read_recording`.
+
+    Returns:
+        The readings of each topic.
+
+    Raises:
+        InvalidInputError: the recording cannot be read, has no such topic or no messages on it, or has no such clock.
+    """
+    if clock not in {None, "header", "receive"}:
+        raise InvalidInputError(f"clock: found {clock!r}, expected 'header' or 'receive'")
+    file, wanted = Path(path), [_split_unit(topic) for topic in topics]
+    if is_table(file):
+        if clock is not None:
+            raise InvalidInputError(f"clock: {file.name} has only the times of its time column; leave the clock out")
+        return tuple(_from_table(file, name, unit) for name, unit in wanted)
+    if not all(name for name, _ in wanted):
+        names = ", ".join(topic.name for topic in read_contents(file, ()).counts)
+        raise InvalidInputError(f"{path}: choose a topic with --topic: {names or 'there is none'}")
+    contents = read_contents(file, [name for name, _ in wanted])
+    decoded = [_decoded(contents, name, file.name) for name, _ in wanted]
+    chosen = clock or ("header" if all(each.stamps.all() for _, each in decoded) else "receive")
+    if chosen == "header":
+        for (name, _), (_, each) in zip(wanted, decoded, strict=True):
+            if not each.stamps.all():
+                missing = "no header stamp" if not each.stamps.any() else "messages without a header stamp"
+                raise InvalidInputError(f"{name}: this topic has {missing}; use the receive times with --clock receive")
+    used: Clock = "header" if chosen == "header" else "receive"
+    return tuple(
+        _recording(file, used, unit, messages=messages, decoded=each, notes=tuple(contents.notes))
+        for (_, unit), (messages, each) in zip(wanted, decoded, strict=True)
+    )
+
+
+def _split_unit(text: str) -> tuple[str, str | None]:
+    match = _WITH_UNIT.fullmatch(text.strip())
+    return (match[1], match[2]) if match else (text.strip(), None)
+
+
+def _decoded(contents: Contents, name: str, source: str) -> tuple[Messages, Decoded]:
+    """Decode the messages of a topic, or raise an error if there is no such topic or no message."""
+    found = split_name(name, [topic.name for topic in contents.counts])
+    if found is None:
+        raise refuse_unknown(name, contents.counts, source)
+    messages = contents.messages[found[0]]
+    if not messages.data:
+        why = "; ".join(note.rstrip(".") for note in contents.notes)
+        raise InvalidInputError(
+            f"{source}: there is no message on the topic {found[0]}{f' ({why})' if why else ''}; was the sensor "
+            "running while the bag was recorded?"
+        )
+    return messages, decode(messages, found[1])
+
+
+def _recording(
+    file: Path, clock: Clock, unit: str | None, *, messages: Messages, decoded: Decoded, notes: tuple[str, ...]
+) -> Recording:
+    received = np.array(messages.received, dtype=np.int64)
+    stamps: IntArray = decoded.stamps if clock == "header" else received
+    transport = (received - decoded.stamps) / 1e9 if decoded.stamps.all() else np.empty(0)
+    message_type = messages.topic.message_type or messages.topic.encoding
+    is_range = message_type == _RANGE and decoded.field == "range"
+    kind, values, remarks = _in_unit(decoded.values, "m" if unit is None and is_range else unit)
+    if is_range and kind == "distance":
+        values, outside = _valid_ranges(values, decoded.bounds)
+        remarks = (*remarks, *outside)
+    return Recording(
+        source=file.name,
+        topic=f"{messages.topic.name}.{decoded.field}" if decoded.field else messages.topic.name,
+        message_type=message_type,
+        stamps=stamps,
+        values=values,
+        kind=kind,
+        clock=clock,
+        transport=transport,
+        notes=(*notes, *remarks),
+    )
+
+
+def _valid_ranges(values: FloatArray, bounds: tuple[float, float]) -> tuple[FloatArray, tuple[str, ...]]:
+    """Replace ranges beyond the limits of the message by infinity, as REP 117 defines their meaning."""
+    low, high = bounds
+    if not low < high:
+        return values, ()
+    near, far = np.isfinite(values) & (values < low), np.isfinite(values) & (values > high)
+    if not near.any() and not far.any():
+        return values, ()
+    changed = np.where(near, -np.inf, np.where(far, np.inf, values))
+    return changed, (
+        f"{near.sum():,} ranges are below min_range ({1e3 * low:.4g} mm) and {far.sum():,} above max_range "
+        f"({1e3 * high:.4g} mm); they count as too near and as no object.",
+    )
+
+
+def _in_unit(values: FloatArray, unit: str | None) -> tuple[Kind, FloatArray, tuple[str, ...]]:
+    """Return kind and values of readings: distances in m if the unit is a length, otherwise unchanged readings."""
+    if not unit:
+        return "reading", values, ()
+    try:
+        parsed = parse_unit(unit)
+    except UnitError as error:
+        raise InvalidInputError(f"--topic: {error}") from None
+    if parsed.exponents == _LENGTH:
+        return "distance", values * parsed.factor, ()
+    return "reading", values, (f"The readings are in {unit}; they are used as they are.",)
+
+
+def _from_table(file: Path, name: str, unit: str | None) -> Recording:
+    column, own_unit, time, values = read_columns(file, name)
+    usable = np.isfinite(time)
+    if not usable.any():
+        raise InvalidInputError(f"{file}: there is no row with a time; the time column must contain numbers")
+    kind, values, notes = _in_unit(values, own_unit if unit is None else unit)
+    if not usable.all():
+        notes = (*notes, f"{(~usable).sum():,} rows without a time were ignored.")
+    fields: dict[str, Any] = {"source": file.name, "topic": column, "message_type": "column", "clock": "column"}
+    stamps = np.round(time[usable] * 1e9).astype(np.int64)
+    return Recording(stamps=stamps, values=values[usable], kind=kind, notes=notes, **fields)

@@ -1,0 +1,92 @@
+"""Define the readings of one topic as a value: times, values, and what the values are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
+
+Kind: TypeAlias = Literal["reading", "distance"]
+Clock: TypeAlias = Literal["header", "receive", "column"]
+
+CLOCKS: Final = {
+    "header": "header stamps",
+    "receive": "receive times",
+    "column": "time column",
+}
+"""The clocks of a recording, in words."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Recording(Value):
+    """Readings of one topic of a recording, in the order of arrival.
+
+    Args:
+        source: name of the file or folder.
+        topic: topic and field, such as "/proximity.range", or the header of a column.
+        message_type: type of the messages; "column" for a CSV file.
+        stamps: time of each reading, in nanoseconds of the chosen clock, shape (n,).
+        values: the readings, shape (n,): in m if they are distances, otherwise as recorded.
+        kind: "distance" or "reading" (of any other sensor output).
+        clock: which clock the stamps are from.
+        transport: receive time minus header stamp of each reading [s]; empty if only one clock was recorded.
+        notes: remarks on the file, such as that it is truncated.
+
+    Examples:
+        >>> columns = {"stamps": [0, 10**7], "values": [0.5, 0.4]}
+        >>> Recording(source="bag", topic="/range", message_type="", kind="distance", **columns)
+        <Recording /range: 2 distances in 10 ms>
+    """
+
+    source: str
+    topic: str
+    message_type: str
+    stamps: IntArray
+    values: FloatArray
+    kind: Kind = "reading"
+    clock: Clock = "receive"
+    transport: FloatArray = ()  # type: ignore[assignment]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, kind in (("stamps", np.int64), ("values", np.float64), ("transport", np.float64)):
+            column = np.array(getattr(self, name), dtype=kind)
+            column.setflags(write=False)
+            object.__setattr__(self, name, column)
+        if self.stamps.ndim != 1 or self.stamps.shape != self.values.shape:
+            raise InvalidInputError(
+                f"stamps, values: found the shapes {self.stamps.shape} and {self.values.shape}, expected two columns "
+                "of the same length"
+            )
+
+    @property
+    def time(self) -> FloatArray:
+        """Time of each reading after the first one [s]."""
+        return self.seconds_after(int(self.stamps[0]) if len(self.stamps) else 0)
+
+    def seconds_after(self, stamp: int) -> FloatArray:
+        """Return the time of each reading after a stamp [s].
+
+        Args:
+            stamp: nanoseconds of the same clock.
+        """
+        return np.asarray((self.stamps - stamp) / 1e9)
+
+    def part(self, kept: slice | IntArray) -> Recording:
+        """Return the recording with some of its readings.
+
+        Args:
+            kept: indices of the readings.
+        """
+        transport = self.transport[kept] if len(self.transport) else self.transport
+        return replace(self, stamps=self.stamps[kept], values=self.values[kept], transport=transport)
+
+    def __repr__(self) -> str:
+        span = format_quantity(float(np.ptp(self.time)), "s") if len(self.stamps) else "0 s"
+        return f"<Recording {self.topic}: {len(self.stamps):,} {self.kind}s in {span}>"

@@ -1,0 +1,246 @@
+"""Replay a recording: run the sampled law over it, and describe what the sensor really measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.control import Controller, Status
+from pretouch.design import Task
+from pretouch.simulation import ClosedLoop
+from pretouch.verification.verify import chosen_gain
+
+from .chain_section import chain_section
+from .detections import BEFORE, detections_in, events_in, judge
+from .latency import Latency, estimate_latency
+from .noise import noise_of, spread_of_course
+from .recording import Recording
+from .result import Replay
+from .stepping import LawSteps, readings_of, run_steps
+from .timing import stretches, timing_of
+
+_REGULAR: Final = 1.5  # periods up to which a reading follows the one before
+_AROUND: Final = 0.5  # s around a detection, in which an object may be near already
+_PLAUSIBLE: Final = 1.0  # s: a longer transport means that the two clocks differ
+
+
+@check_arguments
+def replay(
+    task: Task,
+    recording: Recording,
+    *,
+    reference: Recording | None = None,
+    truth: Recording | None = None,
+    threshold: float = 0.5,
+    contacts: Sequence[float] | None = None,
+    before: float = BEFORE,
+    start: float = 0.0,
+    end: float = np.inf,
+) -> Replay:
+    """Run the sampled law of a task over recorded readings, and compare the sensor with its description in the task.
+
+    The replay is open loop: the recorded readings do not respond to the motion that the law commands. The law is the
+    compiled one that simulations run and exports contain.
+
+    Args:
+        task: the task with its sampled loop; the gain as for `verify_gain`.
+        recording: the readings of the sensor.
+        reference: another topic of the same recording that shows the same motion, such as a distance; for the latency
+            and a calibration.
+        truth: a topic of the same recording that is above `threshold` while there is an object or a contact.
+        threshold: threshold of `truth`.
+        contacts: times of true contacts after the first reading [s], instead of `truth`.
+        before: longest time from a detection to its event [s].
+        start: start of the replayed part after the first reading [s].
+        end: end of this part [s].
+
+    Returns:
+        The replay, with any result: also no detection, or no usable reading.
+    """
+    controller, loop, law = _controller(task)
+    whole, notes = _one_clock(recording)
+    used = _part_between(whole, start, end)
+    time = used.time
+    readings = readings_of(used, task.sensor, controller.conditioning.offset)
+    steps = run_steps(controller, time, readings)
+    timing = timing_of(time, used.values)
+    found = detections_in(steps, controller.conditioning.floor)
+    detecting = _detecting_at(steps, time)
+    regular = np.diff(time, prepend=-np.inf) <= _REGULAR / timing.rate if timing.rate > 0 else np.zeros(len(time), bool)
+    regular &= np.diff(time, prepend=0.0) > 0
+    near = np.zeros(len(time), dtype=bool)
+    for begin, finish, *_ in found:
+        near |= (time > begin - _AROUND) & (time < finish + _AROUND)
+    noise = noise_of(used.values, regular, detecting, near, controller.conditioning.offset)
+    distance_noise = spread_of_course(used.values, regular) if used.kind == "distance" else None
+    origin = int(used.stamps[0])
+    first = (origin - int(whole.stamps[0])) / 1e9
+    events = _events(truth, threshold, contacts, origin=origin, first=first, last=float(time.max()))
+    detections, judged = judge(found, events, _positive(before))
+    latency = None if reference is None else _latency(task, used, readings, reference, controller)
+    name = f"{used.source}, {used.topic}"
+    chain = ""
+    if timing.rate > 0 and len(time) > 2:
+        chain = chain_section(
+            timing,
+            noise,
+            loop.chain,
+            kind=used.kind,
+            distance_noise=distance_noise,
+            delay=_delay(used, latency, reference, loop.chain.exposure),
+            name=name,
+        )
+    return Replay(
+        recording=used,
+        law=law,
+        controller=controller,
+        loop=loop,
+        readings=readings,
+        steps=steps,
+        timing=timing,
+        noise=noise,
+        distance_noise=distance_noise,
+        detections=detections,
+        events=None if events is None else judged,
+        reference=reference,
+        latency=latency,
+        counts=_counts(used, readings, steps, controller),
+        chain=chain,
+        notes=(*used.notes, *notes),
+    )
+
+
+def _positive(value: float) -> float:
+    if not 0 <= value < np.inf:
+        raise InvalidInputError(f"before: found {value!r} s, expected a time of at least 0 s")
+    return value
+
+
+def _controller(task: Task) -> tuple[Controller, ClosedLoop, str]:
+    """Return the controller with its gain, the loop, and the law in words."""
+    loop = task.loop
+    if not isinstance(loop, ClosedLoop) or not isinstance(loop.law, Controller):
+        raise InvalidInputError(
+            "loop: a replay needs the controller of a sampled loop, but this task has none; add [chain] and "
+            "[controller] to the scenario file"
+        )
+    gain = chosen_gain(task)
+    law = f"{task.law.kind.replace('-', ' ')}, {task.law.number.name} {task.law.number.equals(gain)}"
+    return loop.law.with_value(gain), loop, law
+
+
+def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
+    """Return a recording or, if its clock was set back, its longest part with one clock."""
+    if not len(recording.stamps):
+        raise InvalidInputError(f"{recording.source}: the topic {recording.topic} has no messages")
+    parts = stretches(recording.time)
+    if len(parts) == 1:
+        return recording, ()
+    longest = max(parts, key=lambda part: part.stop - part.start)
+    total = len(recording.stamps)
+    lost = total - (longest.stop - longest.start)
+    other = "--clock receive" if recording.clock == "header" else "--clock header"
+    return recording.part(longest), (
+        f"The clock of the recording was set back {len(parts) - 1} time{'s' if len(parts) > 2 else ''}; only the "
+        f"longest part between was replayed, and {lost:,} of {total:,} readings were left out. Try {other}.",
+    )
+
+
+def _part_between(recording: Recording, start: float, end: float) -> Recording:
+    """Return the readings between two times after the first one [s]."""
+    if start <= 0 and end == np.inf:
+        return recording
+    time = recording.time
+    chosen = np.flatnonzero((time >= start) & (time <= end))
+    if not len(chosen):
+        raise InvalidInputError(
+            f"from, to: there is no reading from {start:g} s to {end:g} s; the recording lasts {time.max():.4g} s"
+        )
+    return recording.part(chosen)
+
+
+def _detecting_at(steps: LawSteps, time: FloatArray) -> BoolArray:
+    """Return for each reading whether the law detected an object within two control steps around its use."""
+    flags = (steps.status & Status.DETECTING) != 0
+    period = float(steps.time[1] - steps.time[0])
+    index = np.minimum(np.ceil(np.maximum.accumulate(time) / period - 1e-9).astype(int), len(flags) - 1)
+    around = [flags[np.clip(index + shift, 0, len(flags) - 1)] for shift in (-1, 0, 1)]
+    return np.asarray(around[0] | around[1] | around[2])
+
+
+def _events(
+    truth: Recording | None,
+    threshold: float,
+    contacts: Sequence[float] | None,
+    *,
+    origin: int,
+    first: float,
+    last: float,
+) -> list[tuple[float, float]] | None:
+    """Return start and end of the true events after the first replayed reading [s]; None if they are unknown."""
+    if truth is not None and contacts is not None:
+        raise InvalidInputError("truth, contacts: found both, expected a topic or times")
+    if truth is not None:
+        found = events_in(truth.seconds_after(origin), truth.values, threshold)
+        return [(max(a, 0.0), b) for a, b in found if b >= 0 and a <= last]
+    if contacts is None:
+        return None
+    times = [float(t) - first for t in contacts]
+    if outside := [t for t in times if not 0 <= t <= last]:
+        raise InvalidInputError(
+            f"contacts: found {outside[0] + first:g} s, which is outside of the replayed part, from {first:.4g} s to "
+            f"{first + last:.4g} s after the first reading"
+        )
+    return [(t, t) for t in sorted(times)]
+
+
+def _latency(
+    task: Task, used: Recording, readings: FloatArray, reference: Recording, controller: Controller
+) -> Latency:
+    """Return by how much the log output of the sensor lags the reference."""
+    conditioning = controller.conditioning
+    saturation = np.inf if conditioning.saturation is None else conditioning.saturation
+
+    def log_level(values: FloatArray, raw: bool) -> FloatArray:
+        kept = np.where(raw & (values >= saturation), np.nan, values)
+        return np.log(np.maximum(kept - conditioning.offset, conditioning.floor) / conditioning.floor)
+
+    origin = int(used.stamps[0])
+    other = reference.values
+    if reference.kind == "distance":  # on the curve, both are the same quantity
+        other = log_level(readings_of(reference, task.sensor, conditioning.offset), False)
+    with np.errstate(invalid="ignore"):
+        own = log_level(readings, used.kind == "reading")
+    return estimate_latency(used.seconds_after(origin), own, reference.seconds_after(origin), other)
+
+
+def _delay(
+    used: Recording, latency: Latency | None, reference: Recording | None, exposure: float
+) -> tuple[float, str] | None:
+    """Return the delay of the sensor chain and how it was measured; None if it is unknown."""
+    if latency is not None and latency.value is not None and reference is not None and latency.value > 0:
+        # a latency counts from the middle of an exposure, and a delay from its end
+        return latency.value - exposure / 2, f"from the lag behind {reference.topic}, if that has none itself"
+    if used.clock == "header" and len(used.transport):
+        transport = float(np.median(used.transport))
+        if 0 <= transport <= _PLAUSIBLE:
+            return transport, "from the header stamp to the recorder, if their clocks agree"
+    return None
+
+
+def _counts(used: Recording, readings: FloatArray, steps: LawSteps, controller: Controller) -> dict[str, int]:
+    saturation = controller.conditioning.saturation
+    saturated = 0 if saturation is None or used.kind == "distance" else int((readings >= saturation).sum())
+    unusable = ~np.isfinite(readings)
+    return {
+        "invalid": int(unusable.sum()),
+        "too near": int(np.isneginf(used.values).sum()) if used.kind == "distance" else 0,
+        "no object": int(np.isposinf(used.values).sum()) if used.kind == "distance" else 0,
+        "saturated": saturated if saturation is None else saturated - int(np.isposinf(readings).sum()),
+        "replaced": len(readings) - int(steps.fresh.sum()),
+    }

@@ -1,0 +1,269 @@
+"""Describe a replay for the terminal and the report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from pretouch._core.blocks import Cell, Code, Measured, Page, PageSection, PageTable, Paragraph, Picture
+from pretouch._core.units import format_quantity
+from pretouch.control import Status
+from pretouch.control.components import format_output
+
+from .recording import CLOCKS
+
+if TYPE_CHECKING:
+    from .result import Replay
+
+Row = tuple[Cell, ...]
+
+_HOUR: Final = 3600.0  # s
+_SLOWER: Final = 0.95  # of the rate of the scenario, below which the difference is a warning
+_NOISIER: Final = 1.5  # times the noise of the scenario
+_LISTED: Final = 50  # detections in a table
+_FEW: Final = 1e-3  # share of readings below which a fault is a remark, and not a warning
+_OPEN_LOOP: Final = (
+    "The replay is open loop: on a robot, the motion that the law commands changes later readings. Detections and the "
+    "force at their start are those of the robot; the later course of force and motion is not."
+)
+
+
+def replay_page(replay: Replay) -> Page:
+    """Return the report on a replay.
+
+    Args:
+        replay: the replay.
+    """
+    return Page(
+        kind="Replay",
+        headline=replay.headline,
+        status="replayed" if replay.is_good else "not confirmed",
+        good=replay.is_good,
+        key_figures=tuple(_key_figures(replay)),
+        warnings=tuple(_warnings(replay)),
+        findings=tuple(_findings(replay)),
+        next_step=_next_step(replay),
+        lead="replay",
+        blocks=(
+            Picture(
+                figure="replay",
+                of=replay,
+                name="Readings, sensor output, virtual force and commanded motion over time",
+                caption="Each point of time shows the smallest and the largest value around it. Shaded: detections.",
+            ),
+            Paragraph(text=_OPEN_LOOP, quiet=True),
+            _detections(replay),
+            _events(replay),
+            PageSection(title="Sensor", blocks=(PageTable(rows=tuple(_sensor_rows(replay)), brief=True),)),
+            PageSection(
+                title="Section [chain] from this recording",
+                blocks=(
+                    Paragraph(text="Replace the section `[chain]` of the scenario file by this one, and verify again."),
+                    Code(text=replay.chain),
+                ),
+            )
+            if replay.chain
+            else None,
+            PageSection(title="Controller", blocks=(PageTable(rows=tuple(replay.controller.rows())),)),
+        ),
+        source=replay.recording.source,
+    )
+
+
+def _key_figures(replay: Replay) -> Iterator[tuple[str, Cell]]:
+    timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
+    if timing.rate > 0:
+        declared = f"{format_quantity(chain.rate, 'Hz', 4)}, jitter {format_quantity(chain.jitter, 's', 2)}"
+        jitter = format_quantity(timing.jitter, "s", 2)
+        yield f"rate between gaps; scenario {declared}", f"{format_quantity(timing.rate, 'Hz', 4)}, jitter {jitter}"
+    if replay.recording.kind == "distance":
+        if replay.distance_noise is not None:
+            declared = format_quantity(chain.distance_noise, "m", 3)
+            yield f"noise of a distance; scenario {declared}", format_quantity(replay.distance_noise, "m", 3)
+    elif noise.noise is not None:
+        yield f"noise without an object; scenario {chain.noise:.3g}", f"{noise.noise:.3g} (unit of the readings)"
+    if replay.latency is not None and replay.latency.value is not None:
+        low, high = (format_quantity(end, "s", 3) for end in (replay.latency.low or 0.0, replay.latency.high or 0.0))
+        yield "lag behind the reference", f"{format_quantity(replay.latency.value, 's', 3)} ({low} to {high})"
+    elif len(replay.recording.transport):
+        median = float(np.median(replay.recording.transport))
+        yield "header stamp to recorder, median", format_quantity(median, "s", 3)
+    if replay.events:
+        leads = [event.lead for event in replay.events if not event.is_missed]
+        if leads:
+            yield "shortest lead of a detection", format_quantity(min(leads), "s", 3)
+    largest = float(np.abs(replay.steps.virtual_force).max())
+    yield "largest virtual force", format_quantity(largest, "N", 3)
+
+
+def _findings(replay: Replay) -> Iterator[str]:
+    if replay.events is None and replay.detections:
+        yield (
+            "Whether these detections are right is unknown, because the recording has no true contacts; name them with "
+            "--truth or --contacts."
+        )
+    if replay.latency is not None and replay.latency.value is None:
+        yield f"The latency cannot be determined: {replay.latency.reason}."
+
+
+def _warnings(replay: Replay) -> Iterator[str]:
+    """Yield the warnings, the most important ones first."""
+    timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
+    yield from replay.notes
+    yield from _fault_warnings(replay)
+    floor, xi = replay.controller.conditioning.floor, _largest_output(replay)
+    if not replay.detections and replay.usable and xi is not None:
+        yield (
+            f"No reading was above the floor: the largest sensor output was {xi:.4g}, and the floor is "
+            f"{format_output(floor)}. Check that the topic has the unit of the scenario, and that an object came near."
+        )
+    if timing.rate > 0 and timing.mean_rate / timing.held < _SLOWER * chain.rate:
+        yield (
+            "The sensor is slower than the scenario says, so the verification does not hold for it. Put the section "
+            "[chain] of this recording into the scenario file, and run pretouch verify."
+        )
+    if replay.recording.kind == "reading" and noise.noise is not None:
+        if noise.noise > _NOISIER * chain.noise and chain.noise > 0:
+            yield (
+                f"The noise of {noise.noise:.3g} is {noise.noise / chain.noise:.2g} times that of the scenario, so the "
+                "verification is too optimistic."
+            )
+        needed = _quiet_floor(replay, noise.noise)
+        if floor < needed:
+            yield (
+                f"The floor of {floor:.4g} is only {floor / noise.noise:.2g} standard deviations of the noise, so "
+                f"noise alone can be detected as an object more than once per hour. Raise it to at least {needed:.3g}."
+            )
+        if noise.offset is not None and abs(noise.offset - replay.controller.conditioning.offset) > floor / 2:
+            yield (
+                f"Without an object, the median reading is {noise.offset:.5g}, but the controller subtracts "
+                f"{replay.controller.conditioning.offset:.5g}; set offset in [controller] to the median."
+            )
+
+
+def _quiet_floor(replay: Replay, noise: float) -> float:
+    """Return the floor above which normal noise is detected less than once per hour; 0 if a low-pass reduces it."""
+    conditioning, rate = replay.controller.conditioning, replay.timing.rate
+    if conditioning.low_pass_order or not rate > 0 or not noise > 0:
+        return 0.0
+    window = conditioning.median_window
+    least = (window + 1) // 2  # readings above the floor for a median above it
+    chance = (1 / (_HOUR * rate * math.comb(window, least))) ** (1 / least)
+    return -noise * NormalDist().inv_cdf(chance)
+
+
+def _fault_warnings(replay: Replay) -> Iterator[str]:
+    """Yield sentences on readings that the law cannot use, and on stamps that are wrong."""
+    counts, timing, total = replay.counts, replay.timing, len(replay.readings)
+    texts = {
+        "saturated": "are saturated, and the law ignores them; reduce the amplification",
+        "invalid": "are not numbers (NaN), and the law ignores them",
+        "too near": "say that the object is too near to be measured; they count as the start of the sensor curve",
+    }
+    for name, text in texts.items():
+        if counts[name]:
+            yield f"{counts[name]:,} of {total:,} readings {text}."
+    if replay.noise.clipped and not counts["saturated"] and replay.recording.kind == "reading":
+        yield (
+            f"The readings stay at their largest value, {replay.noise.largest:.6g}, several times in a row, which "
+            "looks like saturation; set saturation in [controller] to this value."
+        )
+    if timing.late:
+        yield f"{timing.late:,} readings have earlier times than readings before them; the law ignores them as too old."
+    if timing.repeated_stamps:
+        yield (
+            f"{timing.repeated_stamps:,} readings have the time of the reading before; the law uses only the last one "
+            "of each time."
+        )
+    replaced = counts["replaced"] - timing.repeated_stamps - timing.late
+    if replaced > _FEW * total:
+        yield f"{replaced:,} readings were replaced by a newer one before the controller's next step."
+
+
+def _largest_output(replay: Replay) -> float | None:
+    finite = replay.readings[np.isfinite(replay.readings)]
+    return float(finite.max()) - replay.controller.conditioning.offset if len(finite) else None
+
+
+def _next_step(replay: Replay) -> str:
+    if not replay.usable:
+        return "check the topic, its unit and the amplification of the sensor, and record again"
+    if replay.missed:
+        return "look at the missed events in the report; a lower floor or a faster sensor detects earlier"
+    if replay.false_triggers:
+        return "look at the false triggers in the report: an object may have passed without an event, or it is noise"
+    return "put the section [chain] of the report into the scenario file (--chain FILE), and run pretouch verify"
+
+
+def _detections(replay: Replay) -> PageSection | None:
+    if not replay.detections:
+        return None
+    rows = tuple(
+        (
+            str(number),
+            format_quantity(d.start, "s", 5),
+            format_quantity(d.end - d.start, "s", 3),
+            f"{d.peak:.4g}",
+            format_quantity(d.largest_force, "N", 3),
+            {"right": "right", "false": "no object", "unknown": "unknown"}[d.judgment],
+        )
+        for number, d in enumerate(replay.detections[:_LISTED], 1)
+    )
+    head = ("", "start", "duration", "largest \u03be", "largest force", "judgment")
+    hidden = len(replay.detections) - len(rows)
+    note = f"{hidden:,} more detections are not listed." if hidden else ""
+    return PageSection(title="Detections", blocks=(PageTable(rows=rows, head=head, note=note, brief=True),))
+
+
+def _events(replay: Replay) -> PageSection | None:
+    if not replay.events:
+        return None
+    rows = tuple(
+        (
+            str(number),
+            format_quantity(e.start, "s", 5),
+            "missed" if e.is_missed else format_quantity(e.lead, "s", 3) + (" (too late)" if e.is_late else ""),
+        )
+        for number, e in enumerate(replay.events[:_LISTED], 1)
+    )
+    head = ("", "true event at", "detected before by")
+    return PageSection(title="True events", blocks=(PageTable(rows=rows, head=head, brief=True),))
+
+
+def _sensor_rows(replay: Replay) -> Iterator[Row]:
+    """Yield the measured properties of the sensor, next to those of the scenario."""
+    timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
+    yield "topic", f"{replay.recording.topic} ({replay.recording.message_type})", ""
+    yield "times", CLOCKS[replay.recording.clock], ""
+    yield "property", "recording", "scenario"
+    yield "readings", f"{timing.count:,}", ""
+    yield "rate between gaps", Measured(timing.rate, "Hz"), Measured(chain.rate, "Hz")
+    yield "mean rate", Measured(timing.mean_rate, "Hz"), ""
+    yield "jitter", Measured(timing.jitter, "s"), Measured(chain.jitter, "s")
+    yield "gaps", f"{timing.gaps:,}", ""
+    yield "longest interval", Measured(timing.longest_gap, "s"), f"at {timing.longest_gap_at:.5g} s"
+    yield "missing readings", f"{100 * timing.dropout:.3g} %", f"{100 * chain.dropout:.3g} %"
+    if replay.recording.kind == "distance":
+        yield "noise of a distance", Measured(replay.distance_noise, "m"), Measured(chain.distance_noise, "m")
+        yield "resolution", Measured(noise.resolution, "m"), Measured(chain.distance_resolution, "m")
+    else:
+        rows = (
+            ("median without an object", noise.offset, chain.offset + chain.crosstalk),
+            ("noise without an object", noise.noise, chain.noise),
+            ("spread without an object, with drift", noise.wander, math.nan),
+            ("resolution", noise.resolution, chain.resolution),
+            ("largest reading", noise.largest, chain.highest),
+        )
+        for label, measured, declared in rows:
+            yield label, Measured(measured), Measured(declared if math.isfinite(declared) else None)
+        share = "-" if noise.relative_noise is None else f"{100 * noise.relative_noise:.3g} %"
+        yield "noise relative to \u03be", share, f"{100 * chain.relative_noise:.3g} %"
+    flags = int(np.bitwise_or.reduce(replay.steps.status))
+    for flag in Status:
+        if flags & flag and flag is not Status.DETECTING:
+            steps = int(((replay.steps.status & flag) != 0).sum())
+            yield flag.meaning, f"{steps:,} steps", ""

@@ -1,0 +1,206 @@
+"""Define the result of a replay, with the sentences that summarize it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final
+
+from pretouch._core.blocks import Described
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.files import plain
+from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
+from pretouch.control import Controller
+from pretouch.simulation import ClosedLoop
+
+from .detections import Event, RecordedDetection
+from .distance_pairs import DistancePairs, pair_distances
+from .latency import Latency
+from .noise import Noise
+from .recording import CLOCKS, Recording
+from .stepping import LawSteps
+from .timing import Timing
+
+_SAME_RATE: Final = 0.01  # relative difference of two rates that are called equal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Replay(Described, Value):
+    """Result of `replay`: what the law did with a recording, and what the recording says about the sensor.
+
+    Args:
+        recording: the part of the recording that was replayed.
+        law: the law and its number in words.
+        controller: the controller with its gain.
+        loop: the sampled loop of the scenario, whose sensor chain is compared with the recording.
+        readings: the readings that the law got, in the unit of the sensor output; one for each recorded reading.
+        steps: inputs and outputs of the law in each control period.
+        timing: when the readings came.
+        noise: noise, offset, resolution and limit of the readings.
+        distance_noise: standard deviation of a recorded distance [m]; None for other readings, or if unknown.
+        detections: what the law detected.
+        events: true events; None if they are unknown.
+        reference: the other topic of the same motion; None if there is none.
+        latency: by how much the sensor lags the reference; None without a reference.
+        counts: number of readings that are "invalid" (NaN), "too near" (minus infinity), "no object" (infinity),
+            "saturated", and "replaced" by a newer one before the law's next step.
+        chain: section [chain] of a scenario file, estimated from the recording; empty if there are too few readings.
+        notes: remarks on the file and on the clock.
+    """
+
+    recording: Recording
+    law: str
+    controller: Controller
+    loop: ClosedLoop
+    readings: FloatArray
+    steps: LawSteps
+    timing: Timing
+    noise: Noise
+    distance_noise: float | None
+    detections: tuple[RecordedDetection, ...]
+    events: tuple[Event, ...] | None
+    reference: Recording | None
+    latency: Latency | None
+    counts: dict[str, int]
+    chain: str
+    notes: tuple[str, ...]
+
+    page: ClassVar[str] = "pretouch.recording.replay_page:replay_page"
+
+    @property
+    def false_triggers(self) -> tuple[RecordedDetection, ...]:
+        """The detections without a true event; empty if the true events are unknown."""
+        return tuple(d for d in self.detections if d.judgment == "false")
+
+    @property
+    def missed(self) -> tuple[Event, ...]:
+        """The true events that the law did not detect, or not before they began."""
+        return tuple(e for e in self.events or () if e.is_missed or e.is_late)
+
+    @property
+    def usable(self) -> int:
+        """Number of readings that the law could use."""
+        return len(self.readings) - sum(self.counts[name] for name in ("invalid", "saturated"))
+
+    @property
+    def is_good(self) -> bool:
+        """True if the law could use readings, and if no known event contradicts its detections."""
+        return self.usable > 0 and not self.false_triggers and not self.missed
+
+    @property
+    def headline(self) -> str:
+        """What the law detected, how that compares with the true events, and the rate of the sensor."""
+        return _headline(self)
+
+    def pairs(self) -> DistancePairs:
+        """Return the readings with the distances of the reference, for a calibration.
+
+        A known latency of the sensor is removed.
+
+        Raises:
+            InvalidInputError: there is no reference that is a distance, or the recorded readings are distances.
+        """
+        if self.reference is None or self.reference.kind != "distance":
+            raise InvalidInputError(
+                'reference: a calibration needs a topic with distances, such as --reference "/laser.data [mm]"'
+            )
+        if self.recording.kind == "distance":
+            raise InvalidInputError(
+                f"topic: {self.recording.topic} is a distance already; a calibration needs the raw output of a sensor"
+            )
+        origin = int(self.recording.stamps[0])
+        shift = 0.0 if self.latency is None else self.latency.value or 0.0
+        other = self.reference
+        return pair_distances(
+            self.recording.seconds_after(origin), self.readings, other.seconds_after(origin), other.values, shift
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as one JSON object."""
+        fields: dict[str, Any] = plain(
+            {
+                "status": "replayed" if self.is_good else "contradicted" if self.usable else "no-usable-reading",
+                "headline": self.headline,
+                "recording": self.recording.source,
+                "topic": self.recording.topic,
+                "type": self.recording.message_type,
+                "kind": self.recording.kind,
+                "clock": self.recording.clock,
+                "law": self.law,
+                "timing": self.timing,
+                "noise": self.noise,
+                "distance_noise": self.distance_noise,
+                "counts": self.counts,
+                "detections": self.detections,
+                "events": self.events,
+                "false_triggers": None if self.events is None else len(self.false_triggers),
+                "missed": None if self.events is None else len(self.missed),
+                "latency": self.latency,
+                "chain": self.chain,
+                "notes": self.notes,
+            }
+        )
+        return fields
+
+    def __repr__(self) -> str:
+        return f"<Replay of {self.recording.topic}: {len(self.detections)} detections>"
+
+
+def _headline(replay: Replay) -> str:
+    span = f"{format_quantity(replay.timing.duration, 's', 3)} ({CLOCKS[replay.recording.clock]})"
+    rates = " ".join(_describe_rates(replay))
+    if not replay.usable:
+        return f"The law could use none of the {len(replay.readings):,} readings: {_why_unusable(replay)}."
+    count = len(replay.detections)
+    detected = (
+        f"{count} detection{'s' if count != 1 else ''} in {span}" if count else f"No object was detected in {span}"
+    )
+    if replay.events is None:
+        return f"{detected}. {rates}"
+    false, missed, events = len(replay.false_triggers), len(replay.missed), len(replay.events)
+    late = sum(event.is_late for event in replay.missed)
+    if not events:
+        before = "there is no true event"
+    elif missed:
+        too_late = f" or detected too late ({late})" if late else ""
+        before = f"{missed} of {events} true events {'was' if missed == 1 else 'were'} missed{too_late}"
+    else:
+        before = f"all {events} true events were detected before they began"
+    triggers = f", {false} of them false" if count else ""
+    return f"{detected}{triggers}; {before}. {rates}"
+
+
+def _why_unusable(replay: Replay) -> str:
+    counts = replay.counts
+    reasons = []
+    if counts["saturated"]:
+        reasons.append(f"{counts['saturated']:,} are saturated")
+    if counts["invalid"]:
+        reasons.append(f"{counts['invalid']:,} are not numbers (NaN)")
+    return " and ".join(reasons)
+
+
+def _describe_rates(replay: Replay) -> Iterator[str]:
+    """Yield one or two sentences that compare the rate of the recording with the rate of the scenario."""
+    timing, declared = replay.timing, replay.loop.chain.rate
+    if not timing.rate > 0:
+        yield f"There are {timing.count} readings at one time, so the rate is unknown."
+        return
+    gaps = ""
+    if timing.gaps:
+        several = f"{timing.gaps:,} gaps of up to" if timing.gaps > 1 else "one gap of"
+        gaps = f" with {several} {format_quantity(timing.longest_gap, 's', 3)}"
+    if not gaps and abs(timing.mean_rate / declared - 1) < _SAME_RATE:
+        yield f"The sensor read at {format_quantity(timing.mean_rate, 'Hz', 4)}, as the scenario says."
+        return
+    yield (
+        f"The scenario says that the sensor reads at {format_quantity(declared, 'Hz', 4)}; it read at "
+        f"{format_quantity(timing.mean_rate, 'Hz', 4)}{gaps}."
+    )
+    if timing.held > 1:
+        yield (
+            f"Each value is repeated {timing.held} times, so the sensor itself delivers only about "
+            f"{format_quantity(timing.rate / timing.held, 'Hz', 3)}."
+        )

@@ -1,0 +1,143 @@
+"""Run the sampled control law over recorded readings, in the same compiled steps as in simulations and on a robot."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.native import INTEGER, POINTER, kernel
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch._core.values import Value
+from pretouch.control import CompiledStep, Controller
+from pretouch.control.structures import RawOutput, RawSample
+from pretouch.sensors import SensorModel
+
+from .recording import Recording
+
+_INSTANT: Final = 1e-12  # s: times that are closer are the same instant, as in a simulation
+_MOST_STEPS: Final = 10_000_000
+_run_law: Final = kernel("run_law", *[POINTER] * 4, INTEGER, POINTER)
+_SAMPLE: Final = np.dtype(RawSample)
+_OUTPUT: Final = np.dtype(RawOutput)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LawSteps(Value):
+    """Inputs and outputs of the law in each control period of a replay; each array has the shape (n,).
+
+    Args:
+        time: time of the step after the first reading [s].
+        reading: newest reading, in the unit of the sensor output.
+        fresh: whether it arrived since the last step.
+        position: x_v at the end of the period, relative to a reference at rest [m].
+        velocity: x_v' at the end of the period [m/s].
+        virtual_force: F_p [N].
+        log_level: ln(xi / floor).
+        status: status flags.
+    """
+
+    time: FloatArray
+    reading: FloatArray
+    fresh: BoolArray
+    position: FloatArray
+    velocity: FloatArray
+    virtual_force: FloatArray
+    log_level: FloatArray
+    status: IntArray
+
+    def __repr__(self) -> str:
+        return f"<LawSteps: {len(self.time):,} steps>"
+
+
+def readings_of(recording: Recording, sensor: SensorModel, offset: float) -> FloatArray:
+    """Return the readings that the law gets: distances are converted by the sensor curve, as on the robot.
+
+    Args:
+        recording: the recording.
+        sensor: the sensor curve.
+        offset: offset that the controller subtracts; it is added to converted distances.
+
+    Returns:
+        The readings. An infinite distance means no object, and results in the offset; minus infinity means an object
+        that is too near to be measured, and results in the output at the start of the curve, like any distance before
+        it; NaN remains NaN.
+    """
+    if recording.kind == "reading":
+        return recording.values
+    low, high = sensor.valid_range
+    distance = recording.values
+    inside = np.clip(np.where(np.isnan(distance), high, distance), low, high if np.isfinite(high) else np.inf)
+    reached = np.where(np.isfinite(inside), inside, low)
+    output = np.where(distance > high, 0.0, np.exp(sensor.log_output(reached)))
+    output = np.where(np.isposinf(distance), 0.0, output)
+    return np.asarray(np.where(np.isnan(distance), np.nan, output + offset))
+
+
+def run_steps(controller: Controller, time: FloatArray, readings: FloatArray) -> LawSteps:
+    """Run the law over readings, open loop: the recorded readings do not respond to its motion.
+
+    The first step is at the first reading. A reading is used in the first step after its arrival, with its age; if
+    several arrive between two steps, only the newest is used. A reading whose time is earlier than that of an earlier
+    one arrives with the earlier one.
+
+    Args:
+        controller: the controller with its gain.
+        time: time of each reading after the first one [s], in the order of arrival.
+        readings: the readings, in the unit of the sensor output.
+
+    Returns:
+        Inputs and outputs of each step.
+
+    Raises:
+        InvalidInputError: the recording has too many control periods.
+    """
+    arrival = np.maximum.accumulate(time)
+    count = int(np.floor((arrival[-1] + _INSTANT) / controller.period)) + 2  # the last reading is used, too
+    if count > _MOST_STEPS:
+        raise InvalidInputError(
+            f"recording: found {arrival[-1]:,.0f} s, which are {count:,} control periods; at most {_MOST_STEPS:,} are "
+            "allowed. Replay a part of it with --from and --to"
+        )
+    clock: FloatArray = controller.period * np.arange(count, dtype=np.float64)
+    newest = np.searchsorted(arrival, clock + _INSTANT, side="right") - 1
+    samples = np.zeros(count, dtype=_SAMPLE)
+    samples["reading"] = readings[newest]
+    samples["age"] = np.maximum(clock - time[newest], 0.0)
+    samples["fresh"] = np.diff(newest, prepend=-1) > 0
+    outputs = run_samples(controller, samples)
+    columns = {name: outputs[name].copy() for name in ("position", "velocity", "virtual_force", "log_level")}
+    return LawSteps(
+        time=clock,
+        reading=samples["reading"].copy(),
+        fresh=samples["fresh"].astype(bool),
+        status=outputs["status"].astype(np.int64),
+        **columns,
+    )
+
+
+def run_samples(controller: Controller, samples: Any) -> Any:
+    """Run a controller from its start over samples, and return its outputs.
+
+    Args:
+        controller: the controller.
+        samples: array of the C structure of samples.
+
+    Returns:
+        Array of the C structure of outputs.
+    """
+    step = controller.step
+    outputs = np.zeros(len(samples), dtype=_OUTPUT)
+    if isinstance(step, CompiledStep):
+        parameters, state = controller.parameters(), controller.start()
+        places = [step.located(), ctypes.addressof(parameters), ctypes.addressof(state), samples.ctypes.data]
+        _run_law(*places, len(samples), outputs.ctypes.data)
+        return outputs
+    run = controller.begin()
+    for i, sample in enumerate(samples):
+        output = run.step(float(sample["reading"]), bool(sample["fresh"]), float(sample["age"]))
+        outputs[i] = tuple(output)
+    return outputs

@@ -509,7 +509,7 @@ def test_a_terminal_shows_the_live_value_and_the_curve(sensor: PtySensor, tmp_pa
 
     thread = threading.Thread(target=follow)
     thread.start()
-    options = ["sensor.csv", "--distances", "0, 5, 10 mm", "--stage", sensor.stage]
+    options = ["sensor.csv", "--distances", "0, 5, 10 mm", "--stage", sensor.stage, "--dwell", "0.6 s"]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100", "LINES": "50"}
     subprocess.run(
         words(sensor, *options),
@@ -524,7 +524,7 @@ def test_a_terminal_shows_the_live_value_and_the_curve(sensor: PtySensor, tmp_pa
     thread.join()
     os.close(master)
     text = shown.decode()
-    assert "10 readings" in text
+    assert "of 10 readings" in text
     assert "┤●" in text
     assert text.count("10 mm") > 1
 

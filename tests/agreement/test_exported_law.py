@@ -17,7 +17,7 @@ import pytest
 import pretouch as pt
 from exported_designs import DESIGNS
 from pretouch.control import Status
-from pretouch.export import export_c, export_json
+from pretouch.export import export_law
 from pretouch.export.law_source import structures
 from pretouch.verification.verify import chosen_gain
 
@@ -31,7 +31,7 @@ COMPILERS = [
 def export(design: str, folder: Path) -> pt.Task:
     """Export an example without its verification, which other tests run."""
     task = DESIGNS[design]()
-    assert export_c(task, folder, verify=False).is_written
+    assert export_law(task, folder, verify=False).is_written
     return task
 
 
@@ -163,7 +163,7 @@ def test_a_hostile_file_name_cannot_end_the_comment(tmp_path: Path) -> None:
     task = DESIGNS["damper"]()
     path = tmp_path / "a" / name
     source = dataclasses.replace(task.source, path=path)
-    result = export_c(task.replace(source=source), tmp_path / "law", verify=False)
+    result = export_law(task.replace(source=source), tmp_path / "law", verify=False)
     assert result.is_written
     if shutil.which("gcc"):
         replayed(tmp_path / "law", "gcc", "")
@@ -173,7 +173,7 @@ def test_a_hostile_file_name_cannot_end_the_comment(tmp_path: Path) -> None:
 @pytest.mark.parametrize("design", DESIGNS)
 def test_the_difference_equations_in_matlab_code_agree(design: str, tmp_path: Path) -> None:
     """They share no code with the C law: the same equations, written again."""
-    assert export_json(DESIGNS[design](), tmp_path / "law", verify=False).is_written
+    assert export_law(DESIGNS[design](), tmp_path / "law", "json", verify=False).is_written
     command = ["octave", "--no-gui", "--norc", "--eval", "test_law"]
     run = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path / "law")
     *lines, last = run.stdout.splitlines()
@@ -183,7 +183,7 @@ def test_the_difference_equations_in_matlab_code_agree(design: str, tmp_path: Pa
 
 def test_the_json_has_every_parameter_with_its_meaning(tmp_path: Path) -> None:
     task = DESIGNS["filters"]()
-    assert export_json(task, tmp_path / "law", verify=False).is_written
+    assert export_law(task, tmp_path / "law", "json", verify=False).is_written
     content = json.loads((tmp_path / "law/design.json").read_text())
     assert content["parameters"]["law"]["gain"] == -0.86
     assert content["parameters"]["drive"]["limits"]["excursion"] == 0.04
@@ -240,7 +240,7 @@ def test_a_million_adversarial_steps_give_the_same_bits_as_the_package(design: s
 @pytest.mark.parametrize("precision", ["double", "float"])
 @pytest.mark.parametrize("design", DESIGNS)
 def test_outputs_stay_finite_and_within_limits_for_any_sample(design: str, precision: str, tmp_path: Path) -> None:
-    """A million samples here; docs/export.md has the number that was run once."""
+    """A million samples here; docs/export/c.md has the number that was run once."""
     export(design, tmp_path / "law")
     flags = "-DPRETOUCH_FLOAT -Wno-float-conversion" if precision == "float" else ""
     program = adversarial(tmp_path / "law", flags)

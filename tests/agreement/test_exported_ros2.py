@@ -21,7 +21,7 @@ import pytest
 import yaml
 
 import pretouch as pt
-from pretouch.export import export_ros2
+from pretouch.export import export_law
 from pretouch.export.ros2 import yaml_number
 from pretouch.verification.verify import chosen_gain
 from ros2_harness import HEADERS, PARAMETERS, STUBS, build, drive, leaves
@@ -57,7 +57,7 @@ def design(request: pytest.FixtureRequest) -> str:
 @pytest.fixture(scope="module")
 def package(design: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp(design) / "package"
-    assert export_ros2(task(design), folder, verify=False).is_written
+    assert export_law(task(design), folder, "ros2", verify=False).is_written
     return folder
 
 
@@ -70,7 +70,7 @@ def program(package: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def damper(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The harness with the damper; the package lies next to it."""
     folder = tmp_path_factory.mktemp("damper_only")
-    export_ros2(task("damper"), folder / "package", verify=False)
+    export_law(task("damper"), folder / "package", "ros2", verify=False)
     return build(folder / "package", folder)
 
 
@@ -585,7 +585,7 @@ def test_a_distance_sensor_and_an_admittance_without_stiffness(tmp_path: Path) -
     scenario = dataclasses.replace(
         made.scenario, admittance=dataclasses.replace(made.scenario.admittance, stiffness=0.0)
     )
-    export_ros2(made.replace(loop=loop, scenario=scenario), tmp_path / "package", verify=False)
+    export_law(made.replace(loop=loop, scenario=scenario), tmp_path / "package", "ros2", verify=False)
     ((_, tree),) = yaml.safe_load((tmp_path / "package" / PARAMETERS).read_text()).items()
     found = dict(leaves(tree))
     assert found["reading.quantity"]["default_value"] == "distance"

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from exported_designs import DESIGNS
-from pretouch.export import export_c
+from pretouch.export import export_law
 
 PROOF = Path(__file__).parents[1] / "embedded/proof.c"
 CHECKS = ("bounds", "pointer", "div-by-zero", "signed-overflow", "undefined-shift", "conversion", "pointer-overflow")
@@ -36,7 +36,7 @@ def failures(folder: Path, *flags: str) -> list[str]:
 
 @pytest.mark.parametrize("design", ["damper", "drag"])
 def test_the_first_state_is_within_bounds(design: str, tmp_path: Path) -> None:
-    export_c(DESIGNS[design](), tmp_path / "law", verify=False)
+    export_law(DESIGNS[design](), tmp_path / "law", verify=False)
     assert failures(tmp_path / "law", "-DSTART", *(["-DDRAG"] if design == "drag" else [])) == []
 
 
@@ -44,12 +44,12 @@ def test_the_first_state_is_within_bounds(design: str, tmp_path: Path) -> None:
 def test_every_step_keeps_the_bounds_and_the_limits(design: str, tmp_path: Path) -> None:
     if design == "drag" and "PRETOUCH_ALL_PROOFS" not in os.environ:
         pytest.skip("takes three minutes; set PRETOUCH_ALL_PROOFS=1")
-    export_c(DESIGNS[design](), tmp_path / "law", verify=False)
+    export_law(DESIGNS[design](), tmp_path / "law", verify=False)
     assert failures(tmp_path / "law", *(["-DDRAG"] if design == "drag" else [])) == []
 
 
 def test_a_first_state_outside_of_the_bounds_is_found(tmp_path: Path) -> None:
-    export_c(DESIGNS["damper"](), tmp_path / "law", verify=False)
+    export_law(DESIGNS["damper"](), tmp_path / "law", verify=False)
     source = tmp_path / "law/pretouch_law.c"
     text = source.read_text()
     old = "s->level = s->filtered = p->floor;"

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from exported_designs import DESIGNS
-from pretouch.export import export_c
+from pretouch.export import export_law
 
 HERE = Path(__file__).parents[1] / "embedded"
-PAGE = (Path(__file__).parents[2] / "docs/export.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/export/c.md").read_text(encoding="utf-8")
 BOARDS = {
     "Cortex-M4F": ("mps2-an386", "cortex-m4", "fpv4-sp-d16"),
     "Cortex-M7": ("mps2-an500", "cortex-m7", "fpv5-d16"),
@@ -66,7 +66,7 @@ def test_the_law_computes_its_vectors_within_the_documented_resources(
     board: str, precision: str, design: str, tmp_path: Path
 ) -> None:
     folder = tmp_path / "law"
-    assert export_c(DESIGNS[design](), folder, verify=False).is_written
+    assert export_law(DESIGNS[design](), folder, verify=False).is_written
     said = run_on_board(board, precision, folder / "test_law.c", folder)
     assert said.splitlines()[-1].endswith("0 with other status flags; passed"), said
     most = documented(board, precision)

@@ -22,7 +22,9 @@ LoopFile: TypeAlias = Annotated[
 ]
 LoopGain: TypeAlias = Annotated[
     str | None,
-    option("GAIN", 'The gain to run, such as "-0.7 N*s"; by default that of the file, or the designed gain.'),
+    option(
+        "GAIN", 'The gain of the controller, such as "-0.7 N*s"; by default that of the file, or the designed gain.'
+    ),
 ]
 LoopSeed: TypeAlias = Annotated[int | None, option("NUMBER", "Seed of the noise; by default that of the file.", min=0)]
 

@@ -33,7 +33,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         export_law(pt.load_scenario(SCENARIO).replace(gain=-0.86), folder / "package", "ros2", verify=False)
-        program = build(folder / "package", folder)
+        program = build(folder / "package", folder, optimization="-O2")
         vectors = folder / "package/law/vectors.csv"
         print(f"\n{'us per call, of a million':27s} longest  computing  slowest step  median   the law alone")
         for output in ("position", "effort", "wrench"):

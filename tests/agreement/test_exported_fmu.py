@@ -333,7 +333,7 @@ def test_sources_compile_without_warnings(
             folder = tmp_path / f"{design}{standard}"
             zipfile.ZipFile(unit_in(exports[design], standard)).extractall(folder)
             define = [] if prefix else [f"-DFMI{standard}_OVERRIDE_FUNCTION_PREFIX"]
-            options = f"-std=c99 -O2 -fPIC -ffp-contract=off -fvisibility=hidden {WARNINGS}".split()
+            options = f"-std=c99 -fPIC -ffp-contract=off -fvisibility=hidden {WARNINGS}".split()
             target = folder / "unit.o"
             command = [compiler, *options, *define, "-c", f"fmi{standard}.c", "-o", str(target)]
             subprocess.run(command, cwd=folder / "sources", check=True)

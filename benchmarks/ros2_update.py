@@ -14,7 +14,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import pretouch as pt
-from pretouch.export import export_ros2
+from pretouch.export import export_law
 from ros2_harness import build, drive
 
 CALLS = 1_000_000
@@ -32,8 +32,8 @@ def main() -> None:
     """Print longest times by the wall clock and of computing, the slowest step, and the median, for three outputs."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        export_ros2(pt.load_scenario(SCENARIO).replace(gain=-0.86), folder / "package", verify=False)
-        program = build(folder / "package", folder)
+        export_law(pt.load_scenario(SCENARIO).replace(gain=-0.86), folder / "package", "ros2", verify=False)
+        program = build(folder / "package", folder, optimization="-O2")
         vectors = folder / "package/law/vectors.csv"
         print(f"\n{'us per call, of a million':27s} longest  computing  slowest step  median   the law alone")
         for output in ("position", "effort", "wrench"):

@@ -44,7 +44,7 @@ _READERS = {
 }
 
 
-def build(package: Path, folder: Path, compiler: str = "g++") -> Path:
+def build(package: Path, folder: Path, compiler: str = "g++", optimization: str = "-O0") -> Path:
     """Compile the controller of an exported package and the harness; skip the test if that is impossible here."""
     if shutil.which(compiler) is None or shutil.which("gcc") is None:
         pytest.skip(f"{compiler} or gcc is not installed")
@@ -66,7 +66,7 @@ def build(package: Path, folder: Path, compiler: str = "g++") -> Path:
     sources = [*sorted((package / "src").glob("*.cpp")), STUBS / "harness.cpp"]
     folders = [include, STUBS, package / "src", package / "law"]
     program = folder / "harness"
-    command = [compiler, "-O2", "-std=c++17", "-pthread", *WARNINGS, *(f"-I{path}" for path in folders)]
+    command = [compiler, optimization, "-std=c++17", "-pthread", *WARNINGS, *(f"-I{path}" for path in folders)]
     subprocess.run([*command, *map(str, sources), str(law), "-ldl", "-o", str(program)], check=True)
     return program
 

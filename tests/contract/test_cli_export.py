@@ -15,14 +15,24 @@ from pathlib import Path
 import pytest
 
 import pretouch as pt
+from pretouch.cli.export import Target
 from pretouch.control import VirtualDamper
 from pretouch.errors import InvalidInputError, OutputExistsError
-from pretouch.export import export_c
+from pretouch.export import TARGETS, export_law
 from pretouch.export.folder import MANIFEST, write_folder
 
 ROOT = Path(__file__).parents[2]
 LOOP = ROOT / "examples/loop.toml"
-PAGE = (ROOT / "docs/export.md").read_text(encoding="utf-8")
+PARAMETERS = "src/pretouch_controller_parameters.yaml"
+PAGES = {
+    path.stem: path.read_text(encoding="utf-8")
+    for path in (ROOT / "docs/export.md", *sorted((ROOT / "docs/export").glob("*.md")))
+}
+SESSIONS = [
+    pytest.param(session, id=f"{name}-{session.split()[1]}")
+    for name, page in PAGES.items()
+    for session in re.findall(r"```console\n(.*?)```", page, re.DOTALL)
+]
 
 
 def run(*words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -63,7 +73,7 @@ def test_without_verification_the_files_say_so(tmp_path: Path) -> None:
 def test_the_same_design_gives_the_same_files(tmp_path: Path) -> None:
     task = pt.load_scenario(LOOP).replace(gain=-0.86)
     for name in ("a", "b"):
-        export_c(task, tmp_path / name, verify=False)
+        export_law(task, tmp_path / name, verify=False)
     for path in (tmp_path / "a").iterdir():
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
@@ -126,6 +136,23 @@ def test_an_export_that_cannot_be_finished_leaves_nothing(tmp_path: Path, monkey
     assert not list(tmp_path.iterdir())
 
 
+def test_the_command_line_has_every_target(tmp_path: Path) -> None:
+    """The command line lists the targets without importing the exports, so that --help is quick."""
+    assert [target.value for target in Target] == list(TARGETS)
+    with pytest.raises(InvalidInputError, match="fmu"):
+        export_law(pt.load_scenario(LOOP), tmp_path / "law", "matlab")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("target", "path"), [("fmu", "README.md"), ("ros2", "README.md"), ("ros2", PARAMETERS)])
+def test_files_with_a_parameter_for_the_gain_say_that_a_weaker_one_is_not_verified(
+    target: str, path: str, tmp_path: Path
+) -> None:
+    export_law(pt.load_scenario(LOOP).replace(gain=-0.86), tmp_path / "law", target, verify=False)
+    text = " ".join((tmp_path / "law" / path).read_text().split())
+    assert re.search(r"weaker gain .*harder.* verification", text)
+
+
 def test_an_empty_folder_is_used(tmp_path: Path) -> None:
     (tmp_path / "law").mkdir()
     write_folder(tmp_path / "law", {"law.c": b"new"})
@@ -139,14 +166,12 @@ def test_a_custom_law_has_no_c_source(tmp_path: Path) -> None:
     task = pt.load_scenario(LOOP)
     loop = replace(task.loop, law=replace(task.loop.law, law=Own(gain=-0.86)))
     with pytest.raises(InvalidInputError, match="Own"):
-        export_c(task.replace(loop=loop), tmp_path / "law")
+        export_law(task.replace(loop=loop), tmp_path / "law")
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    "session", re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL), ids=["export", "make", "ros2", "fmu"]
-)
-def test_the_sessions_of_the_page_run(session: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("session", SESSIONS)
+def test_the_sessions_of_the_pages_run(session: str, tmp_path: Path) -> None:
     needed = ["make", "cc"] if "make" in session else ["cc"] if "fmu" in session else []
     if not all(map(shutil.which, needed)):
         pytest.skip("no make or no compiler")
@@ -155,9 +180,8 @@ def test_the_sessions_of_the_page_run(session: str, tmp_path: Path) -> None:
     words = shlex.split(command)[1:]
     if words[0] == "make":
         task = pt.load_scenario(LOOP).replace(gain=-0.86)
-        export_c(task, tmp_path / "law", verify=False)
+        export_law(task, tmp_path / "law", verify=False)
         done = subprocess.run([*words, "-s"], capture_output=True, text=True, check=True, cwd=tmp_path).stdout
-        expected = f"{expected}"
     else:
         done = run(*words[1:], folder=tmp_path).stdout
     pattern = re.escape(expected).replace(r"\.\.\.", r"\S+")
@@ -165,11 +189,22 @@ def test_the_sessions_of_the_page_run(session: str, tmp_path: Path) -> None:
     assert re.fullmatch(pattern, shown), shown
 
 
+def test_the_python_example_of_the_page_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    (block,) = re.findall(r"```python\n(.*?)```", PAGES["export"], re.DOTALL)
+    exec(compile(block, "export.md", "exec"), {})  # noqa: S102 - our own page
+    assert "holds" in capsys.readouterr().out
+    assert (tmp_path / "law_from_python/pretouch_design.h").is_file()
+
+
 def test_the_c_example_of_the_page_compiles(tmp_path: Path) -> None:
     if shutil.which("cc") is None:
         pytest.skip("no compiler")
-    export_c(pt.load_scenario(LOOP).replace(gain=-0.86), tmp_path / "law", verify=False)
-    (source,) = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)
+    export_law(pt.load_scenario(LOOP).replace(gain=-0.86), tmp_path / "law", verify=False)
+    (source,) = re.findall(r"```c\n(.*?)```", PAGES["c"], re.DOTALL)
     (tmp_path / "use.c").write_text(source)
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{tmp_path / 'law'}", "-c", "-o", str(tmp_path / "use.o")]
     subprocess.run(["cc", *flags, str(tmp_path / "use.c")], check=True)

@@ -1,6 +1,9 @@
 /* For CBMC: one step of an exported law in single precision, from any state within bounds and with any sample. Outputs
  * are finite and within the limits, and the state stays within the same bounds. As the first state is within them, this
- * holds for any number of steps, by induction. */
+ * holds for any number of steps, by induction.
+ *
+ * The step calls three blocks one after the other. Each block has a proof of its own, which takes a third of the time:
+ * what is asserted of its results is all that the next proof assumes. Define START, OBSERVE, LAW or DRIVE. */
 #include "pretouch_design.h"
 
 #include <math.h>
@@ -33,46 +36,94 @@ static int within(float value, float low, float high) { return low <= value && v
 /* xi of a usable reading: below the saturation, less the offset */
 static int is_level(float value) { return within(value, P->floor, P->saturation + fabsf(P->offset)); }
 
-static int invariant(const pretouch_design_state *s) {
-    const pretouch_sensing_state *const n = &s->sensing;
-    const pretouch_drive_state *const d = &s->drive;
+typedef pretouch_design_state design_state;
+
+static int sensing_invariant(const pretouch_sensing_state *n) {
     int good = within(n->quiet, 0, 2 * P->timeout) && within(n->measured, 0, 3 * P->timeout);
     good = good && is_level(n->level) && is_level(n->filtered) && within(n->log_level, 0, 89);
     good = good && (n->running == 0 || n->running == 1);
     good = good && 0 <= n->median.oldest && n->median.oldest < P->median_length;
     for (int i = 0; i < P->median_length; i++)
         good = good && is_level(n->median.arrived[i]) && is_level(n->median.ordered[i]);
-    good = good && n->median.ordered[P->median_length] == (float)INFINITY;
-    good = good && within(d->delivery.steady, -D->largest_force, D->largest_force);
+    return good && n->median.ordered[P->median_length] == (float)INFINITY;
+}
+
+#ifdef DRAG
+static int law_invariant(const pretouch_drag_state *s) {
+    const float fastest = 1500 / P->sensor_period;
+    return within(s->level, -1e7f, 1e7f) && within(s->rate, -fastest, fastest) && within(s->mark, -1e7f, 1e7f) &&
+           within(s->hold, 0, pretouch_design.law.hold);
+}
+#else
+static int law_invariant(const pretouch_damper_state *s) {
+    return within(s->ramp, 0, 1) && within(s->mark, 0, 89 + pretouch_design.law.release);
+}
+#endif
+
+static int drive_invariant(const pretouch_drive_state *d) {
+    int good = within(d->delivery.steady, -D->largest_force, D->largest_force);
     good = good && within(d->delivery.rest, -D->largest_force * D->hold, D->largest_force * D->hold);
     good = good && isfinite(d->delivery.ahead) && within(d->delivery.fading, 0, 1);
     good = good && !((d->delivery.steady > 0 && d->delivery.rest < 0) || (d->delivery.steady < 0 && d->delivery.rest > 0));
     good = good && within(d->motion.position, -D->limits.excursion, D->limits.excursion);
     good = good && within(d->motion.velocity, -D->limits.speed, D->limits.speed);
-    good = good && within(d->reference, -1e6f, 1e6f);
-#ifdef DRAG
-    good = good && within(s->law.level, -1e30f, 1e30f) && within(s->law.rate, -1500 / P->sensor_period, 1500 / P->sensor_period);
-    good = good && within(s->law.mark, -1e30f, 1e30f) && within(s->law.hold, 0, pretouch_design.law.hold);
-#else
-    good = good && within(s->law.ramp, 0, 1) && within(s->law.mark, 0, 89 + pretouch_design.law.release);
-#endif
-    return good;
+    return good && within(d->reference, -1e6f, 1e6f);
 }
 
-pretouch_design_state any_state(void);
+static int is_flag(int32_t value) { return value == 0 || value == 1; }
+
+/* What pretouch_observe guarantees, and law and drive rely on. */
+static int is_observation(const pretouch_observation *seen) {
+    int good = within(seen->change, -104, 89) && within(seen->log_level, 0, 89) && is_level(seen->level);
+    good = good && within(seen->elapsed, 0, 3 * P->timeout + P->period);
+    good = good && is_flag(seen->usable) && is_flag(seen->restarted) && is_flag(seen->detecting);
+    good = good && is_flag(seen->stale) && is_flag(seen->lost);
+    return good && 0 <= seen->status && seen->status < 64;
+}
+
+/* What a law guarantees, and pretouch_drive relies on. */
+static int is_push(const pretouch_push *push) { return isfinite(push->impulse) && isfinite(push->force); }
+
 pretouch_sample any_sample(void);
+pretouch_observation any_observation(void);
+pretouch_push any_push(void);
+design_state any_state(void);
 
 int main(void) {
-    pretouch_output out;
-    const pretouch_sample sample = any_sample();
-#ifdef START
-    pretouch_design_state state;
+#if defined(START)
+    design_state state;
     pretouch_design_start(&state);
-    __CPROVER_assert(invariant(&state), "the first state is within bounds");
+    __CPROVER_assert(sensing_invariant(&state.sensing), "the first state of the sensing is within bounds");
+    __CPROVER_assert(law_invariant(&state.law), "the first state of the law is within bounds");
+    __CPROVER_assert(drive_invariant(&state.drive), "the first state of the drive is within bounds");
+#elif defined(OBSERVE)
+    const pretouch_sample sample = any_sample();
+    design_state state = any_state();
+    pretouch_observation seen;
+    __CPROVER_assume(sensing_invariant(&state.sensing));
+    pretouch_observe(P, &state.sensing, &sample, &seen);
+    __CPROVER_assert(sensing_invariant(&state.sensing), "the state of the sensing stays within bounds");
+    __CPROVER_assert(is_observation(&seen), "the observation is within bounds");
+#elif defined(LAW)
+    const pretouch_observation seen = any_observation();
+    design_state state = any_state();
+    pretouch_push push;
+    __CPROVER_assume(is_observation(&seen) && law_invariant(&state.law) && drive_invariant(&state.drive));
+#ifdef DRAG
+    pretouch_drag(&pretouch_design.law, &state.law, &seen, &state.drive, &push);
 #else
-    pretouch_design_state state = any_state();
-    __CPROVER_assume(invariant(&state));
-    pretouch_design_step(&state, &sample, &out);
+    pretouch_damp(&pretouch_design.law, &state.law, &seen, &push);
+#endif
+    __CPROVER_assert(law_invariant(&state.law), "the state of the law stays within bounds");
+    __CPROVER_assert(is_push(&push), "impulse and force of the law are finite");
+#elif defined(DRIVE)
+    const pretouch_sample sample = any_sample();
+    const pretouch_observation seen = any_observation();
+    const pretouch_push push = any_push();
+    design_state state = any_state();
+    pretouch_output out;
+    __CPROVER_assume(is_observation(&seen) && is_push(&push) && drive_invariant(&state.drive));
+    pretouch_drive(D, &state.drive, &seen, &push, &sample, &out);
     __CPROVER_assert(isfinite(out.position), "the position is finite");
     __CPROVER_assert(isfinite(out.velocity), "the velocity is finite");
     __CPROVER_assert(isfinite(out.acceleration), "the acceleration is finite");
@@ -80,7 +131,7 @@ int main(void) {
     __CPROVER_assert(fabsf(out.virtual_force) <= D->largest_force, "the force is within its limit");
     __CPROVER_assert(fabsf(state.drive.motion.position) <= D->limits.excursion, "the excursion is within its limit");
     __CPROVER_assert(fabsf(state.drive.motion.velocity) <= D->limits.speed, "the speed is within its limit");
-    __CPROVER_assert(invariant(&state), "the state stays within bounds");
+    __CPROVER_assert(drive_invariant(&state.drive), "the state of the drive stays within bounds");
 #endif
     return 0;
 }

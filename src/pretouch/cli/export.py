@@ -19,7 +19,7 @@ from .verbs import LoopFile, LoopGain, load_loop
 
 
 class Target(StrEnum):
-    """What a law is exported as."""
+    """What a law is exported as; the names of `pretouch.export.TARGETS`."""
 
     C = "c"
     FMU = "fmu"
@@ -73,19 +73,13 @@ def _export(
     json: bool,
 ) -> None:
     """Export the law that the command line options describe, and print the result."""
-    from pretouch import export as exports  # noqa: PLC0415 - keeps `pretouch --help` quick
-    from pretouch._core.blocks import page_of  # noqa: PLC0415
+    from pretouch._core.blocks import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick
+    from pretouch.export import export_law  # noqa: PLC0415
 
     from .summary import summary_of  # noqa: PLC0415
 
     task = load_loop(file, "simulating encounters on the loop" if not unverified else "simulating", gain, None)
-    write = {
-        Target.C: exports.export_c,
-        Target.FMU: exports.export_fmu,
-        Target.JSON: exports.export_json,
-        Target.ROS2: exports.export_ros2,
-    }[target]
-    result = write(task, output, verify=not unverified, date=_date(), overwrite=force)
+    result = export_law(task, output, target.value, verify=not unverified, date=_date(), overwrite=force)
     if json:
         print_text(as_json(result.to_dict()))
     else:

@@ -26,7 +26,9 @@ LoopFile: TypeAlias = Annotated[
 ]
 LoopGain: TypeAlias = Annotated[
     str | None,
-    option("GAIN", 'The gain to run, such as "-0.7 N*s"; by default that of the file, or the designed gain.'),
+    option(
+        "GAIN", 'The gain of the controller, such as "-0.7 N*s"; by default that of the file, or the designed gain.'
+    ),
 ]
 McapFile: TypeAlias = Annotated[
     Path | None, option("PATH", "Write the time series as an MCAP file, with a Foxglove layout next to it.")

@@ -1,9 +1,6 @@
 """Export a verified control law: C source, parameters as JSON, a ROS 2 package, or co-simulation units (FMI)."""
 
-from .c import export_c
 from .export import Export
-from .fmu import export_fmu
-from .json import export_json
-from .ros2 import export_ros2
+from .targets import TARGETS, export_law
 
-__all__ = ["Export", "export_c", "export_fmu", "export_json", "export_ros2"]
+__all__ = ["TARGETS", "Export", "export_law"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import os
 import re
 import textwrap
 from collections.abc import Iterator
@@ -12,14 +11,11 @@ from pathlib import Path
 from string import Template
 from typing import Any, Final
 
-from pretouch._core.arguments import check_arguments
 from pretouch._core.units import format_quantity
 from pretouch.control import Controller, Status
 from pretouch.control.components import NO_LIMIT
-from pretouch.design import Task
 
-from .export import Export, export_files
-from .law_design import LawDesign
+from .law_design import WEAKER_NUMBER, LawDesign
 from .law_source import HEADER, SOURCE, Field, law_text, structures
 from .vectors import cases_as_csv
 
@@ -36,33 +32,6 @@ _ASCII: Final = {
     "°": " deg",
     "ₚ": "_p",
 }
-
-
-@check_arguments
-def export_c(
-    task: Task,
-    folder: str | os.PathLike[str],
-    *,
-    verify: bool = True,
-    date: str | None = None,
-    overwrite: bool = False,
-) -> Export:
-    """Write the control law of a task as C99 source for a robot, if the verification finds that its gain holds.
-
-    The law is the very source that simulations run. The folder also has the constants of the design, test vectors from
-    a simulation, a test that replays them, build files and instructions.
-
-    Args:
-        task: the encounter with its sampled loop; the gain as for `verify_gain`.
-        folder: the new folder; it is complete or does not exist.
-        verify: whether to verify the gain first. Without it, the files say that the gain was not verified.
-        date: date of the verification as text, which the files state.
-        overwrite: whether an unchanged folder of an earlier export may be replaced.
-
-    Returns:
-        The result: what was written, or why nothing was written.
-    """
-    return export_files(task, folder, c_files, kind="C", verify=verify, date=date, overwrite=overwrite)
 
 
 def c_files(design: LawDesign) -> dict[str, str]:
@@ -97,6 +66,7 @@ def filled(name: str, design: LawDesign | None = None, **more: str) -> str:
         steps=sum(len(case.samples) for case in design.cases),
         period=format_quantity(design.controller.period, "s"),
         number=design.number,
+        weaker=WEAKER_NUMBER.format(name=design.number),
         suffix=design.suffix,
         step=f"pretouch_step{design.suffix}",
         limits="\n".join(_limit_lines(design.controller)),

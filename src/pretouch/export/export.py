@@ -1,21 +1,15 @@
-"""Verify a control law, write the files of an export, and describe the result."""
+"""Describe the result of an export."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from pretouch._core.blocks import Cell, Described, Page, PageSection, PageTable, page_of
-from pretouch._core.files import plain, refuse_input
+from pretouch._core.files import plain
 from pretouch._core.values import Value
-from pretouch.design import Task
 from pretouch.verification import Verdict
-
-from .folder import check_free, write_folder
-from .law_design import law_design
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -76,40 +70,6 @@ class Export(Described, Value):
 
     def __repr__(self) -> str:
         return f"<Export: {len(self.files)} files in {self.folder}>"
-
-
-def export_files(
-    task: Task,
-    folder: str | os.PathLike[str],
-    make: Callable[[Any], Mapping[str, str | bytes]],
-    *,
-    kind: str,
-    verify: bool,
-    date: str | None,
-    overwrite: bool,
-) -> Export:
-    """Verify a task, make the files of an export, and write them unless the verdict is negative.
-
-    Args:
-        task: the task.
-        folder: the new folder.
-        make: returns the content of each file from a `LawDesign`.
-        kind: what is exported, for the result.
-        verify: whether to verify the gain first.
-        date: date of the verification.
-        overwrite: whether an unchanged earlier export may be replaced.
-
-    Returns:
-        The result.
-    """
-    refuse_input(folder, getattr(task.source, "inputs", ()))
-    check_free(folder, overwrite=overwrite)  # before the verification, which takes seconds
-    design = law_design(task, verify=verify, date=date)
-    files: tuple[Path, ...] = ()
-    if design.is_supported or not verify:
-        content = {name: text.encode() if isinstance(text, str) else text for name, text in make(design).items()}
-        files = write_folder(folder, content, overwrite=overwrite)
-    return Export(kind=kind, folder=Path(folder), files=files, law=design.law_text, verdict=design.verdict)
 
 
 def export_page(export: Export) -> Page:

@@ -14,16 +14,12 @@ import tempfile
 import uuid
 import zipfile
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Final
 
-from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
-from pretouch.design import Task
 
 from .c import design_header, filled
-from .export import Export, export_files
 from .fmu_description import build_description, model_description, variables
 from .law_design import LawDesign
 from .law_source import HEADER, SOURCE, law_text
@@ -43,47 +39,24 @@ _ARCHITECTURES: Final = {"AMD64": "x86_64", "arm64": "aarch64", "ARM64": "aarch6
 _DATE: Final = (1980, 1, 1, 0, 0, 0)  # of every file in an archive: the same design gives the same bytes
 
 
-@check_arguments
-def export_fmu(
-    task: Task,
-    folder: str | os.PathLike[str],
-    *,
-    verify: bool = True,
-    date: str | None = None,
-    overwrite: bool = False,
-) -> Export:
-    """Write the control law of a task as two co-simulation units (FMUs), one for FMI 2.0 and one for FMI 3.0.
-
-    Each unit has the C source of the law, and a library for the platform on which pretouch runs. Without a C compiler
-    on this machine, the units have the sources only. The environment variable CC names another compiler.
-
-    Args:
-        task: the encounter with its sampled loop; the gain as for `verify_gain`.
-        folder: the new folder; it is complete or does not exist.
-        verify: whether to verify the gain first. Without it, the files say that the gain was not verified.
-        date: date of the verification as text, which the files state.
-        overwrite: whether an unchanged folder of an earlier export may be replaced.
-
-    Returns:
-        The result: what was written, or why nothing was written.
-    """
-    compiler = _compiler()
-    kind = "FMU" if compiler else "FMU with sources only, because this machine has no C compiler"
-    make = partial(fmu_files, compiler=compiler)
-    return export_files(task, folder, make, kind=kind, verify=verify, date=date, overwrite=overwrite)
+def fmu_kind() -> str:
+    """Return what an FMU export contains on this machine: without a C compiler, the units have sources only."""
+    return "FMU" if _compiler() else "FMU with sources only, because this machine has no C compiler"
 
 
-def fmu_files(design: LawDesign, compiler: tuple[str, ...]) -> dict[str, str | bytes]:
+def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
     """Return the content of every file of an FMU export by its name.
+
+    The units have a library for the platform on which pretouch runs, if there is a C compiler. The environment variable
+    CC names another compiler.
 
     Args:
         design: the design.
-        compiler: the words that call the C compiler; empty without a compiler.
 
     Returns:
         Both units, the test vectors, a test and instructions.
     """
-    name = _name(design)
+    compiler, name = _compiler(), _name(design)
     library = f"a library for {_platform()}" if compiler else "no library, because the export found no C compiler"
     units: dict[str, str | bytes] = {
         f"{name}-fmi{standard}.fmu": _archive(_unit(design, standard, compiler)) for standard in _STANDARDS

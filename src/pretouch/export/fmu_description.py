@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from typing import Any, Final
 from xml.etree import ElementTree as Xml
 
-from .law_design import LawDesign
+from .law_design import WEAKER_NUMBER, LawDesign
 
 _BASE_UNITS: Final[dict[str, dict[str, int]]] = {
     "s": {"s": 1},
@@ -27,15 +28,22 @@ _TYPES: Final = {  # by the name that this file uses: the names in FMI 2.0 and F
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+_PLACES: Final = {  # by the causality of a variable: where the C structure of an instance has it
+    "independent": "m->",
+    "input": "m->sample.",
+    "parameter": "m->parameters.law.",
+    "output": "m->out.",
+}
+
+
+@dataclass(frozen=True, slots=True)
 class Variable:
     """One variable of a unit.
 
     Args:
+        causality: what FMI calls its role, such as "input".
         name: its name.
         about: its meaning.
-        place: where the C structure of an instance has it.
-        causality: what FMI calls its role, such as "input".
         unit: its unit; empty for flags.
         kind: "real", "integer" or "boolean".
         variability: when it may change, as FMI calls it.
@@ -44,10 +52,9 @@ class Variable:
         follows: names of the variables that determine its value before the first step.
     """
 
+    causality: str
     name: str
     about: str
-    place: str
-    causality: str
     unit: str = ""
     kind: str = "real"
     variability: str = "continuous"
@@ -55,36 +62,53 @@ class Variable:
     bounds: tuple[float, float] | None = None
     follows: tuple[str, ...] = ()
 
+    @property
+    def place(self) -> str:
+        """Where the C structure of an instance has the variable."""
+        return _PLACES[self.causality] + self.name
+
+
+_input, _output = partial(Variable, "input"), partial(Variable, "output")
+_TIME: Final = Variable("independent", "time", "Time of the simulation", "s")
+_INPUTS: Final = (
+    _input("reading", "Raw output of the sensor at the start of the step", _READING, variability="discrete", start="0"),
+    _input(
+        "fresh",
+        "Whether the reading arrived since the last step",
+        kind="boolean",
+        variability="discrete",
+        start="false",
+    ),
+    _input("age", "Time since the reading was measured", "s", variability="discrete", start="0"),
+    _input("contact_force", "Measured contact force on the robot along x; 0 without a force sensor", "N", start="0"),
+    _input("reference_position", "Reference x_d of the robot at the start of the step", "m", start="0"),
+    _input("reference_velocity", "Velocity of the reference at the start of the step", "m/s", start="0"),
+    _input("reference_acceleration", "Acceleration of the reference during the step", "m/s2", start="0"),
+)
+_OUTPUTS: Final = (
+    _output("position", "Commanded position x_v at the end of the step", "m", follows=("reference_position",)),
+    _output("velocity", "Commanded velocity at the end of the step", "m/s", follows=("reference_velocity",)),
+    _output(
+        "acceleration",
+        "Commanded acceleration, its mean over the last period",
+        "m/s2",
+        follows=("reference_acceleration",),
+    ),
+    _output("virtual_force", "Virtual force F_p of the last period, after its limit", "N", start="0"),
+    _output("log_level", "ln(xi / floor) after the filters; 0 while nothing is detected", "1", start="0"),
+    _output(
+        "status",
+        "Sum of the status flags of the last period",
+        kind="integer",
+        variability="discrete",
+        start="0",
+    ),
+)
+
 
 def variables(design: LawDesign) -> tuple[Variable, ...]:
     """Return the variables of a unit; the position of a variable is its value reference."""
-    time = Variable(name="time", about="Time of the simulation", place="m->time", causality="independent", unit="s")
-    return (time, *_inputs(), _number(design), *_outputs())
-
-
-def _inputs() -> tuple[Variable, ...]:
-    rows = (
-        ("reading", "Raw output of the sensor at the start of the step", _READING, "discrete"),
-        ("fresh", "Whether the reading arrived since the last step", "", "discrete"),
-        ("age", "Time since the reading was measured", "s", "discrete"),
-        ("contact_force", "Measured contact force on the robot along x; 0 without a force sensor", "N", "continuous"),
-        ("reference_position", "Reference x_d of the robot at the start of the step", "m", "continuous"),
-        ("reference_velocity", "Velocity of the reference at the start of the step", "m/s", "continuous"),
-        ("reference_acceleration", "Acceleration of the reference during the step", "m/s2", "continuous"),
-    )
-    return tuple(
-        Variable(
-            name=name,
-            about=about,
-            place=f"m->sample.{name}",
-            causality="input",
-            unit=unit,
-            kind="real" if unit else "boolean",
-            variability=variability,
-            start="0" if unit else "false",
-        )
-        for name, about, unit, variability in rows
-    )
+    return (_TIME, *_INPUTS, _number(design), *_OUTPUTS)
 
 
 def _number(design: LawDesign) -> Variable:
@@ -92,39 +116,14 @@ def _number(design: LawDesign) -> Variable:
     name, symbol, unit = ("drag", "phi", "N.s2") if design.is_drag else ("gain", "D_p", "N.s")
     value: float = getattr(design.controller.parameters().law, name)
     return Variable(
-        name=name,
-        about=f"{name.capitalize()} {symbol} of the law; values between 0 and that of the design are allowed",
-        place=f"m->parameters.law.{name}",
-        causality="parameter",
-        unit=unit,
+        "parameter",
+        name,
+        f"{name.capitalize()} {symbol} of the law; values between 0 and that of the design are allowed. "
+        f"{WEAKER_NUMBER.format(name=name)}",
+        unit,
         variability="fixed",
         start=repr(value),
         bounds=(min(value, 0.0), max(value, 0.0)),
-    )
-
-
-def _outputs() -> tuple[Variable, ...]:
-    rows = (
-        ("position", "Commanded position x_v at the end of the step", "m", "reference_position"),
-        ("velocity", "Commanded velocity at the end of the step", "m/s", "reference_velocity"),
-        ("acceleration", "Commanded acceleration, its mean over the last period", "m/s2", "reference_acceleration"),
-        ("virtual_force", "Virtual force F_p of the last period, after its limit", "N", ""),
-        ("log_level", "ln(xi / floor) after the filters; 0 while nothing is detected", "1", ""),
-        ("status", "Sum of the status flags of the last period", "", ""),
-    )
-    return tuple(
-        Variable(
-            name=name,
-            about=about,
-            place=f"m->out.{name}",
-            causality="output",
-            unit=unit,
-            kind="real" if unit else "integer",
-            variability="continuous" if unit else "discrete",
-            start="" if follows else "0",
-            follows=(follows,) if follows else (),
-        )
-        for name, about, unit, follows in rows
     )
 
 

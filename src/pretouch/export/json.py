@@ -3,49 +3,19 @@
 from __future__ import annotations
 
 import ctypes
-import os
 from collections.abc import Iterator
 from importlib.metadata import version
 from typing import Any, Final
 
-from pretouch._core.arguments import check_arguments
 from pretouch._core.files import as_json
-from pretouch.design import Task
 
 from .c import filled
-from .export import Export, export_files
 from .law_design import LawDesign
 from .law_source import structures
 from .vectors import cases_as_csv
 
 FORMAT: Final = "pretouch-law-1"
 """Version of the structure of `design.json`."""
-
-
-@check_arguments
-def export_json(
-    task: Task,
-    folder: str | os.PathLike[str],
-    *,
-    verify: bool = True,
-    date: str | None = None,
-    overwrite: bool = False,
-) -> Export:
-    """Write the control law of a task as parameters in JSON and difference equations for MATLAB and Octave.
-
-    The folder also has the test vectors of `export_c`, and a program that replays them.
-
-    Args:
-        task: the encounter with its sampled loop; the gain as for `verify_gain`.
-        folder: the new folder; it is complete or does not exist.
-        verify: whether to verify the gain first. Without it, the files say that the gain was not verified.
-        date: date of the verification as text, which the files state.
-        overwrite: whether an unchanged folder of an earlier export may be replaced.
-
-    Returns:
-        The result: what was written, or why nothing was written.
-    """
-    return export_files(task, folder, json_files, kind="JSON", verify=verify, date=date, overwrite=overwrite)
 
 
 def json_files(design: LawDesign) -> dict[str, str]:

@@ -16,6 +16,9 @@ from pretouch.verification.verify import chosen_gain
 
 from .vectors import Case, make_cases
 
+WEAKER_NUMBER: Final = "A weaker {name} makes contact harder, and the verification does not cover it."
+"""Warning for files that let their user weaken the gain or drag."""
+
 HOLDS: Final = (VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY)
 
 

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
 from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.arguments import check_arguments
 from pretouch._core.units import format_quantity
-from pretouch.design import Task
 from pretouch.simulation import ImpedancePlant
 
 from .c import c_files, filled
-from .export import Export, export_files
 from .law_design import LawDesign
 
 _FILLED: Final = (  # with numbers and texts of the design
@@ -39,33 +35,6 @@ _FIXED: Final = (  # the same for every design; .in hides Python files, which im
 )
 _CURVE_STEPS: Final = 1024
 _BELOW_FLOOR: Final = 1.0  # ln xi below the detection threshold at which the table of the sensor curve ends
-
-
-@check_arguments
-def export_ros2(
-    task: Task,
-    folder: str | os.PathLike[str],
-    *,
-    verify: bool = True,
-    date: str | None = None,
-    overwrite: bool = False,
-) -> Export:
-    """Write the control law of a task as a ROS 2 package, if the verification finds that its gain holds.
-
-    The package has a chainable controller for ros2_control (ROS 2 Jazzy and later) around the C source of the law, its
-    parameters with ranges, a mock robot with a launch file, and instructions.
-
-    Args:
-        task: the encounter with its sampled loop; the gain as for `verify_gain`.
-        folder: the new folder; it is complete or does not exist.
-        verify: whether to verify the gain first. Without it, the files say that the gain was not verified.
-        date: date of the verification as text, which the files state.
-        overwrite: whether an unchanged folder of an earlier export may be replaced.
-
-    Returns:
-        The result: what was written, or why nothing was written.
-    """
-    return export_files(task, folder, ros2_files, kind="ROS 2 package", verify=verify, date=date, overwrite=overwrite)
 
 
 def ros2_files(design: LawDesign) -> dict[str, str]:

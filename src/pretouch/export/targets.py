@@ -1,0 +1,87 @@
+"""Verify the control law of a task, and write it for one of several targets."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.files import refuse_input
+from pretouch.design import Task
+
+from .c import c_files
+from .export import Export
+from .fmu import fmu_files, fmu_kind
+from .folder import check_free, write_folder
+from .json import json_files
+from .law_design import LawDesign, law_design
+from .ros2 import ros2_files
+
+
+class _Target(NamedTuple):
+    """One target of exports.
+
+    Args:
+        kind: returns the name of the format.
+        files: returns the content of each file by its path in the folder.
+    """
+
+    kind: Callable[[], str]
+    files: Callable[[LawDesign], Mapping[str, str | bytes]]
+
+
+TARGETS: Final = {
+    "c": _Target(lambda: "C", c_files),
+    "fmu": _Target(fmu_kind, fmu_files),
+    "json": _Target(lambda: "JSON", json_files),
+    "ros2": _Target(lambda: "ROS 2 package", ros2_files),
+}
+"""The targets of exports by their names."""
+
+
+@check_arguments
+def export_law(
+    task: Task,
+    folder: str | os.PathLike[str],
+    target: str = "c",
+    *,
+    verify: bool = True,
+    date: str | None = None,
+    overwrite: bool = False,
+) -> Export:
+    """Verify the gain of a task, and write the control law for a robot if the gain holds.
+
+    Every folder contains the law, the constants of this design, test vectors from a simulation, a test that replays
+    them, and instructions.
+
+    Args:
+        task: the encounter with its sampled loop; the gain as for `verify_gain`.
+        folder: the new folder; it is complete or does not exist.
+        target: "c" for C99 source, which is the very source that simulations run; "json" for parameters and difference
+            equations for MATLAB, Octave and PLCs; "fmu" for co-simulation units, one for FMI 2.0 and one for FMI 3.0;
+            "ros2" for a package with a chainable controller for ros2_control (ROS 2 Jazzy and later).
+        verify: whether to verify the gain first. Without it, the files say that the gain was not verified.
+        date: date of the verification as text, which the files state.
+        overwrite: whether an unchanged folder of an earlier export may be replaced.
+
+    Returns:
+        The result: what was written, or why nothing was written.
+
+    Raises:
+        InvalidInputError: the target is unknown, the folder cannot be written, or the law has no C source.
+    """
+    if target not in TARGETS:
+        raise InvalidInputError(f"target: found {target!r}, expected one of {', '.join(TARGETS)}")
+    kind, make = TARGETS[target]
+    source: Any = task.source
+    refuse_input(folder, getattr(source, "inputs", ()))
+    check_free(folder, overwrite=overwrite)  # before the verification, which takes seconds
+    design = law_design(task, verify=verify, date=date)
+    files: tuple[Path, ...] = ()
+    if design.is_supported or not verify:
+        content = {name: text.encode() if isinstance(text, str) else text for name, text in make(design).items()}
+        files = write_folder(folder, content, overwrite=overwrite)
+    return Export(kind=kind(), folder=Path(folder), files=files, law=design.law_text, verdict=design.verdict)

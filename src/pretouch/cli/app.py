@@ -12,6 +12,7 @@ import typer
 
 from .export import export
 from .fit import fit
+from .project import project
 from .sweep import sweep
 from .terminal import guard_output
 from .verbs import design, pareto, reproduce, robust, simulate, verify
@@ -42,6 +43,7 @@ _EXAMPLES: Final[
         "export c loop.toml --unverified --output draft",
         "export.md",
     ),
+    project: ("project arm.xml", "project arm.xml --json", "robots.md"),
     reproduce: ("reproduce", "reproduce table-2 figure-4", "letter.md"),
 }
 

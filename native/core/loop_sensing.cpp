@@ -2,6 +2,8 @@
 
 #include "loop.hpp"
 
+#include <new>
+
 namespace pretouch {
 
 namespace {
@@ -129,3 +131,27 @@ bool Sensor::deliver(double t) {
 }
 
 }  // namespace pretouch
+
+// ---- the plain interface ----
+
+using namespace pretouch;
+
+int64_t pretouch_sensor_size(void) { return sizeof(Sensor); }
+
+void pretouch_sensor_start(void *sensor, const pretouch_chain *chain, const pretouch_curve *curve, uint64_t seed,
+                           int64_t run, pretouch_reading *waiting, int64_t room, double distance) {
+    Sensor *started = new (sensor) Sensor(*chain, *curve, mix(seed, static_cast<uint64_t>(run)), waiting, room);
+    if (started->next() <= INSTANT && chain->exposure <= 0.0) started->look_at_start(distance);
+}
+
+double pretouch_sensor_next(const void *sensor) { return static_cast<const Sensor *>(sensor)->next(); }
+
+void pretouch_sensor_look(void *sensor, double distance) { static_cast<Sensor *>(sensor)->look(distance); }
+
+int64_t pretouch_sensor_deliver(void *sensor, double t, double *reading, double *measured) {
+    Sensor *const own = static_cast<Sensor *>(sensor);
+    const bool fresh = own->deliver(t);
+    *reading = own->reading;
+    *measured = own->measured;
+    return fresh;
+}

@@ -218,41 +218,65 @@ def axis_motion(dynamics: PostureDynamics, hold: str, locked: Any = ()) -> AxisM
 
 def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMotion | None:
     """Return the motion along the axis while the joints hold the other directions, or None if that is impossible."""
-    u = dynamics.axis
-    across = np.linalg.svd(u[None])[2][1:]
-    lines = np.zeros((1, 6)) if hold == "axis" else np.zeros((3 if hold == "position" else 6, 6))
-    lines[0, :3] = u
-    if hold != "axis":
-        lines[1:3, :3] = across
-    if hold == "pose":
-        lines[3:, 3:] = np.eye(3)
-    rows = lines @ dynamics.own[:, kept]
     inertia = dynamics.inertia[np.ix_(kept, kept)]
-    # Rows in meters and in radians are made comparable by the mobility of each, and rows of zeros are left out.
-    root = np.linalg.cholesky(inertia)
-    whitened = np.linalg.solve(root, rows.T).T
-    sizes = np.linalg.norm(whitened, axis=1)
-    if not sizes[0] > 0:
+    solution = least_energy(held_rows(dynamics, hold)[:, kept], (0,), inertia)
+    if solution is None:
         return None
-    useful = sizes > _RANK * sizes.max()
-    scaled = whitened[useful] / sizes[useful, None]
-    left, values, right = np.linalg.svd(scaled, full_matrices=True)
-    rank = int((values > _RANK * values[0]).sum())
-    target = np.zeros(len(scaled))
-    target[0] = 1 / sizes[0]
-    part = left[:, :rank].T @ target
-    if np.linalg.norm(left[:, :rank] @ part - target) > _FEASIBLE * target[0]:
-        return None
-    motion = right[:rank].T @ (part / values[:rank])
-    joints, free = np.zeros(len(dynamics.inertia)), np.zeros((len(dynamics.inertia), len(kept) - rank))
-    joints[kept] = np.linalg.solve(root.T, motion)
-    free[kept] = np.linalg.solve(root.T, right[rank:].T)
-    moved = float(motion @ motion)
+    motion, others = solution
+    joints, free = np.zeros(len(dynamics.inertia)), np.zeros((len(dynamics.inertia), others.shape[1]))
+    joints[kept], free[kept] = motion[:, 0], others
+    moved = float(joints @ dynamics.inertia @ joints)
     return AxisMotion(
         hold=hold,
         joints=joints,
         free=free,
         moved_mass=moved,
-        recoil_share=float(1 - u @ dynamics.seen[:3] @ joints),
+        recoil_share=float(1 - dynamics.axis @ dynamics.seen[:3] @ joints),
         conditioning=float(np.sqrt(dynamics.lightest_mass / moved)),
     )
+
+
+def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
+    """Return the Jacobian of the axis, the first row, and of the directions that the joints hold, shape (k, n)."""
+    u = dynamics.axis
+    lines = np.zeros(({"axis": 1, "position": 3, "pose": 6}[hold], 6))
+    lines[0, :3] = u
+    if hold != "axis":
+        lines[1:3, :3] = np.linalg.svd(u[None])[2][1:]
+    if hold == "pose":
+        lines[3:, 3:] = np.eye(3)
+    held: FloatArray = lines @ dynamics.own
+    return held
+
+
+def least_energy(
+    rows: FloatArray, driven: tuple[int, ...], inertia: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Find the joint motions with the least kinetic energy that move one row of a Jacobian at a time.
+
+    Args:
+        rows: the Jacobian of all directions that move or are held, shape (k, n).
+        driven: indices of the rows that move, one motion for each.
+        inertia: the inertia of the joints, shape (n, n).
+
+    Returns:
+        The motions, shape (n, m), and a basis of the motions that move no row; None if the rows are in conflict.
+    """
+    # Rows in meters and in radians are made comparable by the mobility of each, and rows of zeros are left out.
+    root = np.linalg.cholesky(inertia)
+    whitened = np.linalg.solve(root, rows.T).T
+    sizes = np.linalg.norm(whitened, axis=1)
+    useful = sizes > _RANK * sizes.max()
+    if not useful[list(driven)].all():
+        return None
+    scaled = whitened[useful] / sizes[useful, None]
+    left, values, right = np.linalg.svd(scaled, full_matrices=True)
+    rank = int((values > _RANK * values[0]).sum())
+    targets = np.zeros((len(rows), len(driven)))
+    targets[list(driven), range(len(driven))] = 1 / sizes[list(driven)]
+    part = left[:, :rank].T @ targets[useful]
+    missed = np.linalg.norm(left[:, :rank] @ part - targets[useful], axis=0)
+    if np.any(missed > _FEASIBLE * targets.max(axis=0)):
+        return None
+    motions = np.linalg.solve(root.T, right[:rank].T @ (part / values[:rank, None]))
+    return motions, np.linalg.solve(root.T, right[rank:].T)

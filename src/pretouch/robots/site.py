@@ -72,7 +72,8 @@ class SensorSite(Value):
         if not isinstance(self.axis, str):
             return np.array(self.axis)
         index, sign = AXES[self.axis]
-        direction: FloatArray = sign * np.eye(3)[index]
+        direction = np.zeros(3)
+        direction[index] = sign
         return direction
 
 

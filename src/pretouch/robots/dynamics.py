@@ -13,6 +13,7 @@ Without a base, G is empty.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -142,6 +143,17 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
             "actuators: found an actuator with several controls or forces, expected actuators with one of each"
         )
     return Drivetrain(site, driven, tree[~moved], joints, rows)
+
+
+def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
+    """Return the degrees of freedom of several sites together, so that all sites have the same ones.
+
+    The fingers of a hand that is fixed to the world are separate kinematic trees in MuJoCo.
+    """
+    trees = list({int(d.driven[0]): d for d in drivetrains}.values())
+    together = [np.concatenate([getattr(d, name) for d in trees]) for name in ("driven", "base", "joints")]
+    rows = np.unique(np.concatenate([d.rows for d in trees]))
+    return tuple(Drivetrain(d.site, *together, rows) for d in drivetrains)
 
 
 def actuator_moment(model: Model, data: Data) -> FloatArray:

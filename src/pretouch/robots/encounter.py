@@ -19,7 +19,7 @@ from pretouch.simulation.result import whole
 from pretouch.simulation.sensing import SensorRun
 
 from .drives import Drives, drives_of
-from .dynamics import Drivetrain, drivetrain_of, posture_dynamics
+from .dynamics import Drivetrain, drivetrain_of, joined, posture_dynamics
 from .model import Data, Model, mujoco, site_index
 from .obstruction import refuse_covered_sensor
 from .reference import JointPath
@@ -54,6 +54,7 @@ def simulate_robot(
     contact_stiffness: float | None = None,
     horizon: float = HORIZON,
     follow_time: float = FOLLOW,
+    workers: int = 1,
 ) -> RobotSimulation:
     """Simulate encounters of a robot whose sensors run the sampled law, and compare them with the 1-D prediction.
 
@@ -69,13 +70,15 @@ def simulate_robot(
     Args:
         model: a `mujoco.MjModel` with robot and objects. Its time step has to divide the period of the controllers.
         data: its state at the start, with the velocities of the objects.
-        laws: the controllers, at most one per site, all of one robot and with one period.
+        laws: the controllers, at most one per site, all with one period. The sites may be on several robots.
         tracking: how the joints follow; computed torque by default.
         runs: number of runs, each with its own noise and phase of the sensors.
         seed: seed of the noise.
         contact_stiffness: stiffness of the contact [N/m] for the predicted impact force; None for no prediction.
         horizon: longest time to wait for the contact of all sites [s].
         follow_time: time to continue after the last contact [s].
+        workers: number of processes that share the runs. A program that uses more than one has to start its work under
+            `if __name__ == "__main__":`, because each process imports the program.
 
     Returns:
         Contacts and largest values of every site and run, next to their prediction.
@@ -87,7 +90,7 @@ def simulate_robot(
     scene = _Scene.of(model, data, laws, tracking=tracking or ComputedTorque(), **options)
     stiffness = None if contact_stiffness is None else positive(contact_stiffness, "contact_stiffness", "N/m")
     count, seed = whole(runs, "runs", 1, 10**7), whole(seed, "seed", 0, 2**64 - 1)
-    results = [_Run(scene, seed, run).finish() for run in range(count)]
+    results = _simulate(scene, seed, count, whole(workers, "workers", 1, 1024))
     predictions = tuple(
         tuple(None if c.detection is None else prediction_of(law, c.detection, stiffness) for c in contacts)
         for law, contacts in zip(laws, zip(*results, strict=True), strict=True)
@@ -99,6 +102,23 @@ def simulate_robot(
         warnings=scene.warnings,
         trace_of=_Tracer(scene, seed),
     )
+
+
+def _simulate(scene: _Scene, seed: int, runs: int, workers: int) -> list[tuple[SiteContact, ...]]:
+    """Simulate all runs, in several processes if there are several workers."""
+    if workers == 1:
+        return _simulate_part(scene, seed, range(runs))
+    from concurrent.futures import ProcessPoolExecutor  # noqa: PLC0415 - only for several workers
+    from multiprocessing import get_context  # noqa: PLC0415
+
+    parts = [range(first, runs, workers) for first in range(min(workers, runs))]
+    with ProcessPoolExecutor(len(parts), mp_context=get_context("spawn")) as pool:
+        finished = list(pool.map(_simulate_part, [scene] * len(parts), [seed] * len(parts), parts))
+    return [finished[run % len(parts)][run // len(parts)] for run in range(runs)]
+
+
+def _simulate_part(scene: _Scene, seed: int, runs: range) -> list[tuple[SiteContact, ...]]:
+    return [_Run(scene, seed, run).finish() for run in runs]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +146,7 @@ class _Scene:
     drivetrains: tuple[Drivetrain, ...]
     drives: Drives
     highest: FloatArray
+    path: JointPath
     steps: int
     period: float
     horizon: float
@@ -167,9 +188,7 @@ class _Scene:
         start.qpos[:], start.qvel[:] = data.qpos, data.qvel
         library.mj_forward(model, start)
         indices = [site_index(model, name) for name in names]
-        drivetrains = tuple(drivetrain_of(model, start, index) for index in indices)
-        if any(not np.array_equal(d.driven, drivetrains[0].driven) for d in drivetrains):
-            raise InvalidInputError("laws: the sites belong to different robots, expected one robot")
+        drivetrains = joined([drivetrain_of(model, start, index) for index in indices])
         tree = np.concatenate([drivetrains[0].driven, drivetrains[0].base])
         start.qvel[tree[: len(drivetrains[0].driven)]] = 0.0
         library.mj_forward(model, start)
@@ -187,6 +206,7 @@ class _Scene:
             drivetrains=drivetrains,
             drives=drives,
             highest=_largest_torques(drives),
+            path=JointPath(copied, start, drivetrains, [law.site for law in laws]),
             steps=steps,
             period=period,
             horizon=horizon,
@@ -248,7 +268,8 @@ class _Site:
         self.glance = self.sight.glance(data)
         self.distance, self.rate = self.glance.distance, math.nan
         self.detection: DetectedEncounter | None = None
-        self.target = (0.0, 0.0, 0.0, 0.0)  # position and velocity at the start and at the end of the period
+        # position and velocity of the reference, at the start and at the end of the period
+        self.target = (0.0, law.approach, 0.0, law.approach)
         self.time = self.speed = math.nan
         self.excursion = self.force = self.peak = self.impulse = 0.0
         self.mass = math.nan
@@ -262,9 +283,11 @@ class _Run:
         self.scene, self.rows = scene, rows
         self.data = library.MjData(scene.model)
         self.data.qpos[:], self.data.qvel[:] = scene.data.qpos, scene.data.qvel
+        self.path = scene.path.restart()
+        approach = np.array([law.approach for law in scene.laws])
+        self.data.qvel[scene.drivetrains[0].driven] = self.path.at(0 * approach, approach, 0 * approach).velocity
         library.mj_forward(scene.model, self.data)
         self.sites = [_Site(scene, i, self.data, seed, run) for i in range(len(scene.laws))]
-        self.path = JointPath(scene.model, self.data, scene.drivetrains, [law.site for law in scene.laws])
         self.places = np.asarray(scene.model.jnt_qposadr)[scene.drivetrains[0].joints]
         self.last_contact = math.nan
 
@@ -299,7 +322,10 @@ class _Run:
         """Pass the available reading to the controller of a site, which moves its reference over the period."""
         fresh = site.sensor.deliver(t)
         output = site.controller.step(
-            site.sensor.reading, fresh, max(t - site.sensor.measured, 0.0), contact_force=-site.force
+            *(site.sensor.reading, fresh, max(t - site.sensor.measured, 0.0)),
+            contact_force=-site.force,
+            reference_position=site.law.approach * t,
+            reference_velocity=site.law.approach,
         )
         if output.status & _DETECTING and site.detection is None and math.isfinite(site.distance):
             site.detection = self._detect(site, t)
@@ -375,15 +401,16 @@ class _Run:
     def _torques(self, at: float) -> FloatArray:
         """Return the torques of the tracking at a time within the period, within the limits of the drives."""
         scene, data, model = self.scene, self.data, self.scene.model
-        driven, base = scene.drivetrains[0].driven, scene.drivetrains[0].base
+        drivetrain = scene.drivetrains[0]
+        driven, base = drivetrain.driven, drivetrain.base
         motion = np.array([_cubic(site.target, scene.period, at) for site in self.sites])
         reference = self.path.at(*motion.T)
         mass, load = np.zeros((model.nv, model.nv)), np.array(data.qfrc_bias - data.qfrc_passive)
         mujoco().mj_fullM(model, data, mass)
-        inertia, force = mass[np.ix_(driven, driven)], load[driven]
+        inertia, force = mass[driven[:, None], driven], load[driven]
         if len(base):
-            across = mass[np.ix_(driven, base)]
-            both = np.linalg.solve(mass[np.ix_(base, base)], np.column_stack([across.T, load[base]]))
+            across = mass[driven[:, None], base]
+            both = np.linalg.solve(mass[base[:, None], base], np.column_stack([across.T, load[base]]))
             inertia, force = inertia - across @ both[:, :-1], force - across @ both[:, -1]
         state = JointState(
             np.array(data.qpos)[self.places],
@@ -405,7 +432,7 @@ class _Run:
             shift = -moved * ahead if math.isfinite(seen) and math.isfinite(moved) else 0.0
             site.sensor.look(max(seen + shift, 0.0) if math.isfinite(seen) else 2 * FARTHEST)
         if math.isnan(site.time):
-            site.excursion = max(site.excursion, abs(site.target[2]))
+            site.excursion = max(site.excursion, abs(site.target[2] - site.law.approach * now))
         site.force = self._contact_force(site)
         site.peak = max(site.peak, site.force)
         site.impulse += site.force * h

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -23,7 +24,8 @@ Data: TypeAlias = Any
 
 def mujoco() -> Any:
     """Import MuJoCo, or raise an error that says how to install it."""
-    return require("mujoco", extra="mujoco")
+    module = sys.modules.get("mujoco")  # a simulation asks at every step
+    return require("mujoco", extra="mujoco") if module is None else module
 
 
 def load_model(path: str | os.PathLike[str]) -> Model:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -57,7 +58,19 @@ class JointPath:
     """
 
     __slots__ = (
-        *("_axes", "_direction", "_drivetrains", "_holds", "_inside", "_joints", "_model", "_motions", "_places"),
+        *(
+            "_anchors",
+            "_axes",
+            "_direction",
+            "_first",
+            "_drivetrains",
+            "_holds",
+            "_inside",
+            "_joints",
+            "_model",
+            "_motions",
+            "_places",
+        ),
         *("_points", "_ranges", "_scratch", "_turn", "start"),
     )
 
@@ -91,6 +104,17 @@ class JointPath:
             )
         self._motions, self._points = solution, np.zeros(len(sites))
         self._turn, self._direction = np.zeros_like(solution), np.zeros(len(sites))
+        self._first = solution
+        self._anchors: dict[int | None, tuple[FloatArray, ...]] = {}
+        if len(sites) == 1:
+            self._anchors[0] = self._joints, solution, self._turn, self._direction, self._points
+
+    def restart(self) -> JointPath:
+        """Return to the start, and keep what is known about the path."""
+        self._joints = self._inside = self.start
+        self._motions, self._turn = self._first, np.zeros_like(self._first)
+        self._points, self._direction = np.zeros(self._first.shape[1]), np.zeros(self._first.shape[1])
+        return self
 
     @property
     def holds(self) -> tuple[str, ...]:
@@ -125,7 +149,7 @@ class JointPath:
             The reference, at rest in the last possible position if a joint would leave its range.
         """
         step = points - self._points
-        if float(step @ step) > _SPACING**2:
+        if float(step @ step) >= _SPACING**2:
             self._anchor(step)
             step = points - self._points
         along = float(step @ self._direction)
@@ -139,18 +163,33 @@ class JointPath:
         return JointReference(position, motions @ velocities, motions @ accelerations + turning @ velocities)
 
     def _anchor(self, step: FloatArray) -> None:
-        """Follow the path to new positions of the sites, by the midpoint rule."""
-        pieces = int(np.ceil(np.linalg.norm(step) / (2 * _SPACING)))
+        """Follow the path to new positions of the sites."""
+        if len(step) == 1:  # the path is a line, on which all runs have the same anchors
+            for _ in range(int(abs(step[0]) / _SPACING)):
+                if not self._follow(math.copysign(_SPACING, step[0]) * np.ones(1)):
+                    return
+            return
+        pieces = int(np.ceil(np.linalg.norm(step) / _SPACING))
         for _ in range(pieces):
-            part = step / pieces
+            if not self._follow(step / pieces):
+                return
+
+    def _follow(self, part: FloatArray) -> bool:
+        """Continue to the next anchor by the midpoint rule, and return whether that is possible."""
+        key = round(float(self._points[0] + part[0]) / _SPACING) if len(part) == 1 else None
+        anchor = self._anchors.get(key)
+        if anchor is None:
             middle = self._solve(self._parts(self._joints + self._motions @ part / 2))
             end = self._joints + (self._motions if middle is None else middle) @ part
             after = self._solve(self._parts(end))
             if middle is None or after is None:
-                return  # a singularity: the joint motion of the last anchor remains
+                return False  # a singularity: the joint motion of the last anchor remains
             length = float(np.linalg.norm(part))
-            self._turn, self._direction = (after - self._motions) / length, part / length
-            self._joints, self._motions, self._points = end, after, self._points + part
+            anchor = end, after, (after - self._motions) / length, part / length, self._points + part
+            if key is not None:
+                self._anchors[key] = anchor
+        self._joints, self._motions, self._turn, self._direction, self._points = anchor
+        return True
 
     def _parts(self, joints: FloatArray) -> list[PostureDynamics]:
         self._scratch.qpos[self._places] = joints

@@ -14,7 +14,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch._core.values import Value
 from pretouch.design.impact import SpringImpact
-from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Scenario, find_contact
+from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
 
 from .site_law import SiteLaw
 
@@ -197,6 +197,7 @@ def prediction_of(law: SiteLaw, detection: DetectedEncounter, stiffness: float |
             acceleration=d.acceleration,
         ),
         plant=Plant(position=share * d.position, velocity=share * d.velocity),
+        reference=Reference(position=share * law.approach * d.time, velocity=share * law.approach),
     )
     continuous: Any = law.controller.law.continuous
     number = law.controller.law.value

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.fields import check_types
+from pretouch._core.fields import check_declared, quantity
 from pretouch.control import Controller, VirtualDamper
 from pretouch.simulation import SensorChain
 
@@ -22,15 +22,18 @@ class SiteLaw:
         chain: the sensor chain; by default one reading per controller period, without noise and delay.
         one_sided: whether the law only acts while an object approaches. Otherwise, a robot with a two-sided law follows
             an object that recedes or leaves the beam, and may hit it at a high speed.
+        approach: velocity with which the task moves the reference of the site along its axis [m/s], positive toward
+            objects. The robot starts with this velocity.
     """
 
     site: SensorSite
     controller: Controller
     chain: SensorChain | None = None
     one_sided: bool = True
+    approach: float = quantity("m/s", 0.0)
 
     def __post_init__(self) -> None:
-        check_types(self)
+        check_declared(self)
         if self.site.sensor is None:
             raise InvalidInputError(f"site {self.site.name!r}: has no sensor curve; set one, such as sensor=curve")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +24,17 @@ def test_an_example_is_projected(path: Path) -> None:
     table = project_all(load_model(path))
     assert table.projections
     assert all(p.reflected_mass > 0 for _, p in table.projections)
+
+
+def test_the_programs_of_the_page_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(EXAMPLES.parents[1])
+    blocks = re.findall(r"```python\n(.*?)```", Path("docs/robots.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        exec(block, {})  # noqa: S102 - the page is ours
+    printed = capsys.readouterr().out
+    assert "D_p = -0.7463 N s" in printed
+    assert "sole" in printed
 
 
 def fallen_leg(speed: float):
@@ -72,11 +84,11 @@ def test_several_processes_give_the_same_runs() -> None:
 @pytest.mark.parametrize(
     ("change", "word"),
     [
-        (lambda m, law: [], "at least one"),
-        (lambda m, law: [law, law], "at most one"),
-        (lambda m, law: [replace(law, controller=replace(law.controller, period=1.5e-3))], "does not divide"),
-        (lambda m, law: [replace(law, site=SensorSite("thumb", CURVE))], "thumb"),
-        (lambda m, law: [replace(law, site=SensorSite("fingertip", CURVE, axis="+y"))], "cannot move"),
+        (lambda _: [], "at least one"),
+        (lambda law: [law, law], "at most one"),
+        (lambda law: [replace(law, controller=replace(law.controller, period=1.5e-3))], "does not divide"),
+        (lambda law: [replace(law, site=SensorSite("thumb", CURVE))], "thumb"),
+        (lambda law: [replace(law, site=SensorSite("fingertip", CURVE, axis="+y"))], "cannot move"),
     ],
     ids=["no law", "twice", "period", "site", "axis"],
 )
@@ -84,7 +96,7 @@ def test_laws_that_do_not_fit_the_model_are_refused(change, word: str) -> None:
     model, data = arm_with_ball("bent", 0.3)
     law = SiteLaw(site=SensorSite("fingertip", CURVE), controller=controller())
     with pytest.raises(InvalidInputError, match=word):
-        simulate_robot(model, data, change(model, law))
+        simulate_robot(model, data, change(law))
 
 
 def test_other_mistakes_are_refused() -> None:

@@ -151,9 +151,9 @@ def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
     The fingers of a hand that is fixed to the world are separate kinematic trees in MuJoCo.
     """
     trees = list({int(d.driven[0]): d for d in drivetrains}.values())
-    together = [np.concatenate([getattr(d, name) for d in trees]) for name in ("driven", "base", "joints")]
+    driven, base, joints = (np.concatenate([getattr(d, name) for d in trees]) for name in ("driven", "base", "joints"))
     rows = np.unique(np.concatenate([d.rows for d in trees]))
-    return tuple(Drivetrain(d.site, *together, rows) for d in drivetrains)
+    return tuple(Drivetrain(d.site, driven, base, joints, rows) for d in drivetrains)
 
 
 def actuator_moment(model: Model, data: Data) -> FloatArray:

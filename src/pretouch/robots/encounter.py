@@ -436,13 +436,15 @@ class _Run:
         site.force = self._contact_force(site)
         site.peak = max(site.peak, site.force)
         site.impulse += site.force * h
-        if math.isnan(site.time) and site.distance <= 0 < before:
-            part = before / (before - site.distance) if math.isfinite(before) else 1.0
+        if math.isnan(site.time) and (site.distance <= 0 < before or site.force > 0):
+            on_axis = site.distance <= 0 < before < math.inf
+            part = before / (before - site.distance) if on_axis else 1.0
             site.time = self.last_contact = now - (1 - part) * h
-            site.speed = (site.distance - before) / h
+            site.speed = (site.distance - before) / h if on_axis else site.rate
             dynamics = posture_dynamics(model, data, site.drivetrain, site.law.site.direction)
             obstacle = math.inf if site.detection is None else site.detection.obstacle_mass
             site.mass = 1 / (1 / dynamics.reflected_mass + 1 / obstacle)
+        site.rate = (site.distance - before) / h if math.isfinite(site.distance) and math.isfinite(before) else math.nan
 
     def _contact_force(self, site: _Site) -> float:
         """Return the force of all contacts of the body of a site along its axis [N], positive if it pushes back."""

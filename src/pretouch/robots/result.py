@@ -51,7 +51,7 @@ class SiteContact(Value):
     """What happened at one site in one run; NaN for what did not happen.
 
     Args:
-        time: time of the first contact [s].
+        time: time of the first contact of the body that carries the site [s], on the axis or beside it.
         relative_velocity: l' at this contact [m/s].
         peak_force: largest contact force on the body of the site along the axis [N].
         impulse: impulse of all contact forces [N s].

@@ -56,26 +56,15 @@ class Sight:
     """
 
     __slots__ = (
-        "_body",
-        "_cosines",
-        "_curve",
-        "_direction",
-        "_distances",
-        "_farthest",
-        "_geom",
-        "_geoms",
-        "_index",
-        "_model",
-        "_normal",
-        "_normals",
-        "_own",
-        "_rays",
+        *("_body", "_cosines", "_curve", "_direction", "_distances", "_farthest", "_first_slope"),
+        *("_geom", "_geoms", "_index", "_model", "_normal", "_normals", "_own", "_rays"),
     )
 
     def __init__(self, model: Model, site: SensorSite, index: int, curve: SensorModel, farthest: float) -> None:
         self._model, self._index, self._curve = model, index, curve
         self._farthest = min(farthest, curve.valid_range[1])
         self._direction = site.direction
+        self._first_slope = float(curve.log_slope(curve.valid_range[0]))
         self._body = int(model.site_bodyid[index])
         self._rays = _beam(site.direction, site.field_of_view / 2)
         self._cosines = self._rays @ site.direction
@@ -137,11 +126,13 @@ class Sight:
         if not near.any():
             return math.inf
         low = self._curve.valid_range[0]
-        distances, facing = np.maximum(distances[near], low), facing[near]
-        logs = np.asarray(self._curve.log_output(distances))
+        distances, facing = distances[near], facing[near]
+        # A tilted surface may be nearer than the contact surface beside the axis; there, the curve continues straight.
+        inside = np.maximum(distances, low)
+        logs = np.asarray(self._curve.log_output(inside)) + self._first_slope * (distances - inside)
         level = float(logs.max())
         target = level + math.log(float(np.exp(logs - level) @ facing) / float(self._cosines.sum()))
-        return self._invert(target, float(distances.min()), low)
+        return self._invert(target, max(float(distances.min()), low), low)
 
     def _invert(self, target: float, start: float, low: float) -> float:
         """Find the distance at which the curve has a log output, by Newton's method from a nearer distance."""

@@ -115,6 +115,11 @@ struct Wave {
 // The sensor in one run: exposures that become readings, and readings in transit to the controller.
 class Sensor {
 public:
+    // A run with a key of random numbers, and with the distance at the start.
+    Sensor(const pretouch_chain &chain, const pretouch_curve &curve, uint64_t key, pretouch_reading *waiting,
+           int64_t room, double distance);
+
+    // The run of a loop with an index.
     Sensor(const pretouch_loop &loop, int64_t index, pretouch_reading *waiting, int64_t room);
 
     static void *operator new(size_t, void *place) { return place; }

@@ -36,16 +36,20 @@ double log_output(const pretouch_curve &curve, double distance) {
 
 }  // namespace
 
-Sensor::Sensor(const pretouch_loop &loop, int64_t index, pretouch_reading *waiting_, int64_t room)
-    : chain(loop.chain), curve(loop.curves[loop.curve_of[index]]),
-      key(mix(loop.seed, static_cast<uint64_t>(loop.draws[index]))), waiting(waiting_),
-      mask(static_cast<uint64_t>(room) - 1), nodes(chain.exposure > 0.0 ? 3 : 1) {
+Sensor::Sensor(const pretouch_chain &chain_, const pretouch_curve &curve_, uint64_t key_, pretouch_reading *waiting_,
+               int64_t room, double distance)
+    : chain(chain_), curve(curve_), key(key_), waiting(waiting_), mask(static_cast<uint64_t>(room) - 1),
+      nodes(chain_.exposure > 0.0 ? 3 : 1) {
     if (chain.misfit > 0.0) draw_misfit();
     start = start_of(0);
     instant = start + chain.exposure * INNER;
-    const pretouch_scene &scene = loop.scenes[index];
-    if (instant <= INSTANT && chain.exposure <= 0.0) look_at_start(scene.xo - scene.x);
+    if (instant <= INSTANT && chain.exposure <= 0.0) look_at_start(distance);
 }
+
+Sensor::Sensor(const pretouch_loop &loop, int64_t index, pretouch_reading *waiting_, int64_t room)
+    : Sensor(loop.chain, loop.curves[loop.curve_of[index]],
+             mix(loop.seed, static_cast<uint64_t>(loop.draws[index])), waiting_, room,
+             loop.scenes[index].xo - loop.scenes[index].x) {}
 
 // Wave numbers of the normal distribution and phases of the uniform one make a random function with the covariance
 // misfit^2 exp(-d^2 / (2 misfit_length^2)) (A. Rahimi, B. Recht, NIPS 2007).
@@ -152,3 +156,26 @@ int32_t deliver_reading(void *sensor, double t, double *reading, double *measure
 }
 
 }  // namespace pretouch
+
+// ---- the plain interface ----
+
+using namespace pretouch;
+
+int64_t pretouch_sensor_size(void) { return sizeof(Sensor); }
+
+void pretouch_sensor_start(void *sensor, const pretouch_chain *chain, const pretouch_curve *curve, uint64_t seed,
+                           int64_t run, pretouch_reading *waiting, int64_t room, double distance) {
+    new (sensor) Sensor(*chain, *curve, mix(seed, static_cast<uint64_t>(run)), waiting, room, distance);
+}
+
+double pretouch_sensor_next(const void *sensor) { return static_cast<const Sensor *>(sensor)->next(); }
+
+void pretouch_sensor_look(void *sensor, double distance) { static_cast<Sensor *>(sensor)->look(distance); }
+
+int64_t pretouch_sensor_deliver(void *sensor, double t, double *reading, double *measured) {
+    Sensor *const own = static_cast<Sensor *>(sensor);
+    const bool fresh = own->deliver(t);
+    *reading = own->reading;
+    *measured = own->measured;
+    return fresh;
+}

@@ -260,6 +260,17 @@ PRETOUCH_API void pretouch_run_law(pretouch_law_step *step, const void *paramete
  * drive [s]. inverse_mass: 1 / the reduced mass of both bodies. */
 PRETOUCH_API double pretouch_contact_step(const pretouch_contact *contact, double inverse_mass, double speed);
 PRETOUCH_API double pretouch_elastic_duration(const pretouch_contact *contact, double inverse_mass, double speed);
+/* The sensor chain of one run by itself, for robots that are simulated elsewhere. `sensor`: this many bytes of the caller,
+ * aligned to 8; chain, curve and waiting (a power of two of rows) must live as long. A sensor starts at a distance [m] at
+ * t = 0, is shown the distance at each instant that it asks for, and delivers the newest reading until a time: 1 if
+ * there is a new one; reading and measured (when it was taken [s]) keep the last one otherwise. */
+PRETOUCH_API int64_t pretouch_sensor_size(void);
+PRETOUCH_API void pretouch_sensor_start(void *sensor, const pretouch_chain *chain, const pretouch_curve *curve,
+                                        uint64_t seed, int64_t run, pretouch_reading *waiting, int64_t room,
+                                        double distance);
+PRETOUCH_API double pretouch_sensor_next(const void *sensor);
+PRETOUCH_API void pretouch_sensor_look(void *sensor, double distance);
+PRETOUCH_API int64_t pretouch_sensor_deliver(void *sensor, double t, double *reading, double *measured);
 /* The cubic through both ends of a step, by slopes over the whole step: its value and, into `slope`, its slope at s. */
 PRETOUCH_API double pretouch_cubic(double start, double start_slope, double end, double end_slope, double s,
                                    double *slope);

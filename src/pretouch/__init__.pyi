@@ -7,6 +7,7 @@ from . import letter as letter
 from . import motion as motion
 from . import plots as plots
 from . import report as report
+from . import robots as robots
 from . import robust as robust
 from . import simulation as simulation
 from ._core.errors import PretouchError as PretouchError

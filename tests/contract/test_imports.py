@@ -23,7 +23,18 @@ HEAVY = {"scipy", "matplotlib", "pydantic", "typer", *EXTRA}
 
 @pytest.mark.parametrize(
     "folder",
-    ["", ".sensors", ".control", ".motion", ".design", ".simulation", ".sweeps", ".verification", ".recording"],
+    [
+        "",
+        ".sensors",
+        ".control",
+        ".motion",
+        ".design",
+        ".simulation",
+        ".robots",
+        ".sweeps",
+        ".verification",
+        ".recording",
+    ],
 )
 def test_importing_loads_nothing_heavy(folder: str) -> None:
     code = f"import sys, pretouch{folder}; print(*sys.modules)"
@@ -130,7 +141,7 @@ def test_a_room_can_be_imported_by_the_name_that_the_docs_write(code: str) -> No
     command = [sys.executable, "-W", "error", "-c", "\n".join(lines)]
     answer = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (answer.stdout.split(), answer.stderr) == (["True"] * 2 * len(ROOMS), "")
-    assert len(ROOMS) == 11
+    assert len(ROOMS) == 12
 
 
 @pytest.mark.parametrize("name", ["Admittance", "nonsense", "errors.nonsense", "plots.motion"])

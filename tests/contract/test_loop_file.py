@@ -14,6 +14,7 @@ import pytest
 
 import pretouch as pt
 from pretouch.config import load_scenario
+from pretouch.config.robot_section import ROBOT_MODEL
 from pretouch.config.schema import keys_of
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
 from pretouch.simulation import (
@@ -173,7 +174,7 @@ def test_the_texts_above_have_every_key():
     """Those that other variants take are tested below."""
     others = {
         "controller": {"rate"},
-        "robot": {"bandwidth", "viscous_friction", "damping_ratio"},
+        "robot": {"bandwidth", "viscous_friction", "damping_ratio", *ROBOT_MODEL.keys},  # the model: test_robot_task
         "contact": {"damping"},
     }
     for name, text in ALL_OF.items():

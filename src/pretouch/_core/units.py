@@ -45,6 +45,7 @@ _PLAIN: Final[dict[str, Unit]] = {
     "in": Unit(0.0254, (1, 0, 0, 0, 0)),
     "inch": Unit(0.0254, (1, 0, 0, 0, 0)),
     "rad": Unit(1.0, _NONE),
+    "deg": Unit(math.pi / 180, _NONE),
     "%": Unit(0.01, _NONE),
     "count": Unit(1.0, (0, 0, 0, 0, 1)),
     "counts": Unit(1.0, (0, 0, 0, 0, 1)),

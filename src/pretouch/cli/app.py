@@ -12,6 +12,7 @@ import typer
 
 from .export import export
 from .fit import fit
+from .project import project
 from .record import record
 from .replay import replay
 from .sweep import sweep
@@ -54,6 +55,7 @@ _EXAMPLES: Final[
         'replay loop.toml approaches.csv --topic reading --reference "distance" --calibration pairs.csv',
         "what-did-my-sensor-see.md",
     ),
+    project: ("project arm.xml", "project arm.xml --json", "robots.md"),
     reproduce: ("reproduce", "reproduce table-2 figure-4", "letter.md"),
 }
 

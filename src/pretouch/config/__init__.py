@@ -30,12 +30,16 @@ from pretouch.uncertainty.reservations import recess_advice
 from .document import read_document
 from .quantities import KeyPath
 from .reading import Reading, ScenarioSource, split_message
+from .robot import project_robot
+from .robot_section import has_model
 from .robust import robust_fields
 from .schema import FREE, LOOP_SECTIONS, OBJECTIVE_VARIANTS, OPTIONS
 from .sensor import CALIBRATION, FROM_SURFACE, FitRequest, fit_sensor_of, read_no_object, read_output
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
+    from pretouch.design.impact import ImpactModel
+    from pretouch.robots import Projection
 
 __all__ = ["CalibrationPlan", "ScenarioSource", "load_calibration_plan", "load_scenario"]
 
@@ -154,18 +158,20 @@ def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
 def _task(builder: _Builder) -> Task | None:
     """Build the task that a scenario file describes; return None if the file contains mistakes."""
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
-    options = {"impact": builder.make("impact"), **builder.freedom(), **builder.settings("motion")}
+    options = {**builder.freedom(), **builder.settings("motion")}
     options |= {section: builder.options(section) for section in OPTIONS}
     builder.needs_impact_of_quantities()
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
         return None  # with mistakes, a fit would be wasted time
+    projection = project_robot(builder)
+    options["impact"] = builder.impact(projection)
     sensor, calibration = builder.sensor()
     builder.check_frequencies(scenario)
     if sensor is not None and scenario is not None:
         builder.check_slope(sensor)
         builder.check_range(sensor, scenario, calibration)
     options |= robust_fields(builder, scenario, sensor, calibration, constraints)
-    has_loop = any(name in builder.data for name in LOOP_SECTIONS)
+    has_loop = any(name in builder.data for name in LOOP_SECTIONS if name != "robot" or not has_model(builder.data))
     if has_loop:
         from .loop import loop_fields  # noqa: PLC0415 - the simulation, only for a file with a loop
 
@@ -181,7 +187,8 @@ def _task(builder: _Builder) -> Task | None:
         low, high = builder.sections["gain"][1]["bounds"]
         options["bounds"] = (low, high)
     source = replace(builder.source, supported=_supported(sensor, calibration))
-    return Task(scenario, sensor, objective, **options, calibration=calibration, source=source)
+    task = Task(scenario, sensor, objective, **options, calibration=calibration, source=source)
+    return task if projection is None else builder.attempt("robot", lambda: projection.apply(task))
 
 
 def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
@@ -286,6 +293,19 @@ class _Builder(Reading):
         for name in limits:
             self._needs_impact(CONSTRAINT_NAMES[name], ("constraints", name))
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
+
+    def impact(self, projection: Projection | None) -> ImpactModel | None:
+        """Build the impact model; without a mass in the file, the robot has the reflected mass of its model."""
+        values = self.values("impact")
+        if values is None:
+            return None
+        variant, name = self.sections["impact"][0], "robot_mass"
+        if name not in values and projection is None:
+            if not has_model(self.data):  # otherwise, the model has a mistake
+                self.refuse(("impact", name), variant.keys[name].missing(name))
+            return None
+        masses = {} if projection is None else {name: projection.reflected_mass}
+        return self.attempt("impact", lambda: variant.make(**masses | values))  # type: ignore[misc]
 
     def needs_impact_of_quantities(self) -> None:
         """Report a mistake if a Pareto front needs the impact force but the section [impact] is missing."""

@@ -23,6 +23,7 @@ from pretouch.simulation import (
 
 from .controller import make_controller, refuse_curve_below_floor
 from .output_units import refuse_mixed_units
+from .robot_section import has_model
 from .schema import FREE, LOOP_SECTIONS
 from .section import one_of
 from .sensor import CALIBRATION
@@ -85,7 +86,7 @@ def _refuse_missing_sections(file: Reading) -> None:
 
 def _plant(file: Reading) -> PlantModel | None:
     """Build the robot model of the sampled loop; return None if its section of the file contains mistakes."""
-    if "robot" not in file.data:
+    if "robot" not in file.data or has_model(file.data):
         return IdealPlant()
     plant: PlantModel | None = file.make("robot")
     # computing the coefficients checks that the values fit together
@@ -95,6 +96,7 @@ def _plant(file: Reading) -> PlantModel | None:
 def _contact(file: Reading) -> ContactModel | None:
     """Build the contact model; return None if the section [contact] is missing or contains mistakes."""
     robot = file.data.get("robot", {} if "robot" in file.meant else {"kind": "ideal"})
+    robot = {"kind": "ideal"} if has_model(file.data) else robot
     if "contact" in file.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
         file.refuse(
             ("contact",),

@@ -14,6 +14,7 @@ from pretouch.simulation.chain import SensorChain
 from pretouch.simulation.robot import PLANT_KINDS, HuntCrossley, SpringDamper
 
 from .quantities import Quantity, UnfitValueError
+from .robot_section import MODEL, ROBOT_MODEL
 from .section import (
     EFFECTS,
     REQUIRED,
@@ -167,7 +168,10 @@ LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
     "chain": {"": _CHAIN},
     "controller": ByLaw(_controller),
     "law": _LAW,
-    "robot": {kind: described_section(plant) for kind, plant in PLANT_KINDS.built_in().items()},
+    "robot": {
+        MODEL: ROBOT_MODEL,
+        **{kind: described_section(plant) for kind, plant in PLANT_KINDS.built_in().items()},
+    },
     "contact": {
         HuntCrossley.kind: Section(
             {

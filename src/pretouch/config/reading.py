@@ -14,6 +14,7 @@ from pretouch.motion.laws import DAMPER, LAW_KINDS
 
 from .key_lines import key_lines
 from .quantities import KeyPath, UnfitValueError, shown
+from .robot_section import MODEL
 from .schema import OF_A_LAW, SECTIONS, extensions_of, keys_of, needed, variants
 from .section import Section, nearest, one_of
 from .sensor import CALIBRATION, sensor_variants
@@ -56,6 +57,7 @@ class ScenarioSource:
         sha256: hash of its bytes, in hexadecimal.
         supported: sentence on the distances that the sensor's calibration supports; empty without a calibration.
         calibration_files: the files that were read for the calibration of the sensor.
+        model_files: the file of the robot model, if there is one.
     """
 
     path: Path
@@ -63,11 +65,12 @@ class ScenarioSource:
     sha256: str
     supported: str = field(default="", repr=False)
     calibration_files: tuple[Path, ...] = field(default=(), repr=False)
+    model_files: tuple[Path, ...] = field(default=(), repr=False)
 
     @property
     def inputs(self) -> tuple[Path, ...]:
         """All files from which the task was read; pretouch refuses to overwrite these files."""
-        return (self.path, *self.calibration_files)
+        return (self.path, *self.calibration_files, *self.model_files)
 
     @property
     def lines(self) -> Mapping[KeyPath, int]:
@@ -150,6 +153,12 @@ _BY_KEYS: Final = {
 }
 _TAGS: Final = {"sensor": "model", "objective": "kind", "robot": "kind", "contact": "kind", "law": "kind"}
 """The key that selects the variant of a section."""
+
+_OTHER_TAGS: Final = {
+    "sensor": (("model", CALIBRATION), ', or calibration = "sensor.csv"'),
+    "robot": (("kind", MODEL), ', or model = "arm.xml"'),
+}
+"""Keys that select the variant of a section, if there are several, with a hint about the others."""
 
 
 class Reading:
@@ -268,6 +277,10 @@ def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mista
         calibrated = curves.pop(CALIBRATION)
         return calibrated if CALIBRATION in content else _named_variant(name, content, curves)
     choices = variants(name)
+    if name == "robot":
+        choices = dict(choices)
+        modeled = choices.pop(MODEL)
+        return modeled if MODEL in content else _named_variant(name, content, choices)
     if name in _TAGS:
         return _named_variant(name, content, choices)
     if name in _BY_KEYS:
@@ -278,7 +291,7 @@ def _variant(name: str, content: Mapping[str, Any], law: str) -> Section | Mista
 
 def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[str, Section]) -> Section | Mistake:
     """Choose the variant of a section of the scenario file by a key such as `kind`."""
-    names = tuple(name for name in variants(section) if name != CALIBRATION)
+    names = tuple(name for name in variants(section) if name not in {CALIBRATION, MODEL})
     key = _TAGS[section]
     if key in content:
         value = content[key]
@@ -295,7 +308,7 @@ def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[st
                 return make(extension)
             names = kinds.names()
         return (section, key), f"found {shown(value)}, {one_of(value, names)}"
-    keys, alternative = ((key, CALIBRATION), ', or calibration = "sensor.csv"') if section == "sensor" else ((key,), "")
+    keys, alternative = _OTHER_TAGS.get(section, ((key,), ""))
     for unknown in content:
         near = nearest(unknown, keys) if unknown not in keys_of(section) else None
         if near:
@@ -338,8 +351,7 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
         return f'this key belongs to the law "{owners[0]}", but the scenario file uses another law; expected {instead}'
     if name in _TAGS:
         quoted = " and ".join(f'"{owner}"' for owner in owners)
-        return (
-            f'this key belongs to {quoted}, but this section has the kind "{content[_TAGS[name]]}"; '
-            f"the allowed keys are {takes}"
-        )
+        tag = _TAGS[name]
+        variant = f'has the kind "{content[tag]}"' if tag in content else f"names a {MODEL}"
+        return f"this key belongs to {quoted}, but this section {variant}; the allowed keys are {takes}"
     return f"found together with {', '.join(k for k in content if k != key)}, expected only {takes}"

@@ -141,10 +141,13 @@ def _check_order(*keys: str, unit: str = "", what: str = "the lower first") -> C
 
 
 _MASSES: Final = {
-    "robot_mass": Key(Quantity("kg", '"4 kg"', "positive"), REQUIRED),
+    "robot_mass": Key(Quantity("kg", '"4 kg"', "positive")),
     "obstacle_mass": Key(Quantity("kg", '"inf"', "positive", infinite=True), math.inf),
 }
-"""The colliding masses; that of the robot is its physical reflected mass, not the mass of the admittance."""
+"""The colliding masses; that of the robot is its physical reflected mass, not the mass of the admittance.
+
+The mass of the robot is required unless [robot] names a model.
+"""
 
 _SPRING: Final = {**_MASSES, "stiffness": Key(Quantity("N/m", '"10 kN/m"', "positive"), REQUIRED)}
 _HERTZ: Final = {

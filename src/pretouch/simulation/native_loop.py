@@ -167,15 +167,14 @@ def run_loop(
         np.full((course_rows, len(COURSE_COLUMNS)), np.nan),
     )
     native, python_step = _to_native(loop, which, outputs)
-    chain = native.chain  # the number of undelivered readings, rounded up to a power of two
-    waiting = int((chain.delay + _JITTERS * chain.jitter + chain.exposure + native.period) * chain.rate) + 8
-    buffer_size = 1 << (waiting - 1).bit_length()
 
     def run(first: int, last: int) -> None:
-        states, readings = np.zeros(_LANES * native.laws.state_size // 8), np.empty((_LANES * buffer_size, _READING))
+        states = np.zeros(_LANES * native.laws.state_size // 8)
+        one = waiting_readings(loop.chain, native.period)
+        readings = np.empty((_LANES * len(one), one.shape[1]))
         for start in range(first, last, _AT_ONCE):
             indices = np.arange(start, min(start + _AT_ONCE, last))
-            _run(byref(native), address(indices, _INDEX), len(indices), address(states), address(readings), buffer_size)
+            _run(byref(native), address(indices, _INDEX), len(indices), address(states), address(readings), len(one))
             if python_step is not None and python_step.raised is not None:
                 raise python_step.raised
 
@@ -184,6 +183,28 @@ def run_loop(
     else:  # with a law in Python, threads would wait for each other at every step
         run(0, len(which))
     return outputs
+
+
+def waiting_readings(chain: SensorChain, period: float) -> FloatArray:
+    """Return memory for all readings that may wait for delivery between two controller steps."""
+    # The number of rows is a power of two.
+    waiting = int((chain.delay + _JITTERS * chain.jitter + chain.exposure + period) * chain.rate) + 8
+    return np.empty((1 << (waiting - 1).bit_length(), _READING))
+
+
+def chain_structure(chain: SensorChain) -> ctypes.Structure:
+    """Return a sensor chain as a structure of the compiled simulation."""
+    return _Chain(*chain.numbers())
+
+
+def curve_structure(sensor: SensorModel, farthest: float) -> tuple[ctypes.Structure, FloatArray]:
+    """Return a sensor curve as a structure of the compiled simulation, and its table, which has to live as long.
+
+    Beyond `farthest` [m], the output is 0.
+    """
+    low, high = sensor.valid_range
+    table, start, step = _curve_table(sensor, farthest + low)
+    return _Curve(address(table), len(table), start, step, min(high, farthest)), table
 
 
 def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> tuple[_Loop, _PythonStep | None]:

@@ -1,0 +1,33 @@
+"""Project a robot model in MuJoCo to the axis of a sensor, so that a gain can be designed for the robot."""
+
+from .drives import AxisLimits
+from .encounter import simulate_robot
+from .model import load_model, make_data
+from .path import Excursion
+from .projection import Projection, project
+from .result import RobotSimulation, RobotTrace, SiteContact
+from .site import SensorSite
+from .site_law import SiteLaw
+from .table import ProjectionTable, project_all
+from .tracking import ComputedTorque, OperationalSpace, PositionControl, Tracking
+
+__all__ = [
+    "AxisLimits",
+    "ComputedTorque",
+    "Excursion",
+    "OperationalSpace",
+    "PositionControl",
+    "Projection",
+    "ProjectionTable",
+    "RobotSimulation",
+    "RobotTrace",
+    "SensorSite",
+    "SiteContact",
+    "SiteLaw",
+    "Tracking",
+    "load_model",
+    "make_data",
+    "project",
+    "project_all",
+    "simulate_robot",
+]

@@ -1,0 +1,222 @@
+"""Compute acceleration, speed and force along an axis that the drives of a robot allow, as linear programs.
+
+The unknowns are the motion or force along the axis, the joint motion in the null space of what the joints hold, and the
+forces and controls of the actuators.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
+
+from .dynamics import AxisMotion, Drivetrain, PostureDynamics, actuator_moment
+from .model import Data, Model, mujoco
+
+_OPTIMAL: Final = 0  # status of linprog
+_ENDLESS: Final = 1e6  # m/s^2, m/s or N: no robot reaches as much, so that it counts as no limit
+
+
+@dataclass(frozen=True, slots=True)
+class AxisLimits(Value):
+    """The largest magnitudes of a quantity in both directions of an axis.
+
+    Args:
+        ahead: toward objects; infinite without a limit.
+        back: away from objects; infinite without a limit.
+    """
+
+    ahead: float
+    back: float
+
+    @property
+    def least(self) -> float:
+        """The smaller one of both magnitudes."""
+        return min(self.ahead, self.back)
+
+
+@dataclass(frozen=True, slots=True)
+class Drives:
+    """The actuators of a robot at rest in a posture, reduced to joint torques.
+
+    The force of an actuator output is gain * control + constant - damping * (velocity of the actuator).
+
+    Args:
+        moment: joint torques per actuator force, shape (rows, n).
+        lowest: smallest forces [N or N m], shape (rows,).
+        highest: largest forces, shape (rows,).
+        gain: force per control, shape (rows,); 0 for a force that does not depend on its control in a known way.
+        constant: force at rest without control, shape (rows,).
+        damping: loss of force per velocity of the actuator, shape (rows,).
+        controls: smallest and largest control, shape (rows, 2).
+        torques: smallest and largest torque of all actuators at each joint, shape (n, 2).
+        load: torques that hold the robot at rest against gravity and springs, shape (n,).
+        friction: viscous damping of the joints, shape (n, n).
+        speeds: largest joint speeds, shape (n,).
+    """
+
+    moment: FloatArray
+    lowest: FloatArray
+    highest: FloatArray
+    gain: FloatArray
+    constant: FloatArray
+    damping: FloatArray
+    controls: FloatArray
+    torques: FloatArray
+    load: FloatArray
+    friction: FloatArray
+    speeds: FloatArray
+
+    @property
+    def has_force_limits(self) -> bool:
+        """Whether the model limits the force of every actuator."""
+        by_control = (self.gain != 0) & np.isfinite(self.controls).all(axis=1)
+        by_force = np.isfinite(self.lowest) & np.isfinite(self.highest)
+        by_torque = np.isfinite(self.torques).all()
+        return bool((by_control | by_force).all() or by_torque)
+
+
+def drives_of(model: Model, data: Data, drivetrain: Drivetrain, speeds: FloatArray) -> Drives:
+    """Read the limits of the actuators of a robot and the load in a posture at rest.
+
+    Args:
+        model: the model.
+        data: its state at rest, after `mj_forward`.
+        drivetrain: its degrees of freedom.
+        speeds: largest speeds of the driven joints [rad/s or m/s], shape (n,); infinite for none.
+
+    Returns:
+        The drives. In free fall, gravity accelerates base and joints alike and loads no joint.
+    """
+    rows, joints, driven, base = drivetrain.rows, drivetrain.joints, drivetrain.driven, drivetrain.base
+    library, moment = mujoco(), actuator_moment(model, data)[np.ix_(drivetrain.rows, drivetrain.driven)]
+    limited = np.asarray(model.actuator_forcelimited).astype(bool)[rows]
+    forces = np.where(limited[:, None], np.asarray(model.actuator_forcerange)[rows], (-math.inf, math.inf))
+    gain_of, bias_of = np.asarray(model.actuator_gainprm)[rows], np.asarray(model.actuator_biasprm)[rows]
+    kinds, biases = np.asarray(model.actuator_gaintype)[rows], np.asarray(model.actuator_biastype)[rows]
+    length, gains, bias_kinds = np.array(data.actuator_length)[rows], library.mjtGain, library.mjtBias
+    affine_gain, affine_bias = kinds == int(gains.mjGAIN_AFFINE), biases == int(bias_kinds.mjBIAS_AFFINE)
+    known = (affine_gain | (kinds == int(gains.mjGAIN_FIXED))) & (affine_bias | (biases == int(bias_kinds.mjBIAS_NONE)))
+    gain = np.where(known, gain_of[:, 0] + np.where(affine_gain, gain_of[:, 1] * length, 0.0), 0.0)
+    bias = np.where(affine_bias & known, bias_of[:, 0] + bias_of[:, 1] * length, 0.0)
+    torque_limited = np.asarray(model.jnt_actfrclimited).astype(bool)[joints]
+    torques = np.where(torque_limited[:, None], np.asarray(model.jnt_actfrcrange)[joints], (-math.inf, math.inf))
+    force = np.array(data.qfrc_bias - data.qfrc_passive)
+    load = force[driven]
+    if len(base):
+        mass = np.zeros((model.nv, model.nv))
+        library.mj_fullM(model, data, mass)
+        load = load - mass[np.ix_(driven, base)] @ np.linalg.solve(mass[np.ix_(base, base)], force[base])
+    return Drives(
+        moment=moment,
+        lowest=forces[:, 0],
+        highest=forces[:, 1],
+        gain=gain,
+        constant=bias,
+        damping=np.where(affine_bias & known, -bias_of[:, 2], 0.0),
+        controls=_controls(model, rows, known),
+        torques=torques,
+        load=load,
+        friction=np.diag(np.asarray(model.dof_damping)[driven]),
+        speeds=speeds,
+    )
+
+
+def _controls(model: Model, rows: Any, known: Any) -> FloatArray:
+    """Return the ranges of the actuators' controls, or of their activations if an actuator integrates its control."""
+    integrates = np.asarray(model.actuator_dyntype)[rows] == int(mujoco().mjtDyn.mjDYN_INTEGRATOR)
+    limited = np.where(
+        integrates, np.asarray(model.actuator_actlimited)[rows], np.asarray(model.actuator_ctrllimited)[rows]
+    ).astype(bool)
+    ranges = np.where(
+        integrates[:, None], np.asarray(model.actuator_actrange)[rows], np.asarray(model.actuator_ctrlrange)[rows]
+    )
+    return np.where((limited & known)[:, None], ranges, (-math.inf, math.inf))
+
+
+def acceleration_limits(drives: Drives, dynamics: PostureDynamics, motion: AxisMotion) -> AxisLimits:
+    """Return the largest accelerations of the site along its axis from rest [m/s^2], relative to the base.
+
+    The torques are (inertia) q'' + load, with q'' along the axis plus any motion in the null space.
+    """
+    columns = dynamics.inertia @ np.column_stack([motion.joints, motion.free])
+    return _span(drives, columns, np.zeros((len(motion.joints), 0)))
+
+
+def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
+    """Return the largest constant speeds of the site along its axis [m/s], relative to the base.
+
+    The actuators overcome gravity and the damping of joints and actuators; torques that grow with the square of the
+    speed are neglected. Without any damping and without given joint speeds, there is no limit.
+    """
+    velocities = np.column_stack([motion.joints, motion.free])
+    return _span(drives, drives.friction @ velocities, velocities)
+
+
+def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
+    """Return the largest forces that the site at rest can exert along its axis [N].
+
+    On a floating base, the force accelerates base and joints together, without motion between them.
+    """
+    return _span(drives, (dynamics.axis @ dynamics.seen[:3])[:, None], np.zeros((len(dynamics.inertia), 0)))
+
+
+def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLimits:
+    """Maximize and minimize the first variable of joint torques columns @ x + load within the limits of the drives.
+
+    Args:
+        drives: the drives.
+        columns: joint torques per variable, shape (n, k).
+        velocities: joint velocities per variable if the variables are velocities, else without columns.
+
+    Returns:
+        Both magnitudes.
+
+    Raises:
+        InvalidInputError: the limits exclude zero.
+    """
+    from scipy.optimize import linprog  # noqa: PLC0415 - slow to import
+
+    count, rows = columns.shape[1], len(drives.moment)
+    joints = len(columns)
+    moving = velocities if velocities.shape[1] else np.zeros((joints, count))
+    # unknowns: x, then the forces, then the controls
+    balance = np.hstack([columns, -drives.moment.T, np.zeros((joints, rows))])
+    coupled = np.flatnonzero(drives.gain != 0)
+    law = np.hstack([drives.damping[:, None] * (drives.moment @ moving), np.eye(rows), -np.diag(drives.gain)])[coupled]
+    torques = np.hstack([np.zeros((joints, count)), drives.moment.T, np.zeros((joints, rows))])
+    speeds = np.hstack([moving, np.zeros((joints, 2 * rows))])
+    limits = np.vstack([torques, -torques, speeds, -speeds])
+    bounds = np.concatenate([drives.torques[:, 1], -drives.torques[:, 0], drives.speeds, drives.speeds])
+    finite = np.isfinite(bounds)
+    box = [(-_ENDLESS, _ENDLESS), *[(None, None)] * (count - 1)] + [
+        (low if math.isfinite(low) else None, high if math.isfinite(high) else None)
+        for low, high in (*zip(drives.lowest, drives.highest, strict=True), *drives.controls)
+    ]
+    ends = []
+    for sign in (1.0, -1.0):
+        cost = np.zeros(count + 2 * rows)
+        cost[0] = -sign
+        result = linprog(
+            cost,
+            A_ub=limits[finite] if finite.any() else None,
+            b_ub=bounds[finite] if finite.any() else None,
+            A_eq=np.vstack([balance, law]),
+            b_eq=np.concatenate([-drives.load, drives.constant[coupled]]),
+            bounds=box,
+            method="highs",
+        )
+        end = float(sign * result.x[0]) if result.status == _OPTIMAL else -1.0
+        if end < 0:
+            raise InvalidInputError(
+                "actuators: the drives cannot hold the robot at rest in this posture against gravity and springs; "
+                "choose another posture, or raise forcerange or ctrlrange of the actuators"
+            )
+        ends.append(end if end < _ENDLESS * (1 - 1e-6) else math.inf)
+    return AxisLimits(*ends)

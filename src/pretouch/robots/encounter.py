@@ -1,0 +1,489 @@
+"""Simulate encounters of a whole robot with proximity sensors at several sites, in MuJoCo."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, nonnegative, positive
+from pretouch.control.structures import Status
+from pretouch.simulation import SensorChain
+from pretouch.simulation.result import whole
+from pretouch.simulation.sensing import SensorRun
+
+from .drives import Drives, drives_of
+from .dynamics import Drivetrain, drivetrain_of, joined, posture_dynamics
+from .model import Data, Model, mujoco, site_index
+from .obstruction import refuse_covered_sensor
+from .reference import JointPath
+from .result import DetectedEncounter, RobotSimulation, RobotTrace, SiteContact, prediction_of
+from .sight import Glance, Sight
+from .site_law import SiteLaw
+from .tracking import ComputedTorque, JointState, Tracking
+
+HORIZON: Final = 5.0
+"""Default for the longest time that a run waits for the contact of all sites [s]."""
+
+FOLLOW: Final = 0.02
+"""Default for the time that a run continues after the last contact [s]."""
+
+FARTHEST: Final = 0.5
+"""Largest distance at which sensors see objects [m], unless their curves end earlier."""
+
+_INSTANT: Final = 1e-12  # s
+_FINEST: Final = 0.5  # largest product of the feedback's angular frequency and the time step
+_DETECTING: Final = int(Status.DETECTING)
+
+
+@check_arguments
+def simulate_robot(
+    model: Model,
+    data: Data,
+    laws: Sequence[SiteLaw],
+    *,
+    tracking: Tracking | None = None,
+    runs: int = 1,
+    seed: int = 0,
+    contact_stiffness: float | None = None,
+    horizon: float = HORIZON,
+    follow_time: float = FOLLOW,
+    workers: int = 1,
+) -> RobotSimulation:
+    """Simulate encounters of a robot whose sensors run the sampled law, and compare them with the 1-D prediction.
+
+    Each sensor sees the scene by rays, and has its own sensor chain and its own controller. The controllers move the
+    references of their sites along axes that stay those of the start, relative to the base. The tracking makes the
+    joints follow. The robot starts at rest, and the objects move as the state says.
+
+    Laws on robots are one-sided by default, see `SiteLaw`: an object that leaves the beam looks like one that recedes.
+
+    The drives apply the torques of the tracking within the force limits of the model. Actuators and their controls are
+    not used otherwise.
+
+    Args:
+        model: a `mujoco.MjModel` with robot and objects. Its time step has to divide the period of the controllers.
+        data: its state at the start, with the velocities of the objects.
+        laws: the controllers, at most one per site, all with one period. The sites may be on several robots.
+        tracking: how the joints follow; computed torque by default.
+        runs: number of runs, each with its own noise and phase of the sensors.
+        seed: seed of the noise.
+        contact_stiffness: stiffness of the contact [N/m] for the predicted impact force; None for no prediction.
+        horizon: longest time to wait for the contact of all sites [s].
+        follow_time: time to continue after the last contact [s].
+        workers: number of processes that share the runs. A program that uses more than one has to start its work under
+            `if __name__ == "__main__":`, because each process imports the program.
+
+    Returns:
+        Contacts and largest values of every site and run, next to their prediction.
+    """
+    options = {
+        "horizon": positive(horizon, "horizon", "s"),
+        "follow_time": nonnegative(follow_time, "follow_time", "s"),
+    }
+    scene = _Scene.of(model, data, laws, tracking=tracking or ComputedTorque(), **options)
+    stiffness = None if contact_stiffness is None else positive(contact_stiffness, "contact_stiffness", "N/m")
+    count, seed = whole(runs, "runs", 1, 10**7), whole(seed, "seed", 0, 2**64 - 1)
+    results = _simulate(scene, seed, count, whole(workers, "workers", 1, 1024))
+    predictions = tuple(
+        tuple(None if c.detection is None else prediction_of(law, c.detection, stiffness) for c in contacts)
+        for law, contacts in zip(laws, zip(*results, strict=True), strict=True)
+    )
+    return RobotSimulation(
+        sites=tuple(law.site.name for law in laws),
+        contacts=tuple(zip(*results, strict=True)),
+        predictions=predictions,
+        warnings=scene.warnings,
+        trace_of=_Tracer(scene, seed),
+    )
+
+
+def _simulate(scene: _Scene, seed: int, runs: int, workers: int) -> list[tuple[SiteContact, ...]]:
+    """Simulate all runs, in several processes if there are several workers."""
+    if workers == 1:
+        return _simulate_part(scene, seed, range(runs))
+    from concurrent.futures import ProcessPoolExecutor  # noqa: PLC0415 - only for several workers
+    from multiprocessing import get_context  # noqa: PLC0415
+
+    parts = [range(first, runs, workers) for first in range(min(workers, runs))]
+    with ProcessPoolExecutor(len(parts), mp_context=get_context("spawn")) as pool:
+        finished = list(pool.map(_simulate_part, [scene] * len(parts), [seed] * len(parts), parts))
+    return [finished[run % len(parts)][run // len(parts)] for run in range(runs)]
+
+
+def _simulate_part(scene: _Scene, seed: int, runs: range) -> list[tuple[SiteContact, ...]]:
+    return [_Run(scene, seed, run).finish() for run in runs]
+
+
+@dataclass(frozen=True, slots=True)
+class _Tracer:
+    """Repeats a run and records its time series."""
+
+    scene: Any
+    seed: int
+
+    def __call__(self, run: int) -> RobotTrace:
+        rows: list[tuple[Any, ...]] = []
+        _Run(self.scene, self.seed, run, rows).finish()
+        columns = [np.array(column) for column in zip(*rows, strict=True)]
+        return RobotTrace(*columns)
+
+
+@dataclass(frozen=True, slots=True)
+class _Scene:
+    """Everything that all runs of a simulation share."""
+
+    model: Model
+    data: Data
+    laws: tuple[SiteLaw, ...]
+    tracking: Tracking
+    drivetrains: tuple[Drivetrain, ...]
+    drives: Drives
+    highest: FloatArray
+    path: JointPath
+    steps: int
+    period: float
+    horizon: float
+    follow_time: float
+    warnings: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        data: Data,
+        laws: Sequence[SiteLaw],
+        *,
+        tracking: Tracking,
+        horizon: float,
+        follow_time: float,
+    ) -> _Scene:
+        """Check the inputs of a simulation, and prepare a copy of the model whose actuators are replaced by torques."""
+        library = mujoco()
+        laws = tuple(laws)
+        names = [law.site.name for law in laws]
+        if not laws or len(set(names)) < len(names):
+            raise InvalidInputError(f"laws: found {names}, expected at least one law, and at most one for each site")
+        periods = {law.controller.period for law in laws}
+        if len(periods) > 1:
+            listed = ", ".join(f"{p:g} s" for p in sorted(periods))
+            raise InvalidInputError(f"laws: found controllers with the periods {listed}, expected one period")
+        (period,) = periods
+        steps = round(period / model.opt.timestep)
+        if steps < 1 or abs(period / model.opt.timestep - steps) > 1e-6 * steps:
+            raise InvalidInputError(
+                f"model: its time step of {model.opt.timestep:g} s does not divide the period of the controllers, "
+                f"{period:g} s; set <option timestep=.../> to a whole fraction of the period"
+            )
+        _check_bandwidth(tracking, model.opt.timestep)
+        copied = copy.copy(model)
+        copied.opt.disableflags |= int(library.mjtDisableBit.mjDSBL_ACTUATION)
+        start = library.MjData(model)
+        start.qpos[:], start.qvel[:] = data.qpos, data.qvel
+        library.mj_forward(model, start)
+        indices = [site_index(model, name) for name in names]
+        drivetrains = joined([drivetrain_of(model, start, index) for index in indices])
+        tree = np.concatenate([drivetrains[0].driven, drivetrains[0].base])
+        start.qvel[tree[: len(drivetrains[0].driven)]] = 0.0
+        library.mj_forward(model, start)
+        for law, index in zip(laws, indices, strict=True):
+            refuse_covered_sensor(model, start, law.site, index)
+        still = library.MjData(model)
+        still.qpos[:] = data.qpos
+        library.mj_forward(model, still)
+        drives = drives_of(model, still, drivetrains[0], np.full(len(drivetrains[0].driven), math.inf))
+        return cls(
+            model=copied,
+            data=start,
+            laws=laws,
+            tracking=tracking,
+            drivetrains=drivetrains,
+            drives=drives,
+            highest=_largest_torques(drives),
+            path=JointPath(copied, start, drivetrains, [law.site for law in laws]),
+            steps=steps,
+            period=period,
+            horizon=horizon,
+            follow_time=follow_time,
+            warnings=(),
+        )
+
+
+def _check_bandwidth(tracking: Tracking, step: float) -> None:
+    """Raise an error if the feedback of a tracking is too fast for the time step of the model."""
+    bandwidth = getattr(tracking, "bandwidth", 0.0)
+    if 2 * math.pi * bandwidth * step > _FINEST:
+        raise InvalidInputError(
+            f"bandwidth: the tracking has {bandwidth:g} Hz, too fast for the model's time step of {step:g} s, expected "
+            f"at most {_FINEST / (2 * math.pi * step):.3g} Hz; reduce the bandwidth or the time step"
+        )
+
+
+def _largest_torques(drives: Drives) -> FloatArray:
+    """Return the smallest and the largest torque of each joint, shape (n, 2)."""
+    by_control = np.sort(drives.gain[:, None] * drives.controls + drives.constant[:, None], axis=1)
+    by_control = np.where(drives.gain[:, None] == 0, (-math.inf, math.inf), by_control)
+    low = np.maximum(drives.lowest, by_control[:, 0])
+    high = np.minimum(drives.highest, by_control[:, 1])
+    torques = np.zeros((drives.moment.shape[1], 2))
+    for row, least, most in zip(drives.moment, low, high, strict=True):
+        for joint in np.flatnonzero(row):
+            ends = sorted((row[joint] * least, row[joint] * most))
+            torques[joint] += ends
+    return np.clip(torques, drives.torques[:, :1], drives.torques[:, 1:])
+
+
+class _Site:
+    """One sensor site in a run: its sensor, its controller, and what has happened so far."""
+
+    __slots__ = (
+        *("body", "controller", "detection", "distance", "excursion", "force", "glance", "index", "impulse", "law"),
+        *("mass", "peak", "rate", "run", "sensor", "sight", "target", "time", "speed", "drivetrain"),
+    )
+
+    def __init__(self, scene: _Scene, i: int, data: Data, seed: int, run: int) -> None:
+        law = scene.laws[i]
+        self.law, self.drivetrain = law, scene.drivetrains[i]
+        self.index = self.drivetrain.site
+        curve: Any = law.site.sensor
+        self.sight = Sight(scene.model, law.site, self.index, curve, FARTHEST)
+        chain = law.chain or SensorChain(rate=1 / scene.period)
+        seen = self.sight.equivalent_distance(data)
+        self.sensor = SensorRun(
+            *(chain, curve),
+            distance=seen,
+            farthest=FARTHEST,
+            period=scene.period,
+            seed=seed,
+            run=run * len(scene.laws) + i,
+        )
+        self.controller = law.running.begin()
+        self.body = int(scene.model.site_bodyid[self.index])
+        self.glance = self.sight.glance(data)
+        self.distance, self.rate = self.glance.distance, math.nan
+        self.detection: DetectedEncounter | None = None
+        # position and velocity of the reference, at the start and at the end of the period
+        self.target = (0.0, law.approach, 0.0, law.approach)
+        self.time = self.speed = math.nan
+        self.excursion = self.force = self.peak = self.impulse = 0.0
+        self.mass = math.nan
+
+
+class _Run:
+    """One run of a simulation."""
+
+    def __init__(self, scene: _Scene, seed: int, run: int, rows: list[tuple[Any, ...]] | None = None) -> None:
+        library = mujoco()
+        self.scene, self.rows = scene, rows
+        self.data = library.MjData(scene.model)
+        self.data.qpos[:], self.data.qvel[:] = scene.data.qpos, scene.data.qvel
+        self.path = scene.path.restart()
+        approach = np.array([law.approach for law in scene.laws])
+        self.data.qvel[scene.drivetrains[0].driven] = self.path.at(0 * approach, approach, 0 * approach).velocity
+        library.mj_forward(scene.model, self.data)
+        self.sites = [_Site(scene, i, self.data, seed, run) for i in range(len(scene.laws))]
+        self.places = np.asarray(scene.model.jnt_qposadr)[scene.drivetrains[0].joints]
+        self.last_contact = math.nan
+
+    def finish(self) -> tuple[SiteContact, ...]:
+        """Simulate until all sites have touched, and return the contacts of all sites."""
+        scene, t = self.scene, 0.0
+        for j in range(math.ceil(scene.horizon / scene.period - 1e-9)):
+            t = j * scene.period
+            for site in self.sites:
+                self._ask(site, t)
+            for i in range(scene.steps):
+                self._step(t, i)
+            now = t + scene.period
+            if all(not math.isnan(site.time) for site in self.sites) and now - self.last_contact >= scene.follow_time:
+                break
+            if not np.isfinite(self.data.qpos).all():
+                break
+        return tuple(
+            SiteContact(
+                time=site.time,
+                relative_velocity=site.speed,
+                peak_force=site.peak,
+                impulse=site.impulse,
+                excursion=site.excursion,
+                energy=0.5 * site.mass * site.speed**2,
+                detection=site.detection,
+            )
+            for site in self.sites
+        )
+
+    def _ask(self, site: _Site, t: float) -> None:
+        """Pass the available reading to the controller of a site, which moves its reference over the period."""
+        fresh = site.sensor.deliver(t)
+        output = site.controller.step(
+            *(site.sensor.reading, fresh, max(t - site.sensor.measured, 0.0)),
+            contact_force=-site.force,
+            reference_position=site.law.approach * t,
+            reference_velocity=site.law.approach,
+        )
+        if output.status & _DETECTING and site.detection is None and math.isfinite(site.distance):
+            site.detection = self._detect(site, t)
+        _, _, x, v = site.target
+        site.target = (x, v, output.position, output.velocity)
+
+    def _detect(self, site: _Site, t: float) -> DetectedEncounter:
+        """Describe the encounter of a site at its first detection, for the prediction."""
+        scene, data = self.scene, self.data
+        model = scene.model
+        dynamics = posture_dynamics(model, data, site.drivetrain, site.law.site.direction)
+        glance = site.glance
+        motions = self.path.motion_of(self.sites.index(site))
+        body = int(model.geom_bodyid[glance.geom])
+        tree = int(model.body_treeid[body])
+        along = self._approach(site)
+        free = tree >= 0 and tree != int(model.body_treeid[site.body])
+        share = float(1 - dynamics.axis @ dynamics.seen[:3] @ motions) if len(site.drivetrain.base) else 0.0
+        return DetectedEncounter(
+            time=t,
+            distance=glance.distance,
+            relative_velocity=along,
+            acceleration=self._object_acceleration(glance, site),
+            reflected_mass=dynamics.reflected_mass,
+            obstacle_mass=float(model.body_subtreemass[int(model.body_rootid[body])]) if free else math.inf,
+            recoil_share=share,
+            position=site.target[2],
+            velocity=site.target[3],
+        )
+
+    def _object_acceleration(self, glance: Glance, site: _Site) -> float:
+        """Return the acceleration of the object relative to the site's base along the axis, without any contact."""
+        library, model, data = mujoco(), self.scene.model, self.data
+        body = int(model.geom_bodyid[glance.geom])
+        library.mj_rnePostConstraint(model, data)
+        found = np.zeros(6)
+        library.mj_objectAcceleration(model, data, library.mjtObj.mjOBJ_BODY, body, found, 0)
+        proper = found[3:].copy()
+        if len(site.drivetrain.base):  # seen from a frame that falls with the robot
+            return float(site.sight.axis(data) @ proper)
+        moving = int(model.body_treeid[body]) >= 0
+        return float(site.sight.axis(data) @ (proper + model.opt.gravity)) if moving else 0.0
+
+    def _approach(self, site: _Site) -> float:
+        """Return the rate of change of the distance on the axis of a site [m/s]."""
+        library, model, data, glance = mujoco(), self.scene.model, self.data, site.glance
+        u = site.sight.axis(data)
+        jacobian, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        point = np.array(data.site_xpos[site.index]) + glance.distance * u
+        library.mj_jac(model, data, jacobian, None, point, int(model.geom_bodyid[glance.geom]))
+        hit = jacobian @ data.qvel
+        library.mj_jacSite(model, data, jacobian, turn, site.index)
+        here = jacobian @ data.qvel + np.cross(turn @ data.qvel, glance.distance * u)
+        facing = float(glance.normal @ u)
+        return float(glance.normal @ (hit - here)) / facing if facing else math.nan
+
+    def _step(self, t: float, i: int) -> None:
+        """Advance the simulation by one step of MuJoCo."""
+        scene, data, library = self.scene, self.data, mujoco()
+        model, h = scene.model, scene.model.opt.timestep
+        library.mj_step1(model, data)
+        torque = self._torques(i * h)
+        data.qfrc_applied[scene.drivetrains[0].driven] = torque
+        if self.rows is not None:
+            self._record(t + i * h, torque)
+        library.mj_step2(model, data)
+        library.mj_kinematics(model, data)
+        library.mj_comPos(model, data)
+        now = t + (i + 1) * h
+        for site in self.sites:
+            self._watch(site, now, h)
+
+    def _torques(self, at: float) -> FloatArray:
+        """Return the torques of the tracking at a time within the period, within the limits of the drives."""
+        scene, data, model = self.scene, self.data, self.scene.model
+        drivetrain = scene.drivetrains[0]
+        driven, base = drivetrain.driven, drivetrain.base
+        motion = np.array([_cubic(site.target, scene.period, at) for site in self.sites])
+        reference = self.path.at(*motion.T)
+        mass, load = np.zeros((model.nv, model.nv)), np.array(data.qfrc_bias - data.qfrc_passive)
+        mujoco().mj_fullM(model, data, mass)
+        inertia, force = mass[driven[:, None], driven], load[driven]
+        if len(base):
+            across = mass[driven[:, None], base]
+            both = np.linalg.solve(mass[base[:, None], base], np.column_stack([across.T, load[base]]))
+            inertia, force = inertia - across @ both[:, :-1], force - across @ both[:, -1]
+        state = JointState(
+            np.array(data.qpos)[self.places],
+            np.array(data.qvel)[driven],
+            *(reference.position, reference.velocity, reference.acceleration, inertia, force),
+            lambda: self.path.held(data),
+        )
+        return np.clip(scene.tracking.torques(state), *scene.highest.T)
+
+    def _watch(self, site: _Site, now: float, h: float) -> None:
+        """Show the scene to a sensor, and find the contact of its site."""
+        model, data = self.scene.model, self.data
+        before, site.glance = site.distance, site.sight.glance(data)
+        site.distance = site.glance.distance
+        while site.sensor.next <= now + _INSTANT:
+            seen = site.sight.equivalent_distance(data)
+            ahead = (now - site.sensor.next) / h
+            moved = site.distance - before
+            shift = -moved * ahead if math.isfinite(seen) and math.isfinite(moved) else 0.0
+            site.sensor.look(max(seen + shift, 0.0) if math.isfinite(seen) else 2 * FARTHEST)
+        if math.isnan(site.time):
+            site.excursion = max(site.excursion, abs(site.target[2] - site.law.approach * now))
+        site.force = self._contact_force(site)
+        site.peak = max(site.peak, site.force)
+        site.impulse += site.force * h
+        if math.isnan(site.time) and (site.distance <= 0 < before or site.force > 0):
+            on_axis = site.distance <= 0 < before < math.inf
+            part = before / (before - site.distance) if on_axis else 1.0
+            site.time = self.last_contact = now - (1 - part) * h
+            site.speed = (site.distance - before) / h if on_axis else site.rate
+            dynamics = posture_dynamics(model, data, site.drivetrain, site.law.site.direction)
+            obstacle = math.inf if site.detection is None else site.detection.obstacle_mass
+            site.mass = 1 / (1 / dynamics.reflected_mass + 1 / obstacle)
+        site.rate = (site.distance - before) / h if math.isfinite(site.distance) and math.isfinite(before) else math.nan
+
+    def _contact_force(self, site: _Site) -> float:
+        """Return the force of all contacts of the body of a site along its axis [N], positive if it pushes back."""
+        library, model, data = mujoco(), self.scene.model, self.data
+        if not data.ncon:
+            return 0.0
+        total, wrench, u = 0.0, np.zeros(6), site.sight.axis(data)
+        for number in range(data.ncon):
+            contact = data.contact[number]
+            bodies = [int(model.geom_bodyid[g]) for g in contact.geom]
+            if site.body in bodies:
+                library.mj_contactForce(model, data, number, wrench)
+                push = np.array(contact.frame).reshape(3, 3).T @ wrench[:3]
+                total += float(push @ u) * (-1.0 if bodies[1] == site.body else 1.0)
+        return total
+
+    def _record(self, t: float, torque: FloatArray) -> None:
+        """Record one row of the time series."""
+        assert self.rows is not None  # noqa: S101 - the caller checks it
+        self.rows.append(
+            (
+                t,
+                np.array([site.distance for site in self.sites]),
+                np.array([site.target[2] for site in self.sites]),
+                np.array([site.force for site in self.sites]),
+                torque.copy(),
+                np.array(self.data.qpos),
+            )
+        )
+
+
+def _cubic(target: tuple[float, float, float, float], period: float, at: float) -> tuple[float, float, float]:
+    """Return position, velocity and acceleration on the cubic through both ends of a controller period."""
+    x0, v0, x1, v1 = target
+    s = at / period
+    a, b = v0 * period, v1 * period
+    second, third = 3 * (x1 - x0) - 2 * a - b, a + b - 2 * (x1 - x0)
+    return (
+        x0 + s * (a + s * (second + s * third)),
+        (a + s * (2 * second + 3 * s * third)) / period,
+        (2 * second + 6 * s * third) / period**2,
+    )

@@ -1,0 +1,158 @@
+"""Load MuJoCo models, set their posture, and find sites, joints and drives by name."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError, require
+from pretouch._core.numbers import IntArray
+from pretouch._core.units import to_si
+
+Model: TypeAlias = Any
+"""A `mujoco.MjModel`, which has no static type because MuJoCo is an optional library."""
+
+Data: TypeAlias = Any
+"""A `mujoco.MjData`."""
+
+
+def mujoco() -> Any:
+    """Import MuJoCo, or raise an error that says how to install it."""
+    module = sys.modules.get("mujoco")  # a simulation asks at every step
+    return require("mujoco", extra="mujoco") if module is None else module
+
+
+def load_model(path: str | os.PathLike[str]) -> Model:
+    """Load a robot model from a file in the format MJCF or URDF.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The `mujoco.MjModel`.
+
+    Raises:
+        InvalidInputError: the file does not exist, or MuJoCo cannot read it.
+    """
+    library, file = mujoco(), Path(path)
+    if not file.is_file():
+        raise InvalidInputError(f"model: the file {file} does not exist; give the path of an MJCF or URDF file")
+    try:
+        return library.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        raise InvalidInputError(f"model: MuJoCo cannot read {file}: {' '.join(str(error).split())}") from None
+
+
+def make_data(model: Model, posture: Mapping[str, Any] | None = None, *, keyframe: int | str | None = None) -> Data:
+    """Return the state of a model at rest in a posture.
+
+    Args:
+        model: the model.
+        posture: positions of joints by name [rad or m], as numbers or as text such as "45 deg"; other joints stay as in
+            the keyframe.
+        keyframe: index or name of a keyframe of the model; by default the posture in which the model is defined.
+
+    Returns:
+        The `mujoco.MjData`, without velocities, after `mj_forward`.
+
+    Raises:
+        InvalidInputError: there is no such keyframe or joint, or the joint has no single position.
+    """
+    library = mujoco()
+    data = library.MjData(model)
+    if keyframe is not None:
+        library.mj_resetDataKeyframe(model, data, _keyframe_index(model, keyframe))
+        data.qvel[:] = 0.0
+    for name, value in (posture or {}).items():
+        joint = _joint_index(model, name)
+        if not is_scalar_joint(model, joint):
+            raise InvalidInputError(f"posture: the joint {name!r} has no single position, expected a hinge or a slide")
+        unit = unit_of_joint(model, joint)
+        data.qpos[model.jnt_qposadr[joint]] = to_si(value, unit, name=f"posture {name}")
+    library.mj_forward(model, data)
+    return data
+
+
+def _keyframe_index(model: Model, keyframe: int | str) -> int:
+    """Return the index of a keyframe, or raise an error that lists all keyframes of the model."""
+    names = names_of(model, "key")
+    if isinstance(keyframe, str) and keyframe in names:
+        return names.index(keyframe)
+    if not isinstance(keyframe, str) and 0 <= keyframe < model.nkey:
+        return keyframe
+    listed = ", ".join(names) or "no keyframes"
+    raise InvalidInputError(f"keyframe: found {keyframe!r}, but the model has {listed}")
+
+
+def _joint_index(model: Model, name: str) -> int:
+    """Return the index of a joint, or raise an error that lists all joints of the model."""
+    names = names_of(model, "joint")
+    if name not in names:
+        listed = ", ".join(filter(None, names)) or "no joints with names"
+        raise InvalidInputError(f"posture: found no joint {name!r} in the model, which has {listed}")
+    return names.index(name)
+
+
+def site_index(model: Model, name: str) -> int:
+    """Return the index of a site, or raise an error that lists all sites of the model."""
+    names = names_of(model, "site")
+    if name not in names:
+        listed = ", ".join(filter(None, names)) or "no sites with names"
+        raise InvalidInputError(f"site: found no site {name!r} in the model, which has {listed}")
+    return names.index(name)
+
+
+def names_of(model: Model, kind: str) -> list[str]:
+    """Return the names of all sites, joints or other elements of a model, in the order of their indices."""
+    library = mujoco()
+    number = {"site": model.nsite, "joint": model.njnt, "key": model.nkey, "geom": model.ngeom}[kind]
+    code = getattr(library.mjtObj, f"mjOBJ_{kind.upper()}")
+    return [library.mj_id2name(model, code, i) or "" for i in range(number)]
+
+
+def joint_label(model: Model, joint: int) -> str:
+    """Return the name of a joint, or its number if it has no name."""
+    return names_of(model, "joint")[joint] or f"number {joint}"
+
+
+def is_scalar_joint(model: Model, joint: int) -> bool:
+    """Return True if a joint is a hinge or a slide, which has a single position."""
+    kinds = mujoco().mjtJoint
+    return int(model.jnt_type[joint]) in {int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)}
+
+
+def unit_of_joint(model: Model, joint: int) -> str:
+    """Return the SI unit of the position of a joint: rad for a hinge, m for a slide."""
+    return "rad" if int(model.jnt_type[joint]) == int(mujoco().mjtJoint.mjJNT_HINGE) else "m"
+
+
+def tree_of(model: Model, site: int) -> IntArray:
+    """Return the degrees of freedom of the robot that carries a site, or raise an error if the site cannot move."""
+    tree = int(model.body_treeid[model.site_bodyid[site]])
+    if tree < 0:
+        raise InvalidInputError(
+            f"site: {names_of(model, 'site')[site]!r} is fixed to the world, because no joint moves its body"
+        )
+    return np.flatnonzero(np.asarray(model.dof_treeid) == tree)
+
+
+def range_of(model: Model, joint: int) -> tuple[float, float]:
+    """Return the range of a joint [rad or m], or raise an error if the joint has no range."""
+    if not model.jnt_limited[joint]:
+        raise InvalidInputError(
+            f"joint {joint_label(model, joint)!r}: has no range in the model, so the excursion has no limit; add a "
+            "range to the joint"
+        )
+    low, high = map(float, model.jnt_range[joint])
+    return low, high
+
+
+def describe_position(value: float, unit: str) -> str:
+    """Return the position of a joint as text, in degrees for a hinge."""
+    return f"{math.degrees(value):.4g} deg" if unit == "rad" else f"{1e3 * value:.4g} mm"

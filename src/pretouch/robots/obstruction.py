@@ -1,0 +1,55 @@
+"""Check that no body covers a sensor, because the rays of a covered sensor see the inside of that body."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_quantity
+
+from .model import Data, Model, mujoco, names_of
+from .site import SensorSite
+
+_TOLERANCE: Final = 1e-5  # m: a site on a surface may be below it by this much, because models have rounded numbers
+
+
+def refuse_covered_sensor(model: Model, data: Data, site: SensorSite, index: int) -> None:
+    """Raise an error if a sensor site is inside a solid body.
+
+    The geometries of a body are taken as convex: a point is inside if the surface is found both ahead and behind it.
+
+    Args:
+        model: the model.
+        data: its state after `mj_forward`.
+        site: the sensor.
+        index: index of its site.
+
+    Raises:
+        InvalidInputError: the site is inside a body.
+    """
+    point = np.array(data.site_xpos[index])
+    axis = np.array(data.site_xmat[index]).reshape(3, 3) @ site.direction
+    touchable = np.asarray(model.geom_contype).astype(bool) | np.asarray(model.geom_conaffinity).astype(bool)
+    for geom in np.flatnonzero(touchable):
+        depths = [_distance_to(model, data, int(geom), point, sign * axis) for sign in (1.0, -1.0)]
+        if min(depths) > _TOLERANCE:
+            name = names_of(model, "geom")[geom] or f"number {geom}"
+            raise InvalidInputError(
+                f"site {site.name!r}: is inside the geom {name!r}, {format_quantity(depths[0], 'm')} below its "
+                "surface along the axis, so the sensor cannot see objects; move the site to the contact surface"
+            )
+
+
+def _distance_to(model: Model, data: Data, geom: int, point: FloatArray, direction: FloatArray) -> float:
+    """Return the distance [m] along a ray to the surface of a geometry, negative if the ray misses it."""
+    library = mujoco()
+    kinds, kind = library.mjtGeom, int(model.geom_type[geom])
+    if kind in {int(kinds.mjGEOM_PLANE), int(kinds.mjGEOM_HFIELD)}:
+        return -1.0  # ground has no inside that a ray can leave
+    if kind == int(kinds.mjGEOM_MESH):
+        return float(library.mj_rayMesh(model, data, geom, point, direction))
+    where = data.geom_xpos[geom], data.geom_xmat[geom], model.geom_size[geom]
+    return float(library.mju_rayGeom(*where, point, direction, kind))

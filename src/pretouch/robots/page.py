@@ -1,0 +1,104 @@
+"""Describe projections of a robot as reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from pretouch._core.blocks import Cell, Measured, Page, PageTable
+from pretouch._core.units import format_quantity
+
+from .drives import AxisLimits
+from .projection import Projection
+from .table import ProjectionRow, ProjectionTable
+
+_NO_LIMIT = "no limit"
+
+
+def projection_page(projection: Projection) -> Page:
+    """Return the report on one projection."""
+    p = projection
+    back, ahead = p.excursion[1], p.excursion[0]
+    return Page(
+        kind="Projection of a robot",
+        headline=(
+            f"Site {p.site.name} along {_axis(p)}: reflected mass {format_quantity(p.reflected_mass, 'kg')}, "
+            f"{format_quantity(back.length, 'm')} of retreat."
+        ),
+        warnings=p.warnings,
+        key_figures=tuple(_figures(p)),
+        blocks=(
+            PageTable(rows=tuple(_figures(p)), brief=True),
+            PageTable(
+                head=("", "ahead", "back"),
+                rows=(
+                    ("excursion", Measured(ahead.length, "m"), Measured(back.length, "m")),
+                    ("ends at", ahead.reason, back.reason),
+                    *(
+                        (name, *_span(span, unit))
+                        for name, span, unit in (
+                            ("acceleration", p.acceleration, "m/s^2"),
+                            ("speed", p.speed, "m/s"),
+                            ("static force", p.force, "N"),
+                        )
+                    ),
+                ),
+                brief=True,
+            ),
+        ),
+    )
+
+
+def table_page(table: ProjectionTable) -> Page:
+    """Return the report on all sites and postures of a model."""
+    rows = table.projections
+    omitted = len(table.rows) - len(rows)
+    text = f"{omitted} of {len(table.rows)} axes are left out, because the site cannot move along them."
+    head = ("site", "posture", "axis", "mass", "retreat", "ahead", "acceleration", "speed", "force", "conditioning")
+    warnings = dict.fromkeys(
+        f"{row.site}, {row.posture}, {row.axis}: {warning}" for row, p in rows for warning in p.warnings
+    )
+    return Page(
+        kind="Robot model",
+        headline=f"{table.model}: {len(rows)} projections of {len({row.site for row, _ in rows})} site(s).",
+        warnings=tuple(warnings),
+        findings=(text,) if omitted else (),
+        blocks=(
+            PageTable(head=head, rows=tuple(_cells(*row) for row in rows), note=text if omitted else "", brief=True),
+        ),
+    )
+
+
+def _cells(row: ProjectionRow, p: Projection) -> tuple[Cell, ...]:
+    return (
+        row.site,
+        row.posture,
+        row.axis,
+        Measured(p.reflected_mass, "kg", 3),
+        Measured(p.retreat, "m", 3),
+        Measured(p.excursion[0].length, "m", 3),
+        *(_limit(span.least, unit) for span, unit in ((p.acceleration, "m/s^2"), (p.speed, "m/s"), (p.force, "N"))),
+        Measured(p.conditioning, "", 2),
+    )
+
+
+def _figures(p: Projection) -> Iterator[tuple[str, Cell]]:
+    yield "reflected mass", Measured(p.reflected_mass, "kg")
+    yield f"mass that the drives move, holding the {p.hold}", Measured(p.moved_mass, "kg")
+    if p.base:
+        yield "recoil share \u03ba of the base", Measured(p.recoil_share)
+    yield "conditioning (1 best, 0 singular)", Measured(p.conditioning)
+
+
+def _span(span: AxisLimits, unit: str) -> tuple[Cell, Cell]:
+    return _limit(span.ahead, unit), _limit(span.back, unit)
+
+
+def _limit(value: float, unit: str) -> Cell:
+    return Measured(value, unit, 3) if math.isfinite(value) else _NO_LIMIT
+
+
+def _axis(p: Projection) -> str:
+    if isinstance(p.site.axis, str):
+        return p.site.axis
+    return "(" + ", ".join(f"{v:g}" for v in p.site.axis) + ")"

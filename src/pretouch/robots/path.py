@@ -1,0 +1,179 @@
+"""Find how far a site can move along its axis before a joint reaches its range."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
+
+from .dynamics import Drivetrain, axis_motion, posture_dynamics, update_posture
+from .model import Data, Model, describe_position, joint_label, mujoco, range_of, unit_of_joint
+
+SINGULAR: Final = 0.02
+"""Conditioning below which a path ends: there, the joints move fifty times as much as in the best direction."""
+
+_TOLERANCE: Final = 1e-9  # of the joint positions along a path [rad or m]
+_STEP: Final = 0.05  # longest step, as a share of the size of the robot
+_REACH: Final = 2.0  # longest path, in sizes of the robot
+
+
+@dataclass(frozen=True, slots=True)
+class Excursion(Value):
+    """How far a site can move in one direction along its axis.
+
+    Args:
+        length: the distance [m], relative to the base of the robot.
+        reason: what ends the path, such as the range of a joint.
+        joints: positions of the driven joints at the end [rad or m], shape (n,).
+    """
+
+    length: float
+    reason: str
+    joints: FloatArray
+
+
+def excursion(
+    model: Model, data: Data, drivetrain: Drivetrain, direction: FloatArray, *, hold: str, ahead: bool
+) -> Excursion:
+    """Follow the axis of a site until no joint motion inside the ranges continues it.
+
+    The path starts in the posture of `data` and is a solution of q' = (joint motion along the axis), with the least
+    kinetic energy. A joint that reaches the end of its range stays there, and the others continue if they can. Every
+    point of the path is inside the ranges. Collisions of the robot with itself or its surroundings are not considered.
+
+    Args:
+        model: the model.
+        data: its state, which is not changed.
+        drivetrain: the degrees of freedom.
+        direction: axis of the sensor in the frame of the site.
+        hold: what the joints hold: pose, position or axis.
+        ahead: whether the site moves toward objects; otherwise it retreats.
+
+    Returns:
+        The length of the path and what ends it.
+    """
+    ranges = ranges_of(model, data, drivetrain)
+    scratch = mujoco().MjData(model)
+    scratch.qpos[:] = data.qpos
+    places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
+    u = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3) @ direction
+    path = _Path(model, scratch, drivetrain, places, u if ahead else -u, ranges, hold)
+    return path.follow(np.array(data.qpos)[places])
+
+
+def ranges_of(model: Model, data: Data, drivetrain: Drivetrain) -> FloatArray:
+    """Return the ranges of the driven joints, shape (n, 2), after checking that the posture is inside them."""
+    ranges = np.array([range_of(model, int(joint)) for joint in drivetrain.joints])
+    places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
+    for joint, value, (low, high) in zip(drivetrain.joints, np.array(data.qpos)[places], ranges, strict=True):
+        if not low - _TOLERANCE <= value <= high + _TOLERANCE:
+            unit = unit_of_joint(model, int(joint))
+            found, least, most = (describe_position(v, unit) for v in (value, low, high))
+            raise InvalidInputError(
+                f"posture {joint_label(model, int(joint))}: found {found}, which is outside the joint's range from "
+                f"{least} to {most}"
+            )
+    return ranges
+
+
+@dataclass(frozen=True, slots=True)
+class _Path:
+    """A path of a site along a fixed direction in space."""
+
+    model: Model
+    data: Data
+    drivetrain: Drivetrain
+    places: Any
+    direction: FloatArray
+    ranges: FloatArray
+    hold: str
+
+    def follow(self, joints: FloatArray) -> Excursion:
+        """Integrate the path piece by piece; each piece ends where a joint reaches its range."""
+        from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import
+
+        size = float(self.model.stat.extent)
+        length, locked = 0.0, self._blocked(joints, ())
+        while True:
+            if locked is None or self._motion(joints, locked) is None:
+                return Excursion(length, self._reason(joints), joints)
+            solution = solve_ivp(
+                lambda _, q, locked=locked: self._rates(q, locked),
+                (length, _REACH * size),
+                joints,
+                rtol=_TOLERANCE,
+                atol=_TOLERANCE,
+                max_step=_STEP * size,
+                events=(
+                    self._event(lambda q, locked=locked: self._slack(q, locked)),
+                    self._event(lambda q, locked=locked: self._conditioning(q, locked) - SINGULAR),
+                ),
+            )
+            length, joints = float(solution.t[-1]), np.clip(solution.y[:, -1], *self.ranges.T)
+            if solution.status != 1:
+                return Excursion(length, "longer than the robot can reach", joints)
+            if len(solution.t_events[1]):
+                return Excursion(length, "the posture becomes singular", joints)
+            locked = self._blocked(joints, locked)
+
+    def _motion(self, joints: FloatArray, locked: tuple[int, ...]) -> Any:
+        """Return the joint motion along the path at joint positions; None if it does not exist or is singular."""
+        self.data.qpos[self.places] = joints
+        update_posture(self.model, self.data)
+        turn = np.array(self.data.site_xmat[self.drivetrain.site]).reshape(3, 3)
+        dynamics = posture_dynamics(self.model, self.data, self.drivetrain, turn.T @ self.direction)
+        motion = axis_motion(dynamics, self.hold, locked)
+        return None if motion is None or motion.conditioning <= SINGULAR else motion
+
+    def _rates(self, joints: FloatArray, locked: tuple[int, ...]) -> FloatArray:
+        motion = self._motion(joints, locked)
+        return np.zeros(len(joints)) if motion is None else motion.joints
+
+    def _conditioning(self, joints: FloatArray, locked: tuple[int, ...]) -> float:
+        motion = self._motion(joints, locked)
+        return 0.0 if motion is None else float(motion.conditioning)
+
+    def _slack(self, joints: FloatArray, locked: tuple[int, ...]) -> float:
+        """Return the smallest distance of a moving joint to the end of its range."""
+        low, high = np.delete(self.ranges, locked, axis=0).T
+        q = np.delete(joints, locked)
+        return float(np.minimum(q - low, high - q).min() + _TOLERANCE)
+
+    def _blocked(self, joints: FloatArray, locked: tuple[int, ...]) -> tuple[int, ...] | None:
+        """Return the joints that must not move because they would leave their ranges; None if none can move."""
+        low, high = self.ranges.T
+        while True:
+            motion = self._motion(joints, locked)
+            if motion is None:
+                return locked if len(locked) < len(joints) else None
+            out = ((joints <= low + 2 * _TOLERANCE) & (motion.joints < 0)) | (
+                (joints >= high - 2 * _TOLERANCE) & (motion.joints > 0)
+            )
+            new = tuple(int(i) for i in np.flatnonzero(out) if i not in locked)
+            if not new:
+                return locked
+            locked = (*locked, *new)
+            if len(locked) == len(joints):
+                return None
+
+    def _reason(self, joints: FloatArray) -> str:
+        """Return which joints end the path, in words."""
+        low, high = self.ranges.T
+        at_end = np.flatnonzero((joints <= low + 2 * _TOLERANCE) | (joints >= high - 2 * _TOLERANCE))
+        names = [joint_label(self.model, int(self.drivetrain.joints[i])) for i in at_end]
+        return f"end of the range of {', '.join(names)}" if names else "the posture is singular"
+
+    @staticmethod
+    def _event(function: Any) -> Any:
+        """Make an event that ends the integration where a function of the joint positions falls to zero."""
+
+        def event(_: float, joints: FloatArray) -> float:
+            return float(function(joints))
+
+        event.terminal, event.direction = True, -1  # type: ignore[attr-defined]
+        return event

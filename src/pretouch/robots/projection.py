@@ -1,0 +1,295 @@
+"""Project a robot in a posture to one axis: mass, excursion, and limits that joints and drives leave along it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.blocks import Described
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite_or_none, positive
+from pretouch._core.units import to_si
+from pretouch._core.values import Value
+from pretouch.design import Constraint, Task
+from pretouch.motion import Scenario
+
+from .drives import AxisLimits, acceleration_limits, drives_of, force_limits, speed_limits
+from .dynamics import Drivetrain, axis_motion, drivetrain_of, posture_dynamics
+from .model import Data, Model, joint_label, mujoco, site_index, unit_of_joint
+from .obstruction import refuse_covered_sensor
+from .path import Excursion, excursion
+from .site import SensorSite
+
+POOR: Final = 0.2
+"""Conditioning below which a projection warns, because the moved mass exceeds 25 times the lightest one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Projection(Described, Value):
+    """A robot in one posture, projected to the axis of one sensor.
+
+    Lengths, speeds, accelerations and forces count along the axis: ahead is toward objects, back is away from them.
+    Excursion, speed and acceleration are those of the site relative to the base of the robot. On a fixed base these
+    are the motion itself.
+
+    Args:
+        site: the sensor site.
+        axis: direction toward objects in the world frame, shape (3,).
+        position: position of the site in the world frame [m], shape (3,).
+        posture: positions of the driven joints by name [rad or m].
+        hold: what the joints hold while the site moves: pose, position or axis.
+        reflected_mass: mass that an impact along the axis meets [kg], 1 / (u^T J M^-1 J^T u). Drives do not count,
+            because an impact is shorter than their response.
+        moved_mass: effective mass of the motion along the axis for the drives [kg], which includes holding the other
+            directions.
+        recoil_share: share kappa of the motion that the recoil of a floating base takes back, 0 for a fixed base.
+        excursion: longest paths along the axis inside all joint ranges, ahead and back.
+        acceleration: largest accelerations from rest [m/s^2]; gravity and posture are taken into account.
+        speed: largest constant speeds [m/s]; infinite without damping or given joint speeds.
+        force: largest static forces [N].
+        conditioning: 1 in the direction in which the joints move the site most easily, 0 at a singularity.
+        joint_motion: joint velocities per velocity along the axis by name [rad/m or 1].
+        base: degrees of freedom that no actuator moves, such as those of a floating base.
+        warnings: sentences on properties of the posture or of the model that matter for a design.
+    """
+
+    site: SensorSite
+    axis: FloatArray
+    position: FloatArray
+    posture: Mapping[str, float]
+    hold: str
+    reflected_mass: float
+    moved_mass: float
+    recoil_share: float
+    excursion: tuple[Excursion, Excursion]
+    acceleration: AxisLimits
+    speed: AxisLimits
+    force: AxisLimits
+    conditioning: float
+    joint_motion: Mapping[str, float]
+    base: int
+    warnings: tuple[str, ...] = ()
+
+    page: ClassVar[str] = "pretouch.robots.page:projection_page"
+
+    @property
+    def retreat(self) -> float:
+        """The longest path away from objects inside all joint ranges [m], relative to the base of the robot."""
+        return self.excursion[1].length
+
+    def constraints(self) -> tuple[Constraint, ...]:
+        """Return the limits of the robot as constraints of a design: excursion, speed and acceleration.
+
+        The excursion is that of a retreat. Speed and acceleration hold in both directions. On a floating base all are
+        multiplied by 1 - kappa, because an encounter is described in a frame in which the base recoils.
+
+        Returns:
+            The constraints, without those that the model does not limit.
+
+        Raises:
+            InvalidInputError: the robot has no excursion, speed or acceleration along the axis.
+        """
+        share = 1 - self.recoil_share
+        limits = {"excursion": self.retreat, "speed": self.speed.least, "acceleration": self.acceleration.least}
+        for name, limit in limits.items():
+            if not limit > 0:
+                raise InvalidInputError(
+                    f"{name}: the robot has none along the axis {self.site.axis} of the site {self.site.name!r} in "
+                    "this posture; choose another posture or axis"
+                )
+        return tuple(Constraint(name=n, limit=share * v) for n, v in limits.items() if math.isfinite(v))
+
+    def task(self, scenario: Scenario, objective: Any = None, **options: Any) -> Task:
+        """Return the design task of this robot: the encounter along the axis, with the limits of the robot.
+
+        The task has the sensor curve of the site. `apply` says what is changed.
+
+        Args:
+            scenario: the encounter, with the admittance that the controller runs.
+            objective: the objective of the task.
+            **options: further fields of the task.
+
+        Returns:
+            The task, for every function that takes one.
+
+        Raises:
+            InvalidInputError: the site has no sensor curve.
+        """
+        if self.site.sensor is None:
+            raise InvalidInputError(
+                f"site {self.site.name!r}: has no sensor curve; set one, such as SensorSite(name, sensor=curve)"
+            )
+        return self.apply(Task(scenario, self.site.sensor, objective, **options))
+
+    def apply(self, task: Task) -> Task:
+        """Return a task with the recoil of the base in its admittance, and with the limits of the robot.
+
+        The controller moves the site relative to the base, M s'' + D s' + K s = F_p. The base recoils, so that the
+        encounter sees x = (1 - kappa) s. This is the motion of an admittance with M, D and K divided by 1 - kappa.
+        Of two constraints on one quantity, the tighter one remains.
+
+        Args:
+            task: the task, with the admittance that the controller runs.
+
+        Returns:
+            The task for this robot.
+
+        Raises:
+            InvalidInputError: the task has a sampled loop, and the base floats.
+        """
+        share = 1 - self.recoil_share
+        own = {limit.name: limit for limit in self.constraints()}
+        given = {limit.name: limit.limit for limit in task.limits}
+        kept = [
+            c
+            for c, limit in zip(task.constraints, task.limits, strict=True)
+            if not (limit.name in own and own[limit.name].limit < limit.limit)
+        ]
+        added = [limit for name, limit in own.items() if limit.limit < given.get(name, math.inf)]
+        changes: dict[str, Any] = {"constraints": (*kept, *added)}
+        if self.recoil_share:
+            if task.loop is not None:
+                raise InvalidInputError(
+                    "loop: a sampled loop on a floating base is not supported, because its controller and its "
+                    "encounter have different admittances; remove the loop"
+                )
+            a = task.scenario.admittance
+            divided = replace(a, mass=a.mass / share, damping=a.damping / share, stiffness=a.stiffness / share)
+            changes["scenario"] = replace(task.scenario, admittance=divided)
+        return task.replace(**changes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all numbers as a dictionary for JSON, in SI units; None for no limit."""
+        spans = {
+            name: {"ahead": finite_or_none(span.ahead), "back": finite_or_none(span.back)}
+            for name, span in (("acceleration", self.acceleration), ("speed", self.speed), ("force", self.force))
+        }
+        paths = zip(("ahead", "back"), self.excursion, strict=True)
+        return {
+            "site": self.site.name,
+            "site_axis": self.site.axis if isinstance(self.site.axis, str) else list(self.site.axis),
+            "axis": self.axis.tolist(),
+            "position": self.position.tolist(),
+            "posture": dict(self.posture),
+            "hold": self.hold,
+            "reflected_mass": self.reflected_mass,
+            "moved_mass": self.moved_mass,
+            "recoil_share": self.recoil_share,
+            "excursion": {name: {"length": path.length, "reason": path.reason} for name, path in paths},
+            **spans,
+            "conditioning": self.conditioning,
+            "joint_motion": dict(self.joint_motion),
+            "base": self.base,
+            "warnings": list(self.warnings),
+        }
+
+
+@check_arguments
+def project(
+    model: Model,
+    data: Data,
+    site: SensorSite,
+    *,
+    joint_speeds: Mapping[str, Any] | None = None,
+) -> Projection:
+    """Project a robot in a posture to the axis of a sensor, so that a 1-D design can be made for it.
+
+    Degrees of freedom that no actuator moves form the base. They are a floating base or passive joints, and are treated
+    as free, at rest in a frame that falls with the robot.
+
+    Args:
+        model: a `mujoco.MjModel`, such as from `load_model`.
+        data: its `mujoco.MjData` in the posture, such as from `make_data`; velocities are ignored.
+        site: the sensor.
+        joint_speeds: largest speeds of joints by name [rad/s or m/s], as numbers or as text such as "90 deg/s"; MuJoCo
+            models do not contain them.
+
+    Returns:
+        The projection, with warnings near a singularity.
+
+    Raises:
+        InvalidInputError: the model has no such site, the site is covered by a body or cannot move along the axis, or
+            a joint has no range.
+    """
+    index = site_index(model, site.name)
+    data = _at_rest(model, data)
+    drivetrain = drivetrain_of(model, data, index)
+    refuse_covered_sensor(model, data, site, index)
+    dynamics = posture_dynamics(model, data, drivetrain, site.direction)
+    motion = axis_motion(dynamics, site.hold)
+    if motion is None:
+        raise InvalidInputError(
+            f"site {site.name!r}: the joints cannot move it along its axis {site.axis} in this posture"
+            + ("" if site.hold in {"auto", "axis"} else f" while they hold its {site.hold}")
+            + "; choose another axis or posture"
+        )
+    names = [joint_label(model, int(joint)) for joint in drivetrain.joints]
+    units = [f"{unit_of_joint(model, int(joint))}/s" for joint in drivetrain.joints]
+    speeds = _speeds(dict(zip(names, units, strict=True)), joint_speeds or {})
+    drives = drives_of(model, data, drivetrain, speeds)
+    ahead, back = (
+        excursion(model, data, drivetrain, site.direction, hold=motion.hold, ahead=side) for side in (True, False)
+    )
+    places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
+    return Projection(
+        site=site,
+        axis=dynamics.axis,
+        position=dynamics.position,
+        posture=dict(zip(names, np.array(data.qpos)[places].tolist(), strict=True)),
+        hold=motion.hold,
+        reflected_mass=dynamics.reflected_mass,
+        moved_mass=motion.moved_mass,
+        recoil_share=motion.recoil_share if len(drivetrain.base) else 0.0,
+        excursion=(ahead, back),
+        acceleration=acceleration_limits(drives, dynamics, motion),
+        speed=speed_limits(drives, motion),
+        force=force_limits(drives, dynamics),
+        conditioning=motion.conditioning,
+        joint_motion=dict(zip(names, motion.joints.tolist(), strict=True)),
+        base=len(drivetrain.base),
+        warnings=tuple(_warnings(model, drivetrain, motion.conditioning, drives.has_force_limits)),
+    )
+
+
+def _at_rest(model: Model, data: Data) -> Data:
+    """Return a copy of a state without velocities and applied forces, after `mj_forward`."""
+    copy = mujoco().MjData(model)
+    copy.qpos[:] = data.qpos
+    mujoco().mj_forward(model, copy)
+    return copy
+
+
+def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
+    """Return the largest speed of each driven joint, infinite for joints without a limit."""
+    for name in limits:
+        if name not in units:
+            raise InvalidInputError(f"joint_speeds: found {name!r}, expected driven joints: {', '.join(units)}")
+    speeds = np.full(len(units), math.inf)
+    for i, (name, unit) in enumerate(units.items()):
+        if name in limits:
+            label = f"joint_speeds {name}"
+            speeds[i] = positive(to_si(limits[name], unit, name=label), label, unit)
+    return speeds
+
+
+def _warnings(model: Model, drivetrain: Drivetrain, conditioning: float, limited: bool) -> Iterator[str]:
+    """Yield sentences on properties of posture and model that matter for a design."""
+    if conditioning < POOR:
+        yield (
+            f"The posture is close to a singularity: along the axis, the drives move {conditioning**-2:.0f} times the "
+            "mass of the easiest direction. Expect larger deviations from the prediction; choose another posture."
+        )
+    if not limited:
+        yield "The model does not limit the forces of all actuators, so that acceleration and force have no limit."
+    passive = [
+        joint_label(model, int(j))
+        for j in dict.fromkeys(np.asarray(model.dof_jntid)[drivetrain.base].tolist())
+        if model.body_parentid[model.jnt_bodyid[j]] != 0
+    ]
+    if passive:
+        yield f"No actuator moves the following joints, which are treated as free: {', '.join(passive)}."

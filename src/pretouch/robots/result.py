@@ -1,0 +1,222 @@
+"""Define the results of simulated encounters of a whole robot, next to their 1-D prediction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from pretouch._core.blocks import Described
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite_or_none
+from pretouch._core.values import Value
+from pretouch.design.impact import SpringImpact
+from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
+
+from .site_law import SiteLaw
+
+
+@dataclass(frozen=True, slots=True)
+class DetectedEncounter(Value):
+    """The encounter along the axis of a site at the moment at which its controller first detects the object.
+
+    Args:
+        time: t [s].
+        distance: l [m].
+        relative_velocity: l' [m/s].
+        acceleration: acceleration of the object along the axis [m/s^2].
+        reflected_mass: of the robot along the axis [kg].
+        obstacle_mass: of the object [kg]; infinite if it belongs to the world.
+        recoil_share: kappa of a floating base.
+        position: position of the site's reference [m], relative to the start.
+        velocity: velocity of the site's reference [m/s].
+    """
+
+    time: float
+    distance: float
+    relative_velocity: float
+    acceleration: float
+    reflected_mass: float
+    obstacle_mass: float
+    recoil_share: float
+    position: float
+    velocity: float
+
+
+@dataclass(frozen=True, slots=True)
+class SiteContact(Value):
+    """What happened at one site in one run; NaN for what did not happen.
+
+    Args:
+        time: time of the first contact of the body that carries the site [s], on the axis or beside it.
+        relative_velocity: l' at this contact [m/s].
+        peak_force: largest contact force on the body of the site along the axis [N].
+        impulse: impulse of all contact forces [N s].
+        excursion: largest excursion of the reference until contact [m], relative to the base.
+        energy: energy of the impact, 1/2 mu l'^2 with the reduced mass mu of robot and object [J].
+        detection: the encounter at the first detection; None without one.
+    """
+
+    time: float
+    relative_velocity: float
+    peak_force: float
+    impulse: float
+    excursion: float
+    energy: float
+    detection: DetectedEncounter | None = None
+
+
+_NAN: Final = math.nan
+_NOTHING: Final = SiteContact(_NAN, _NAN, _NAN, _NAN, _NAN, _NAN)
+_HORIZON: Final = 60.0  # s, longest predicted encounter
+
+
+@dataclass(frozen=True, slots=True)
+class RobotTrace(Value):
+    """Time series of one run, with one row for each step of MuJoCo.
+
+    Args:
+        time: t [s], shape (n,).
+        distance: l of each site [m], shape (n, sites).
+        reference: position of the reference of each site along its axis at the end of the period [m], shape (n, sites).
+        force: contact force on each site [N], shape (n, sites).
+        torque: torques of the driven joints [N m or N], shape (n, joints).
+        configuration: positions of all joints of the model, shape (n, nq).
+    """
+
+    time: FloatArray
+    distance: FloatArray
+    reference: FloatArray
+    force: FloatArray
+    torque: FloatArray
+    configuration: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotSimulation(Described, Value):
+    """Simulated encounters of a robot, next to the 1-D prediction for each site.
+
+    Args:
+        sites: names of the sites.
+        contacts: what happened, for each site and run.
+        predictions: what the 1-D model predicts from the first detection on, for each site and run; None without a
+            detection.
+        warnings: sentences on properties of the model that matter for the results.
+        trace_of: function that repeats a run and records its time series.
+    """
+
+    sites: tuple[str, ...]
+    contacts: tuple[tuple[SiteContact, ...], ...]
+    predictions: tuple[tuple[SiteContact | None, ...], ...]
+    warnings: tuple[str, ...] = ()
+    trace_of: Callable[[int], RobotTrace] = field(compare=False)
+
+    page: ClassVar[str] = "pretouch.robots.simulation_page:robot_page"
+
+    @property
+    def runs(self) -> int:
+        """The number of runs."""
+        return len(self.contacts[0])
+
+    def simulated(self, site: str, quantity: str) -> FloatArray:
+        """Return a quantity of `SiteContact` for all runs of a site, shape (runs,)."""
+        return np.array([getattr(c, quantity) for c in self.contacts[self._index(site)]])
+
+    def predicted(self, site: str, quantity: str) -> FloatArray:
+        """Return the prediction of a quantity of `SiteContact` for all runs of a site, shape (runs,)."""
+        rows = self.predictions[self._index(site)]
+        return np.array([math.nan if c is None else getattr(c, quantity) for c in rows])
+
+    def order(self, run: int = 0) -> tuple[str, ...]:
+        """Return the sites that touched in a run, in the order of their contacts."""
+        times = [(contacts[run].time, name) for name, contacts in zip(self.sites, self.contacts, strict=True)]
+        return tuple(name for time, name in sorted(times) if not math.isnan(time))
+
+    def trace(self, run: int = 0) -> RobotTrace:
+        """Repeat one run and return its time series."""
+        if not 0 <= run < self.runs:
+            raise InvalidInputError(f"run: found {run}, expected a run from 0 to {self.runs - 1}")
+        return self.trace_of(run)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all contacts and predictions as a dictionary for JSON, in SI units; None for what did not happen."""
+        return {
+            "sites": {
+                name: {
+                    "simulated": list(map(_as_dict, self.contacts[i])),
+                    "predicted": list(map(_as_dict, self.predictions[i])),
+                }
+                for i, name in enumerate(self.sites)
+            },
+            "order": [list(self.order(run)) for run in range(self.runs)],
+            "warnings": list(self.warnings),
+        }
+
+    def _index(self, site: str) -> int:
+        if site not in self.sites:
+            raise InvalidInputError(f"site: found {site!r}, expected one of {', '.join(self.sites)}")
+        return self.sites.index(site)
+
+
+QUANTITIES: Final = ("time", "relative_velocity", "peak_force", "impulse", "excursion", "energy")
+"""The quantities that are simulated and predicted."""
+
+
+def _as_dict(contact: SiteContact | None) -> dict[str, Any] | None:
+    if contact is None:
+        return None
+    return {name: finite_or_none(getattr(contact, name)) for name in QUANTITIES}
+
+
+def prediction_of(law: SiteLaw, detection: DetectedEncounter, stiffness: float | None) -> SiteContact:
+    """Predict the contact of one site in continuous time, from its first detection on.
+
+    The admittance is that of the controller, divided by 1 - kappa on a floating base. The robot follows its reference
+    exactly.
+
+    Args:
+        law: the law of the site.
+        detection: the encounter at the first detection.
+        stiffness: stiffness of the contact [N/m] for the peak force; None for no prediction.
+
+    Returns:
+        The prediction; NaN for what does not happen or cannot be predicted.
+    """
+    d, own = detection, law.controller.admittance
+    share, curve = 1 - d.recoil_share, law.site.sensor
+    if curve is None or not d.distance > 0:
+        return replace(_NOTHING, detection=d)
+    scenario = Scenario(
+        admittance=Admittance(mass=own.mass / share, damping=own.damping / share, stiffness=own.stiffness / share),
+        obstacle=Obstacle(
+            position=share * d.position + d.distance,
+            velocity=share * d.velocity + d.relative_velocity,
+            acceleration=d.acceleration,
+        ),
+        plant=Plant(position=share * d.position, velocity=share * d.velocity),
+        reference=Reference(position=share * law.approach * d.time, velocity=share * law.approach),
+    )
+    continuous: Any = law.controller.law.continuous
+    number = law.controller.law.value
+    solved = find_contact(scenario, curve, number, law=continuous, horizon=_HORIZON)
+    if solved.status != ContactStatus.CONTACT:
+        return replace(_NOTHING, detection=d)
+    contact = solved.contact
+    speed = float(contact.relative_velocity)
+    reduced = 1 / (1 / d.reflected_mass + 1 / d.obstacle_mass)
+    force = math.nan
+    if stiffness is not None:
+        impact = SpringImpact(robot_mass=d.reflected_mass, obstacle_mass=d.obstacle_mass, stiffness=stiffness)
+        force = float(impact.peak_force(speed))
+    return SiteContact(
+        time=d.time + float(contact.time),
+        relative_velocity=speed,
+        peak_force=force,
+        impulse=2 * reduced * abs(speed) if stiffness is not None else math.nan,
+        excursion=float(contact.largest_excursion) / share,
+        energy=0.5 * reduced * speed**2,
+        detection=d,
+    )

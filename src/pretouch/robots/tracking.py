@@ -1,0 +1,147 @@
+"""Controllers that make a robot follow the reference of its sensor sites: torques of the joints."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_declared, quantity
+from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
+
+
+@dataclass(frozen=True, slots=True)
+class JointState:
+    """State and reference of the driven joints at one moment.
+
+    Args:
+        position: q [rad or m], shape (n,).
+        velocity: q' [rad/s or m/s], shape (n,).
+        reference: q of the reference, shape (n,).
+        reference_velocity: q' of the reference, shape (n,).
+        reference_acceleration: q'' of the reference, shape (n,).
+        inertia: inertia that the drives feel, shape (n, n).
+        load: torques that keep the joints from accelerating, shape (n,).
+        held: function that returns the Jacobian of all directions that the sites move along or hold, shape (k, n).
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    reference: FloatArray
+    reference_velocity: FloatArray
+    reference_acceleration: FloatArray
+    inertia: FloatArray
+    load: FloatArray
+    held: Callable[[], FloatArray]
+
+
+class Tracking(ABC):
+    """Base class of controllers that make the joints of a robot follow a reference."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def torques(self, state: JointState) -> FloatArray:
+        """Return the torques of the driven joints [N m or N], shape (n,)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComputedTorque(Tracking, Value):
+    """Computed torque: inverse dynamics of the reference acceleration, with feedback of position and velocity.
+
+    Args:
+        bandwidth: w / (2 pi) of the feedback in every joint [Hz].
+        damping_ratio: damping ratio of the feedback.
+        model_error: relative error of inertia and load in the controller's model, such as 0.3.
+    """
+
+    bandwidth: float = quantity("Hz", 20.0, sign="positive")
+    damping_ratio: float = quantity("", 1.0, sign="positive")
+    model_error: float = quantity("", 0.0)
+
+    def __post_init__(self) -> None:
+        check_declared(self)
+        if not self.model_error > -1:
+            raise InvalidInputError(f"model_error: found {self.model_error:g}, expected more than -1")
+
+    def torques(self, state: JointState) -> FloatArray:
+        """Return the torques of the driven joints [N m or N], shape (n,)."""
+        w = 2 * math.pi * self.bandwidth
+        wanted = (
+            state.reference_acceleration
+            + 2 * self.damping_ratio * w * (state.reference_velocity - state.velocity)
+            + w * w * (state.reference - state.position)
+        )
+        torques: FloatArray = (1 + self.model_error) * (state.inertia @ wanted + state.load)
+        return torques
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionControl(Tracking, Value):
+    """A position-controlled robot: every joint follows its reference with a second-order lag.
+
+    The joints obey q'' = w^2 (q_r - q) - 2 zeta w q', like a `PositionPlant`.
+
+    Args:
+        bandwidth: w / (2 pi) of the position loop [Hz].
+        damping_ratio: zeta of the position loop.
+    """
+
+    bandwidth: float = quantity("Hz", 20.0, sign="positive")
+    damping_ratio: float = quantity("", 1.0, sign="positive")
+
+    def __post_init__(self) -> None:
+        check_declared(self)
+
+    def torques(self, state: JointState) -> FloatArray:
+        """Return the torques of the driven joints [N m or N], shape (n,)."""
+        w = 2 * math.pi * self.bandwidth
+        wanted = w * w * (state.reference - state.position) - 2 * self.damping_ratio * w * state.velocity
+        torques: FloatArray = state.inertia @ wanted + state.load
+        return torques
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperationalSpace(Tracking, Value):
+    """Operational-space impedance: springs and dampers act on the site, and the null space holds its posture.
+
+    Each direction that moves or is held has the same natural frequency and damping ratio. Its stiffness is its
+    effective mass times w^2, so that directions in which the robot is heavy are stiffer.
+
+    Args:
+        bandwidth: w / (2 pi) of the impedance [Hz].
+        damping_ratio: damping ratio of the impedance.
+        null_bandwidth: w / (2 pi) with which the null space returns to its posture, critically damped [Hz].
+        model_error: relative error of inertia and load in the controller's model, such as 0.3.
+    """
+
+    bandwidth: float = quantity("Hz", 10.0, sign="positive")
+    damping_ratio: float = quantity("", 1.0, sign="positive")
+    null_bandwidth: float = quantity("Hz", 2.0, sign="positive")
+    model_error: float = quantity("", 0.0)
+
+    def __post_init__(self) -> None:
+        check_declared(self)
+        if not self.model_error > -1:
+            raise InvalidInputError(f"model_error: found {self.model_error:g}, expected more than -1")
+
+    def torques(self, state: JointState) -> FloatArray:
+        """Return the torques of the driven joints [N m or N], shape (n,)."""
+        inertia, held = state.inertia, state.held()
+        inverse = np.linalg.solve(inertia, held.T)
+        mobility = held @ inverse
+        w, null = 2 * math.pi * self.bandwidth, 2 * math.pi * self.null_bandwidth
+        error, rate = state.reference - state.position, state.reference_velocity - state.velocity
+        wanted = (
+            held @ state.reference_acceleration + 2 * self.damping_ratio * w * (held @ rate) + w * w * (held @ error)
+        )
+        force = np.linalg.pinv(mobility, rcond=1e-10, hermitian=True) @ wanted
+        motion = state.reference_acceleration + 2 * null * rate + null * null * error
+        rest = motion - inverse @ (np.linalg.pinv(mobility, rcond=1e-10, hermitian=True) @ (held @ motion))
+        torques: FloatArray = (1 + self.model_error) * (held.T @ force + inertia @ rest + state.load)
+        return torques

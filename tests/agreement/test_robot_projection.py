@@ -1,0 +1,229 @@
+"""The projection of a robot to an axis: against Pinocchio, against MuJoCo's simulation, and against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from pretouch.robots import SensorSite, make_data, project
+from pretouch.robots.dynamics import drivetrain_of, posture_dynamics
+from random_robots import random_robot
+
+mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+
+
+def model_of(text: str):
+    return mujoco.MjModel.from_xml_string(text)
+
+
+def site_acceleration(model, data):
+    """The acceleration of the site "tip" in the world frame, with gravity as an upward acceleration."""
+    acceleration = np.zeros(6)
+    mujoco.mj_rnePostConstraint(model, data)
+    mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_SITE, model.site("tip").id, acceleration, 0)
+    return acceleration[3:]
+
+
+def test_the_reflected_mass_is_that_of_pinocchio() -> None:
+    """100 random robots, half of them floating. Both libraries invert the same matrix; with condition numbers up to
+    1e4 rounding is below 1e-11."""
+    pin = pytest.importorskip("pinocchio", reason="needs the package 'pin'")
+    worst = 0.0
+    for seed in range(100):
+        robot = random_robot(seed)
+        model = model_of(robot.text)
+        data = mujoco.MjData(model)
+        data.qpos[:] = robot.mujoco_configuration()
+        mujoco.mj_forward(model, data)
+        drivetrain = drivetrain_of(model, data, model.site("tip").id)
+        dynamics = posture_dynamics(model, data, drivetrain, np.array([1.0, 0.0, 0.0]))
+        other, q, frame = robot.pinocchio(pin)
+        state = other.createData()
+        # a robot with one degree of freedom has a Jacobian without its second axis
+        jacobian = np.reshape(pin.computeFrameJacobian(other, state, q, frame, pin.LOCAL), (6, other.nv))
+        mass = np.reshape(pin.crba(other, state, q), (other.nv, other.nv))
+        mass = np.triu(mass) + np.triu(mass, 1).T  # with the armature
+        row = jacobian[0]
+        expected = 1 / (row @ np.linalg.solve(mass, row))
+        worst = max(worst, abs(dynamics.reflected_mass / expected - 1))
+    assert worst < 1e-9
+
+
+FLOATING = """
+<mujoco><compiler angle="radian"/><option gravity="{gravity}" timestep="1e-4" integrator="RK4"/>
+<worldbody><body name="base" pos="0 0 1" euler="0.2 -0.4 0.3"><freejoint/>
+  <inertial pos="0.02 -0.01 0.03" mass="{base}" diaginertia="0.05 0.04 0.06"/>
+  <body pos="0.1 0 0.05"><joint name="a" axis="0 -1 0" range="-2 2"/>
+    <inertial pos="0.1 0 0.02" mass="0.8" diaginertia="0.002 0.004 0.004"/>
+    <body pos="0.25 0 0"><joint name="b" axis="0 -1 0" range="-2 2"/>
+      <inertial pos="0.1 0.01 0" mass="0.5" diaginertia="0.001 0.002 0.002"/>
+      <body pos="0.2 0 0"><joint name="c" type="slide" axis="1 0 0" range="-0.2 0.2"/>
+        <inertial pos="0.05 0 0" mass="0.2" diaginertia="0.001 0.001 0.001"/>
+        <site name="tip" pos="0.1 0.02 0"/>
+</body></body></body></body></worldbody>
+<actuator>
+  <motor joint="a" ctrlrange="-9 9"/><motor joint="b" ctrlrange="-9 9"/><motor joint="c" ctrlrange="-9 9"/>
+</actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("base", [1.0, 2.0, 5.0, 20.0])
+@pytest.mark.parametrize("gravity", ["0 0 0", "0 0 -9.81"], ids=["without gravity", "in free fall"])
+def test_the_recoil_share_is_that_of_a_floating_robot_in_simulation(base: float, gravity: str) -> None:
+    """MuJoCo accelerates the joints by their own motors; the site moves by 1 - kappa of its motion in the base.
+
+    The joint motion is imposed by inverse dynamics, so that it is q'' = (joint motion) * 1 m/s^2 at the first step.
+    The accelerations at this instant are exact; no tolerance for a time step is needed.
+    """
+    model = model_of(FLOATING.format(base=base, gravity=gravity))
+    data = make_data(model, {"a": 0.6, "b": -1.1, "c": 0.05})
+    projection = project(model, data, SensorSite("tip", axis="+x"))
+    assert projection.base == 6
+    wanted = np.array([projection.joint_motion[n] for n in "abc"])
+
+    # motor torques that give the wanted joint accelerations: q'' is affine in the torques
+    def accelerations(torques):
+        data.ctrl[:] = torques
+        mujoco.mj_forward(model, data)
+        return data.qacc[6:].copy()
+
+    start = accelerations(np.zeros(3))
+    slope = np.column_stack([accelerations(row) - start for row in np.eye(3)])
+    accelerations(np.linalg.solve(slope, wanted - start))
+    np.testing.assert_allclose(data.qacc[6:], wanted, rtol=1e-9, atol=1e-9)
+    # MuJoCo counts gravity as an upward acceleration, so this is seen from the frame that falls with the robot
+    along = projection.axis @ site_acceleration(model, data)
+    assert along == pytest.approx(1 - projection.recoil_share, rel=1e-9, abs=1e-9)
+    assert 0 < projection.recoil_share < 1
+
+
+def test_a_slide_on_a_sliding_base_recoils_by_its_share_of_the_mass() -> None:
+    """M_bq J^-1 u / M_bb = m / (m_b + m), over a whole motion: momentum is conserved."""
+    model = model_of(
+        """<mujoco><option gravity="0 0 0" timestep="1e-3"/><worldbody><body><joint name="base" type="slide"
+        axis="1 0 0"/><geom size="0.1" mass="3"/><body pos="0.2 0 0"><joint name="leg" type="slide" axis="1 0 0"
+        range="-0.1 0.1" limited="true"/><geom size="0.02" mass="1"/><site name="foot" pos="0.02 0 0"/></body></body>
+        </worldbody><actuator><motor joint="leg" ctrlrange="-5 5"/></actuator></mujoco>"""
+    )
+    data = make_data(model)
+    projection = project(model, data, SensorSite("foot"))
+    assert projection.recoil_share == pytest.approx(1 / 4)
+    assert projection.reflected_mass == pytest.approx(1.0)  # a blow on the foot does not move the base
+    assert projection.moved_mass == pytest.approx(3 / 4)  # the reduced mass of base and leg
+    before = float(data.site_xpos[0, 0])
+    data.ctrl[:] = 1.0
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+    mujoco.mj_forward(model, data)
+    assert float(data.site_xpos[0, 0]) - before == pytest.approx((1 - 1 / 4) * data.qpos[1], rel=1e-9)
+
+
+TWO_LINKS = """
+<mujoco><compiler angle="radian"/><option gravity="0 0 {gravity}"/><worldbody>
+ <body><joint name="shoulder" axis="0 -1 0" range="-3 3"/><geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02"
+   mass="1"/><body pos="0.3 0 0"><joint name="elbow" axis="0 -1 0" range="{elbow}"/><geom type="capsule"
+   fromto="0 0 0 0.2 0 0" size="0.02" mass="0.5"/><site name="tip" pos="0.22 0 0" xyaxes="1 0 0 0 1 0"/></body></body>
+</worldbody><actuator><motor joint="shoulder" ctrlrange="-20 20"/><motor joint="elbow" ctrlrange="-10 10"/></actuator>
+</mujoco>"""
+
+
+def test_the_excursion_ends_where_the_elbow_reaches_its_range() -> None:
+    """The distance from shoulder to tip follows from the elbow angle by the law of cosines."""
+    model = model_of(TWO_LINKS.format(gravity=0, elbow="-1.6 -0.4"))
+    shoulder, elbow = 0.9, -1.3
+    projection = project(model, make_data(model, {"shoulder": shoulder, "elbow": elbow}), SensorSite("tip"))
+    assert projection.hold == "position"
+    tip = 0.3 * np.array([math.cos(shoulder), math.sin(shoulder)])
+    u = np.array([math.cos(shoulder + elbow), math.sin(shoulder + elbow)])
+    tip = tip + 0.22 * u
+
+    def reach(angle: float) -> float:
+        return math.sqrt(0.3**2 + 0.22**2 + 2 * 0.3 * 0.22 * math.cos(angle))
+
+    along, across = tip @ u, tip @ np.array([-u[1], u[0]])
+    ahead, back = projection.excursion
+    assert ahead.length == pytest.approx(math.sqrt(reach(-0.4) ** 2 - across**2) - along, rel=1e-6)
+    assert "elbow" in ahead.reason
+    # in the other direction the shoulder distance falls until the elbow is bent most
+    assert back.length == pytest.approx(along - math.sqrt(reach(-1.6) ** 2 - across**2), rel=1e-6)
+    assert "elbow" in back.reason
+
+
+def test_a_joint_at_its_end_leaves_the_motion_to_the_others() -> None:
+    """Two slides along the axis: the second one continues when the first one has reached its range."""
+    model = model_of(
+        """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="a" type="slide" axis="1 0 0" limited="true"
+        range="-0.01 0.03"/><geom size="0.05" mass="0.1"/><body><joint name="b" type="slide" axis="1 0 0" limited="true"
+        range="-0.2 0.1"/><geom size="0.02" mass="2"/><site name="tip" pos="0.2 0 0"/></body></body></worldbody>
+        <actuator><motor joint="a" ctrlrange="-5 5"/><motor joint="b" ctrlrange="-5 5"/></actuator></mujoco>"""
+    )
+    projection = project(model, make_data(model), SensorSite("tip"))
+    assert [path.length for path in projection.excursion] == pytest.approx([0.13, 0.21], abs=1e-7)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, -1.0])
+def test_gravity_leaves_less_acceleration_upward(angle: float) -> None:
+    """A pendulum with a point mass: J q'' = tau - m g r cos(angle), and the tip moves with r q''."""
+    model = model_of(
+        """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"/><worldbody><body><joint name="a"
+        axis="0 -1 0" range="-2 2"/><inertial pos="0.4 0 0" mass="2" diaginertia="1e-9 1e-9 1e-9"/>
+        <site name="tip" pos="0.4 0 0"/></body></worldbody>
+        <actuator><motor joint="a" gear="2" ctrlrange="-8 8" forcerange="-6 7"/></actuator></mujoco>"""
+    )
+    projection = project(model, make_data(model, {"a": angle}), SensorSite("tip", axis="+z"))
+    inertia, load = 2 * 0.4**2 + 1e-9, 2 * 9.81 * 0.4 * math.cos(angle)
+    assert projection.acceleration.ahead == pytest.approx(0.4 * (2 * 7 - load) / inertia)
+    assert projection.acceleration.back == pytest.approx(0.4 * (2 * 6 + load) / inertia)
+    assert projection.force.ahead == pytest.approx((2 * 7 - load) / 0.4)
+    assert projection.force.back == pytest.approx((2 * 6 + load) / 0.4)
+    assert projection.speed.ahead == math.inf
+    assert projection.reflected_mass == pytest.approx(2.0)
+
+
+def test_damping_and_servos_limit_the_speed() -> None:
+    """Constant speeds: force = (joint damping + servo damping) * speed, and a given joint speed."""
+    model = model_of(
+        """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="a" type="slide" axis="1 0 0" damping="3"
+        limited="true" range="-1 1"/><geom size="0.1" mass="1"/><site name="tip" pos="0.1 0 0"/></body></worldbody>
+        <actuator><velocity joint="a" kv="5" ctrlrange="-2 4" forcerange="-100 12"/></actuator></mujoco>"""
+    )
+    data = make_data(model)
+    projection = project(model, data, SensorSite("tip"))
+    assert projection.speed.ahead == pytest.approx(5 * 4 / (3 + 5))
+    assert projection.speed.back == pytest.approx(5 * 2 / (3 + 5))
+    assert projection.acceleration.ahead == pytest.approx(12.0)  # the servo may ask for 5 * 4 N
+    assert projection.acceleration.back == pytest.approx(10.0)
+    slow = project(model, data, SensorSite("tip"), joint_speeds={"a": 0.5})
+    assert (slow.speed.ahead, slow.speed.back) == pytest.approx((0.5, 0.5))
+
+
+def test_the_acceleration_is_reached_and_not_exceeded_by_any_torques() -> None:
+    """Among 2,000 random torques within the limits, none accelerates the tip more; the best corner comes close.
+
+    With hold="axis" nothing else is held, so that every torque counts.
+    """
+    model = model_of(TWO_LINKS.format(gravity=-9.81, elbow="-2.2 -0.4"))
+    data = make_data(model, {"shoulder": 0.9, "elbow": -1.3})
+    projection = project(model, data, SensorSite("tip", hold="axis"))
+    rng = np.random.default_rng(1)
+    highest = np.array([20.0, 10.0])
+    corners = [np.array([a, b]) for a in (-20, 20) for b in (-10, 10)]
+    along = []
+    for torques in (*corners, *rng.uniform(-highest, highest, (2000, 2))):
+        data.ctrl[:] = torques
+        mujoco.mj_forward(model, data)
+        along.append(projection.axis @ (site_acceleration(model, data) + model.opt.gravity))
+    assert max(along) == pytest.approx(projection.acceleration.ahead, rel=1e-9)
+    assert -min(along) == pytest.approx(projection.acceleration.back, rel=1e-9)
+
+
+def test_the_conditioning_falls_to_zero_as_the_arm_is_stretched() -> None:
+    model = model_of(TWO_LINKS.format(gravity=0, elbow="-2.2 2.2"))
+    values = [
+        project(model, make_data(model, {"elbow": angle}), SensorSite("tip")) for angle in (-1.5, -0.5, -0.1, -0.03)
+    ]
+    conditioning = [p.conditioning for p in values]
+    assert conditioning == sorted(conditioning, reverse=True)
+    assert conditioning[-1] < 0.05
+    assert [bool(p.warnings) for p in values] == [False, False, True, True]

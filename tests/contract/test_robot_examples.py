@@ -1,0 +1,112 @@
+"""The robots in examples/robots: each is projected, and its law runs."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pretouch.control import VirtualAdmittance
+from pretouch.errors import InvalidInputError
+from pretouch.robots import ComputedTorque, SensorSite, SiteLaw, load_model, make_data, project_all, simulate_robot
+from robot_scenes import CURVE, DISTANCE, arm_with_ball, controller, share
+
+mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+
+EXAMPLES = Path(__file__).parents[2] / "examples/robots"
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.xml")), ids=lambda path: path.stem)
+def test_an_example_is_projected(path: Path) -> None:
+    table = project_all(load_model(path))
+    assert table.projections
+    assert all(p.reflected_mass > 0 for _, p in table.projections)
+
+
+def test_the_programs_of_the_page_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(EXAMPLES.parents[1])
+    blocks = re.findall(r"```python\n(.*?)```", Path("docs/robots.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        exec(block, {})  # noqa: S102 - the page is ours
+    printed = capsys.readouterr().out
+    assert "D_p = -0.7463 N s" in printed
+    assert "sole" in printed
+
+
+def fallen_leg(speed: float):
+    model = load_model(EXAMPLES / "leg.xml")
+    data = make_data(model, keyframe="crouched")
+    data.qpos[0] -= data.site("sole").xpos[2] - DISTANCE
+    data.qvel[0] = -speed
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def test_a_leg_lands_as_predicted() -> None:
+    """The ground accelerates toward the falling leg by g; kappa is that of the start, while the leg bends by 30 deg."""
+    model, data = fallen_leg(0.5)
+    result = simulate_robot(model, data, [SiteLaw(site=SensorSite("sole", CURVE), controller=controller())])
+    detection = result.contacts[0][0].detection
+    assert detection.acceleration == pytest.approx(-9.81)
+    assert detection.relative_velocity == pytest.approx(-0.5)
+    assert detection.obstacle_mass == np.inf
+    speeds = (result.simulated("sole", "relative_velocity"), result.predicted("sole", "relative_velocity"))
+    assert share(*speeds) < 0.01
+    # without the law, it would land at sqrt(v^2 + 2 g h)
+    assert abs(speeds[0][0]) < 0.5 * np.sqrt(0.5**2 + 2 * 9.81 * DISTANCE)
+
+
+def test_fingers_close_and_the_nearer_one_touches_first() -> None:
+    model = load_model(EXAMPLES / "gripper.xml")
+    law = replace(controller(-0.05), admittance=VirtualAdmittance(mass=0.2, damping=4.0, stiffness=25.0))
+    laws = [SiteLaw(site=SensorSite(name, CURVE), controller=law, approach=0.05) for name in ("left", "right")]
+    result = simulate_robot(model, make_data(model), laws)
+    assert result.order() == ("right", "left")  # the object is 10 mm to the right
+    detections = [contacts[0].detection for contacts in result.contacts]
+    assert [d.distance for d in detections] == pytest.approx([0.059, 0.039])
+    assert [d.relative_velocity for d in detections] == pytest.approx([-0.05, -0.05])
+    # the first touch is that of the prediction; after it the object moves toward the other finger
+    assert share(result.simulated("right", "relative_velocity"), result.predicted("right", "relative_velocity")) < 0.005
+    assert share(result.simulated("right", "time"), result.predicted("right", "time")) < 0.005
+
+
+def test_several_processes_give_the_same_runs() -> None:
+    model, data = arm_with_ball("bent", 0.6)
+    law = SiteLaw(site=SensorSite("fingertip", CURVE), controller=controller())
+    one = simulate_robot(model, data, [law], runs=3)
+    assert simulate_robot(model, data, [law], runs=3, workers=2).contacts == one.contacts
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda _: [], "at least one"),
+        (lambda law: [law, law], "at most one"),
+        (lambda law: [replace(law, controller=replace(law.controller, period=1.5e-3))], "does not divide"),
+        (lambda law: [replace(law, site=SensorSite("thumb", CURVE))], "thumb"),
+        (lambda law: [replace(law, site=SensorSite("fingertip", CURVE, axis="+y"))], "cannot move"),
+    ],
+    ids=["no law", "twice", "period", "site", "axis"],
+)
+def test_laws_that_do_not_fit_the_model_are_refused(change, word: str) -> None:
+    model, data = arm_with_ball("bent", 0.3)
+    law = SiteLaw(site=SensorSite("fingertip", CURVE), controller=controller())
+    with pytest.raises(InvalidInputError, match=word):
+        simulate_robot(model, data, change(law))
+
+
+def test_other_mistakes_are_refused() -> None:
+    with pytest.raises(InvalidInputError, match="no sensor curve"):
+        SiteLaw(site=SensorSite("fingertip"), controller=controller())
+    with pytest.raises(InvalidInputError, match="model_error"):
+        ComputedTorque(model_error=-1.0)
+    model, data = arm_with_ball("bent", 0.6)
+    result = simulate_robot(model, data, [SiteLaw(site=SensorSite("fingertip", CURVE), controller=controller())])
+    with pytest.raises(InvalidInputError, match="thumb"):
+        result.simulated("thumb", "time")
+    with pytest.raises(InvalidInputError, match="run"):
+        result.trace(1)

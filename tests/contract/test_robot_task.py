@@ -1,0 +1,216 @@
+"""A robot in a task: from Python, from a scenario file, and `pretouch project`."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from pretouch.errors import InvalidInputError, ScenarioFileError
+from pretouch.robots import SensorSite, load_model, make_data, project
+
+mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+
+ROOT = Path(__file__).parents[2]
+ARM = ROOT / "examples/robots/arm.xml"
+SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+SCENARIO = pt.Scenario(
+    admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+    obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
+)
+OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
+FILE = """
+[sensor]
+model = "inverse-power"
+scale = 1.30e-5
+distance_offset = "41.9 mm"
+exponent = 3.32
+[robot]
+{robot}
+[admittance]
+mass = "1 kg"
+damping = "10 N*s/m"
+stiffness = "25 N/m"
+[obstacle]
+position = "42.2 mm"
+velocity = "-0.3 m/s"
+[objective]
+kind = "excursion"
+position_scale = "0.5 m"
+velocity_scale = "0.3 m/s"
+[gain]
+bounds = ["-10 N*s", "-0.01 N*s"]
+[impact]
+stiffness = "10 kN/m"
+"""
+BENT = f'model = "{ARM.as_posix()}"\nsite = "fingertip"\nkeyframe = "bent"\n'
+FLOATING = """<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/><geom size="0.1" mass="3"/>
+<body pos="0.2 0 0"><joint name="leg" type="slide" axis="1 0 0" range="-0.1 0.1" limited="true"/>
+<geom size="0.02" mass="1"/><site name="foot" pos="0.02 0 0"/></body></body></worldbody>
+<actuator><motor joint="leg" ctrlrange="-5 5"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def read(tmp_path: Path):
+    def load(robot: str, text: str = FILE) -> pt.Task:
+        path = tmp_path / "arm.toml"
+        path.write_text(text.format(robot=robot))
+        return pt.load_scenario(path)
+
+    return load
+
+
+def arm_projection(**options):
+    model = load_model(ARM)
+    return project(model, make_data(model, keyframe="bent"), SensorSite("fingertip", SENSOR), **options)
+
+
+def test_a_task_has_the_limits_of_the_robot() -> None:
+    projection = arm_projection(joint_speeds={"wrist": "90 deg/s"})
+    task = projection.task(SCENARIO, OBJECTIVE, bounds=(-10.0, -0.01))
+    assert {limit.name: limit.limit for limit in task.limits} == {
+        "excursion": projection.retreat,
+        "speed": projection.speed.least,
+        "acceleration": projection.acceleration.least,
+    }
+    assert projection.speed.least < 2.0
+    assert task.sensor == SENSOR
+    assert task.scenario == SCENARIO  # a fixed base does not recoil
+    assert pt.design_gain(task).gain == pytest.approx(-0.7463, abs=1e-4)
+
+
+def test_the_tighter_one_of_two_limits_remains() -> None:
+    projection = arm_projection()
+    limits = [pt.Constraint(name="excursion", limit=0.05), pt.Constraint(name="acceleration", limit=1e4)]
+    task = projection.task(SCENARIO, OBJECTIVE, bounds=(-10.0, -0.01), constraints=limits)
+    found = {limit.name: limit.limit for limit in task.limits}
+    assert found["excursion"] == 0.05
+    assert found["acceleration"] == projection.acceleration.least
+
+
+def test_a_floating_base_divides_the_admittance_by_one_minus_its_recoil() -> None:
+    """The controller moves the foot relative to the base, which recoils by a quarter of it."""
+    model = mujoco.MjModel.from_xml_string(FLOATING)
+    projection = project(model, make_data(model), SensorSite("foot", SENSOR))
+    task = projection.task(SCENARIO, OBJECTIVE, bounds=(-10.0, -0.01))
+    a = task.scenario.admittance
+    assert (a.mass, a.damping, a.stiffness) == pytest.approx((4 / 3, 40 / 3, 100 / 3))
+    assert {limit.name: limit.limit for limit in task.limits}["excursion"] == pytest.approx(0.75 * 0.1)
+    # the same encounter, with the controller's motion s integrated independently: x = 0.75 s
+    motion = pt.find_contact(task.scenario, SENSOR, -0.7)
+    assert motion.contact.relative_velocity == pytest.approx(_contact_speed_with_recoil(0.25, -0.7), rel=1e-7)
+
+
+def _contact_speed_with_recoil(share: float, gain: float) -> float:
+    """Integrate M s'' + D s' + K s = F_p for the encounter seen by a site that moves by (1 - share) s."""
+    from scipy.integrate import solve_ivp
+
+    def rates(t, y):
+        s, v = y
+        distance = 0.0422 - 0.3 * t - (1 - share) * s
+        slope = -3.32 / (distance + 0.0419)
+        force = gain * slope * (-0.3 - (1 - share) * v)
+        return [v, force - 10.0 * v - 25.0 * s]
+
+    def touch(t, y):
+        return 0.0422 - 0.3 * t - (1 - share) * y[0]
+
+    touch.terminal = True
+    end = solve_ivp(rates, (0, 5), [0.0, 0.0], events=touch, rtol=1e-11, atol=1e-13)
+    return -0.3 - (1 - share) * end.y[1, -1]
+
+
+def test_a_sampled_loop_on_a_floating_base_is_refused() -> None:
+    model = mujoco.MjModel.from_xml_string(FLOATING)
+    projection = project(model, make_data(model), SensorSite("foot"))
+    with pytest.raises(InvalidInputError, match="loop"):
+        projection.apply(pt.load_scenario(ROOT / "examples/loop.toml"))
+
+
+def test_a_file_gives_the_task_of_the_robot(read) -> None:
+    task = read(BENT + 'posture = { elbow = "-80 deg" }\njoint_speeds = { wrist = "90 deg/s" }')
+    model = load_model(ARM)
+    data = make_data(model, {"elbow": -80 * np.pi / 180}, keyframe="bent")
+    projection = project(model, data, SensorSite("fingertip"), joint_speeds={"wrist": np.pi / 2})
+    assert task.limits == projection.constraints()
+    assert task.impact.robot_mass == projection.reflected_mass
+    assert ARM in task.source.inputs
+    assert task.loop is None
+
+
+def test_a_mass_in_the_file_is_kept(read) -> None:
+    task = read(BENT, FILE.replace("[impact]\n", '[impact]\nrobot_mass = "3 kg"\n'))
+    assert task.impact.robot_mass == 3.0
+
+
+@pytest.mark.parametrize(
+    ("robot", "word"),
+    [
+        ('model = "no.xml"\nsite = "tip"', "no.xml does not exist"),
+        ('model = "arm.toml"\nsite = "tip"', "pretouch project"),
+        (BENT.replace("fingertip", "thumb"), "robot.site: .*thumb"),
+        (BENT.replace("bent", "folded"), "robot.keyframe: .*folded"),
+        (BENT + "posture = { elbow = true }", "robot.posture"),
+        (BENT + 'posture = { elbow = "8 mm" }', "posture elbow"),
+        (BENT + 'axis = "up"', "robot.axis"),
+        (BENT + "axis = 3", "robot.axis"),
+        (BENT + 'hold = "all"', "robot.hold"),
+        (BENT + 'mass = "3 kg"', "robot.mass"),
+        (BENT.replace('site = "fingertip"\n', ""), "robot.site: missing"),
+    ],
+)
+def test_a_mistake_in_the_file_is_one_sentence_with_its_line(read, robot: str, word: str) -> None:
+    with pytest.raises(ScenarioFileError, match=word) as caught:
+        read(robot)
+    assert str(caught.value).count("\n") == 0
+    assert "line " in str(caught.value)
+
+
+@pytest.mark.parametrize(("robot", "word"), [('kind = "model"', "ideal"), ('site = "fingertip"', "arm.xml")])
+def test_a_robot_is_a_model_or_a_plant(read, robot: str, word: str) -> None:
+    with pytest.raises(ScenarioFileError, match=f"robot.kind: .*{word}"):
+        read(robot)
+
+
+def test_an_impact_without_a_mass_needs_a_robot_model(read) -> None:
+    with pytest.raises(ScenarioFileError, match=r"impact.robot_mass: .*missing"):
+        read("", FILE.replace("[robot]\n", ""))
+
+
+def test_a_loop_with_a_robot_model_runs_with_its_limits(read) -> None:
+    chain = '[chain]\nrate = "250 Hz"\n[controller]\nrate = "1 kHz"\nfloor = 1e-3\n'
+    task = read(BENT, FILE + chain)
+    assert task.loop is not None
+    assert "excursion" in {limit.name for limit in task.limits}
+
+
+def run(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pretouch", "project", *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
+
+
+def test_the_command_prints_a_table_and_json(tmp_path: Path) -> None:
+    short = run(str(ARM), folder=tmp_path)
+    assert short.returncode == 0, short.stderr
+    lines = short.stdout.splitlines()
+    assert len(lines) <= 20
+    assert max(map(len, lines)) <= 120
+    rows = json.loads(run(str(ARM), "--json", folder=tmp_path).stdout)["rows"]
+    assert len(rows) == 4 * 3  # the posture of the model and three keyframes, three axes
+    (bent,) = [row for row in rows if (row["keyframe"], row["site_axis"]) == ("bent", "+x")]
+    assert bent["reflected_mass"] == pytest.approx(arm_projection().reflected_mass, rel=1e-12)
+    assert [row["keyframe"] for row in rows if row.get("site_axis") == "+y" and "error" in row]
+    assert "singularity" in run(str(ARM), "--verbose", folder=tmp_path).stdout
+
+
+def test_the_command_refuses_with_one_sentence(tmp_path: Path) -> None:
+    answer = run("no.xml", "--json", folder=tmp_path)
+    assert answer.returncode == 2
+    assert json.loads(answer.stdout)["status"] == "error"
+    assert answer.stderr.startswith("pretouch: ")
+    assert answer.stderr.count("\n") == 1

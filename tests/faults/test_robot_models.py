@@ -1,0 +1,178 @@
+"""Robot models with mistakes: each is refused with one sentence that names what is wrong."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+import pretouch as pt
+from pretouch.errors import InvalidInputError, MissingExtraError
+from pretouch.robots import SensorSite, load_model, make_data, project, project_all
+
+ARM = Path(__file__).parents[2] / "examples/robots/arm.xml"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ({"axis": "x"}, "axis"),
+        ({"axis": (1.0, 1.0, 0.0)}, "length 1.41"),
+        ({"axis": (0.0, 0.0, 0.0)}, "length 0"),
+        ({"axis": (1.0, 0.0)}, "three numbers"),
+        ({"axis": (1.0, float("nan"), 0.0)}, "three numbers"),
+        ({"field_of_view": "200 deg"}, "200 deg"),
+        ({"field_of_view": "8 mm"}, "field_of_view"),
+        ({"hold": "nothing"}, "hold"),
+    ],
+)
+def test_a_site_with_a_mistake_is_refused(arguments, word: str) -> None:
+    with pytest.raises(InvalidInputError, match=word) as caught:
+        SensorSite("fingertip", **arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_site_takes_a_unit_vector_and_an_angle_with_its_unit() -> None:
+    site = SensorSite("fingertip", axis=(0.6, 0.0, -0.8), field_of_view="8 deg")
+    assert site.direction.tolist() == [0.6, 0.0, -0.8]
+    assert site.field_of_view == pytest.approx(0.13962634)
+
+
+def test_without_mujoco_the_message_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'pretouch\[mujoco\]'"):
+        load_model(ARM)
+
+
+mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+
+ONE_JOINT = """
+<mujoco><worldbody><geom name="wall" type="box" size="0.1 0.1 0.1" pos="9 0 0"/><site name="fixed"/>
+<body><joint name="a" type="{kind}" axis="1 0 0" range="{range}" limited="{limited}"/>
+<geom name="finger" type="capsule" fromto="0 0 0 0.1 0 0" size="0.02"/><site name="tip" pos="{place} 0 0"/></body>
+</worldbody><actuator>{motor}</actuator></mujoco>"""
+GOOD = {
+    "kind": "slide",
+    "range": "-0.1 0.1",
+    "limited": "true",
+    "place": "0.12",
+    "motor": '<motor joint="a" ctrlrange="-5 5"/>',
+}
+
+
+def model_of(**changes: str):
+    return mujoco.MjModel.from_xml_string(ONE_JOINT.format(**{**GOOD, **changes}))
+
+
+def test_the_model_without_changes_is_accepted() -> None:
+    model = model_of()
+    assert project(model, make_data(model), SensorSite("tip")).retreat == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "site", "word"),
+    [
+        ({}, SensorSite("toe"), "'toe'.*fixed, tip"),
+        ({}, SensorSite("fixed"), "fixed to the world"),
+        ({}, SensorSite("tip", axis="+y"), "cannot move"),
+        ({"limited": "false"}, SensorSite("tip"), "'a'.*no range"),
+        ({"motor": ""}, SensorSite("tip"), "no actuator"),
+        ({"kind": "ball", "limited": "false", "motor": '<motor joint="a" gear="1 0 0"/>'}, SensorSite("tip"), "ball"),
+        ({"place": "0.1"}, SensorSite("tip"), "'finger', 20 mm below"),
+        ({"range": "0.05 0.1"}, SensorSite("tip"), "posture a: found 0 mm"),
+    ],
+    ids=["unknown site", "fixed site", "other direction", "no range", "no actuator", "ball", "inside", "out of range"],
+)
+def test_a_model_that_cannot_be_projected_is_refused(changes: dict[str, str], site: SensorSite, word: str) -> None:
+    model = model_of(**changes)
+    with pytest.raises(InvalidInputError, match=word) as caught:
+        project(model, make_data(model), site)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("shape", "place", "covered"),
+    [
+        ('type="sphere" size="0.1"', 0.0999, True),
+        ('type="sphere" size="0.1"', 0.1, False),
+        ('type="sphere" size="0.1"', 0.12, False),
+        ('type="box" size="0.1 0.1 0.1"', 0.05, True),
+        ('type="cylinder" size="0.1 0.1"', 0.05, True),
+        ('type="cylinder" size="0.1 0.1"', 0.1, False),
+        ('type="ellipsoid" size="0.1 0.2 0.3"', 0.09, True),
+        ('type="ellipsoid" size="0.1 0.2 0.3"', 0.11, False),
+        ('type="mesh" mesh="cube"', 0.05, True),
+        ('type="mesh" mesh="cube"', 0.11, False),
+        ('type="box" size="0.1 0.1 0.1" contype="0" conaffinity="0"', 0.05, False),
+    ],
+)
+def test_a_sensor_is_covered_inside_a_shape_only(shape: str, place: float, covered: bool) -> None:
+    corners = " ".join(f"{x} {y} {z}" for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1))
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><asset><mesh name="cube" vertex="{corners}"/></asset><worldbody><body>
+        <joint name="a" type="slide" axis="1 0 0" range="-1 1" limited="true"/><geom name="shell" {shape}/>
+        <geom size="0.01" mass="1" pos="-1 0 0"/><site name="tip" pos="{place} 0 0"/></body></worldbody>
+        <actuator><motor joint="a" ctrlrange="-5 5"/></actuator></mujoco>"""
+    )
+    if covered:
+        with pytest.raises(InvalidInputError, match="shell"):
+            project(model, make_data(model), SensorSite("tip"))
+    else:
+        assert project(model, make_data(model), SensorSite("tip")).retreat == pytest.approx(1.0)
+
+
+def test_drives_that_cannot_hold_the_robot_are_refused() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        ONE_JOINT.format(**{**GOOD, "motor": '<motor joint="a" ctrlrange="-0.1 0.1"/>'}).replace(
+            "<worldbody>", '<option gravity="-9.81 0 0"/><worldbody>', 1
+        )
+    )
+    with pytest.raises(InvalidInputError, match="hold"):
+        project(model, make_data(model), SensorSite("tip"))
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"posture": {"knee": 1.0}}, "'knee'.*elbow"),
+        ({"posture": {"elbow": "1 mm"}}, "posture elbow"),
+        ({"keyframe": "folded"}, "'folded'.*bent"),
+        ({"keyframe": 7}, "7"),
+    ],
+)
+def test_an_unknown_posture_is_refused(options, word: str) -> None:
+    with pytest.raises(InvalidInputError, match=word):
+        make_data(load_model(ARM), **options)
+
+
+def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match=r"no\.xml does not exist"):
+        load_model(tmp_path / "no.xml")
+    (tmp_path / "text.xml").write_text("<mujoco><worldbody><nonsense/></worldbody></mujoco>")
+    with pytest.raises(InvalidInputError, match="nonsense") as caught:
+        load_model(tmp_path / "text.xml")
+    assert "\n" not in str(caught.value)
+
+
+def test_an_overview_needs_a_site_that_can_be_projected() -> None:
+    with pytest.raises(InvalidInputError, match="fixed"):
+        project_all(model_of(motor=""))
+    with pytest.raises(InvalidInputError, match="no site"):
+        project_all(mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>"))
+
+
+def test_a_joint_without_speed_is_refused() -> None:
+    model = load_model(ARM)
+    with pytest.raises(InvalidInputError, match="'knee'"):
+        project(model, make_data(model, keyframe="bent"), SensorSite("fingertip"), joint_speeds={"knee": 1.0})
+
+
+def test_a_site_without_a_sensor_makes_no_task() -> None:
+    model = load_model(ARM)
+    projection = project(model, make_data(model, keyframe="bent"), SensorSite("fingertip"))
+    scenario = pt.Scenario(
+        admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=pt.Obstacle(position=0.04)
+    )
+    with pytest.raises(InvalidInputError, match="no sensor curve"):
+        projection.task(scenario)

@@ -34,8 +34,8 @@ VERBS = {
 CLIPPED = 'calibration = "clipped.csv"\nmodel = "exponential-1"'
 WHOLE = 'calibration = "sensor.csv"\nmodel = "exponential-1"\nmaximum_distance = "60 mm"'
 UNSUPPORTED = (
-    "Not supported by data: this result uses the fitted exponential-1 curve beyond the calibrated distances, "
-    "namely from "
+    "Not supported by data: this result uses the fitted exponential-1 curve where the calibration has no "
+    "usable readings: from "
 )
 
 

@@ -693,6 +693,8 @@ def is_allowed(value: Any, bad: Any) -> bool:
         return isinstance(bad, bool)
     if isinstance(kind, tuple | list) and isinstance(bad, tuple | list):
         return any(isinstance(item, str) for item in bad)
+    if isinstance(bad, np.ndarray) and bad.dtype.kind == "U":  # names may be an array of texts
+        return isinstance(kind, tuple | list) and all(isinstance(item, str) for item in kind)
     return callable(kind) and callable(bad) and not isinstance(bad, type)
 
 

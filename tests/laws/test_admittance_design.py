@@ -248,7 +248,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     [
         ({}, "found no bounds of natural_frequency or damping_ratio"),
         ({"damping_ratio": (2.0, 1.0)}, "smaller number first"),
-        ({"damping_ratio": (0.5, 1.0), "bounds": (0.0, -1.0)}, "smaller gain first"),
+        ({"damping_ratio": (0.5, 1.0), "bounds": (0.0, -1.0)}, "ascending order"),
     ],
 )
 def test_a_request_that_makes_no_sense_is_refused(letter_encounter: Scenario, change: dict, message: str) -> None:

@@ -360,7 +360,7 @@ def test_forces_need_the_physical_mass(letter_encounter: Scenario, letter_power:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"bounds": (-0.1, -1.0)}, "smaller gain first"),
+        ({"bounds": (-0.1, -1.0)}, "ascending order"),
         ({"bounds": (-1.0, math.nan)}, "must be finite"),
         ({"constraints": [Constraint(name="time", limit=1.0), Constraint(name="time", limit=2.0)]}, "given twice"),
         ({"method": "magic"}, "expected one of auto"),

@@ -399,7 +399,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"bounds": (-0.1, -1.0)}, "smaller gain first"),
+        ({"bounds": (-0.1, -1.0)}, "ascending order"),
         ({"natural_frequency": (5.0, 5.0)}, "the smaller number first"),
         ({"damping_ratio": (-1.0, 1.0)}, "must not be negative"),
         ({"damping_ratio": (0.5, 1.0, 2.0)}, "expected two numbers"),

@@ -226,9 +226,7 @@ def test_the_limit_on_acceleration_has_three_branches(limit: float) -> None:
     assert roots
     sensor = InversePower(scale=1.0, distance_offset=l_0, exponent=n)
     if l_d / (l_0 * beta) * max(roots) > math.log(1e9):
-        with pytest.raises(
-            InvalidInputError, match=r"even the strongest drag of the search, with the speed ratio 1e-09,"
-        ):
+        with pytest.raises(InvalidInputError, match=r"even the strongest drag of the search .speed ratio 1e-09"):
             drag_by(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
         return
     found = drag_by(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
@@ -272,7 +270,7 @@ def test_drags_of_an_array_are_those_of_one_each(effect: str, values: tuple[floa
 def test_a_limit_of_an_array_that_no_drag_reaches_is_named() -> None:
     with pytest.raises(InvalidInputError, match=r"the limit of 1e\+09 m .* strongest drag"):
         drag_by(POWER, 0.0422, 1.0, excursion=[0.05, 1e9, 0.06])
-    with pytest.raises(InvalidInputError, match=r"the limit of 1e\+09 1/m .* strongest drag"):
+    with pytest.raises(InvalidInputError, match=r"the limit of 1e\+09 1/m.* strongest drag"):
         drag_by(POWER, 0.0422, 1.0, acceleration=[2.0, 1e9], largest_speed=1.0)
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pretouch._core.blocks import Page, aligned, cell_as_text, page_of, tables_of
-from pretouch._core.files import as_json
+if TYPE_CHECKING:
+    from pretouch._core.blocks import Page
 
 from .terminal import conclude, print_text
 
@@ -34,7 +34,9 @@ def project(
 
 def _project(file: Path, *, verbose: bool, json: bool) -> None:
     """Project all sites of a model file, and print the table."""
-    from pretouch.robots import load_model, project_all  # noqa: PLC0415 - keeps `pretouch --help` quick
+    from pretouch._core.blocks import page_of  # noqa: PLC0415 - keeps `pretouch --help` quick, as below
+    from pretouch._core.files import as_json  # noqa: PLC0415
+    from pretouch.robots import load_model, project_all  # noqa: PLC0415
 
     table = project_all(load_model(file))
     if json:
@@ -45,6 +47,8 @@ def _project(file: Path, *, verbose: bool, json: bool) -> None:
 
 def _short(page: Page) -> str:
     """Return the headline and the first rows of the table, and the number of omitted rows and warnings."""
+    from pretouch._core.blocks import aligned, cell_as_text, tables_of  # noqa: PLC0415
+
     (table,) = tables_of(page.blocks)
     cells = [[cell_as_text(cell) for cell in row] for row in (table.head, *table.rows)]
     lines = aligned(cells)[: _ROWS + 1]

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pretouch.design.impact import ImpactModel
     from pretouch.robots import Projection
 
-__all__ = ["CalibrationPlan", "ScenarioSource", "load_calibration_plan", "load_scenario"]
+__all__ = ["ScenarioSource", "load_calibration_plan", "load_scenario"]
 
 _SHORT: Final[Mapping[str, str]] = {
     "position": "displacement",

@@ -46,7 +46,7 @@ class RecordOptions(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Recording(Described, Value):
+class RecordedCalibration(Described, Value):
     """Result of a recording: the files, the number of readings, and what is missing.
 
     Args:
@@ -102,7 +102,7 @@ class Recording(Described, Value):
         return result
 
     def __repr__(self) -> str:
-        return f"<Recording: {self.readings} readings at {len(self.distances)} distances in {self.path}>"
+        return f"<RecordedCalibration: {self.readings} readings at {len(self.distances)} distances in {self.path}>"
 
 
 def kept(readings: int, distances: int, empty: int, path: object) -> str:
@@ -111,7 +111,7 @@ def kept(readings: int, distances: int, empty: int, path: object) -> str:
     return f"{path} has {readings} readings at {where} and {empty} of the empty scene"
 
 
-def recording_page(recording: Recording) -> Page:
+def recording_page(recording: RecordedCalibration) -> Page:
     """Create the summary of a recording."""
     judgment = recording.judgment
     figures: list[tuple[str, Cell]] = []
@@ -126,7 +126,7 @@ def recording_page(recording: Recording) -> Page:
     resume = "continue with --resume" if not judgment.is_enough else ""
     rows: tuple[tuple[Cell, ...], ...] = (("readings that count", recording.path), ("all readings", recording.raw))
     return Page(
-        kind="Recording",
+        kind="RecordedCalibration",
         headline=recording.headline,
         status="enough" if judgment.is_enough else "not enough",
         good=judgment.is_enough,
@@ -145,7 +145,7 @@ def record_calibration(
     *,
     options: RecordOptions,
     goal: RecordGoal,
-) -> Recording:
+) -> RecordedCalibration:
     """Record a calibration from a source of readings.
 
     Args:
@@ -172,7 +172,7 @@ def record_calibration(
         judgment = session.judgment
         if judgment is None or judgment.report is None:
             judgment = judge_recording(file.calibration, goal)
-    return Recording(
+    return RecordedCalibration(
         path=str(file.path),
         raw=str(file.raw),
         distances=file.distances,

@@ -61,18 +61,20 @@ class DragEffect(Value):
 
     def __post_init__(self) -> None:
         check_types(self)
+        for name in (*_UNITS, "largest_speed"):
+            given = getattr(self, name)
+            if given is not None and np.size(positive(given, name, _UNITS.get(name, "m/s"))) == 0:
+                raise InvalidInputError(f"{name}: found an empty array, expected at least one number")
         names = [name for name in _UNITS if getattr(self, name) is not None]
         if len(names) != 1:
             raise InvalidInputError(f"drag: found {', '.join(names) or 'nothing'}, expected one of {', '.join(_UNITS)}")
         (name,) = names
-        value = positive(getattr(self, name), name, _UNITS[name])
-        if name == "ratio" and np.max(value) > 1:
+        value = np.asarray(getattr(self, name))
+        if name == "ratio" and value.max() > 1:
             raise InvalidInputError(
-                f"ratio: found {np.max(value):g}, expected a positive number up to 1, because a virtual drag "
+                f"ratio: found {value.max():g}, expected a positive number up to 1, because a virtual drag "
                 "reduces the speed"
             )
-        if self.largest_speed is not None:
-            positive(self.largest_speed, "largest_speed", "m/s")
 
     @property
     def chosen(self) -> tuple[str, Any, str]:

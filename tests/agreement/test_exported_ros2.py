@@ -6,12 +6,16 @@ The controller is compiled against stub headers of our own, because ROS 2 cannot
 from __future__ import annotations
 
 import ast
+import csv
 import dataclasses
 import math
 import re
+import runpy
 import shutil
 import struct
 import subprocess
+import sys
+import types
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -572,6 +576,79 @@ def test_mock_robot_has_the_interfaces_of_the_controllers(package: Path) -> None
     assert flat <= known
     for source in ("launch/mock_robot.launch.py", "scripts/play_vectors.py"):
         ast.parse((package / source).read_text())
+
+
+PLAYED = """
+import runpy, sys, types
+said, waited = [], [0]
+class Publisher:
+    def get_subscription_count(self): return int(waited[0] >= 3)
+    def publish(self, message): said.append((waited[0], message.data))
+class Node:
+    def create_publisher(self, kind, topic, depth): return Publisher()
+    def create_timer(self, period, call): self.call = call
+running = [True]
+def spin_once(node, timeout_sec): waited[0] += 1
+def spin(node):
+    while running[0]: node.call()
+rclpy = types.ModuleType("rclpy")
+rclpy.init, rclpy.create_node, rclpy.spin, rclpy.spin_once = (lambda: None), (lambda name: Node()), spin, spin_once
+rclpy.try_shutdown = lambda: running.__setitem__(0, False)
+messages = types.ModuleType("std_msgs.msg")
+messages.Float64MultiArray = types.SimpleNamespace
+sys.modules |= {"rclpy": rclpy, "std_msgs": types.ModuleType("std_msgs"), "std_msgs.msg": messages}
+sys.argv = sys.argv[1:]
+runpy.run_path(sys.argv[0], run_name="__main__")
+for when, data in said: print(when, *map(repr, data))
+"""
+
+
+def test_the_player_waits_for_the_controller_and_plays_the_first_case(package: Path) -> None:
+    """ROS 2 drops messages that are sent before a subscriber is connected: with stand-ins for its Python modules."""
+    vectors, script = package / "law/vectors.csv", package / "scripts/play_vectors.py"
+    command = [sys.executable, "-c", PLAYED, str(script), str(vectors), "1000"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    said = [line.split() for line in done.stdout.splitlines()]
+    lines = [line for line in vectors.read_text().splitlines() if not line.startswith("#")]
+    rows = [row for row in csv.DictReader(lines) if row["case"] == "0"]
+    assert {when for when, *_ in said} == {"3"}
+    assert [(float(reading), float(age)) for _, reading, _, age in said] == [
+        (float(row["reading"]), float(row["age"])) for row in rows
+    ]
+    assert [float(count) for _, _, count, _ in said] == np.cumsum([int(row["fresh"]) for row in rows]).tolist()
+
+
+def test_the_launch_file_plays_only_to_active_controllers(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With stand-ins for the modules of launch: their classes keep their arguments."""
+
+    class Kept:
+        def __init__(self, *args: Any, **named: Any) -> None:
+            self.args, self.named = args, named
+
+    share = package.parent / "share"
+    for name in ("config/controllers.yaml", "urdf/mock_robot.urdf"):
+        (share / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(package / name, share / name)
+    classes = {
+        "ament_index_python.packages": {"get_package_share_directory": lambda _: str(share)},
+        "launch": {"LaunchDescription": Kept},
+        "launch.actions": {"RegisterEventHandler": Kept},
+        "launch.event_handlers": {"OnProcessExit": Kept},
+        "launch_ros.actions": {"Node": Kept},
+    }
+    for name, members in {**classes, "ament_index_python": {}, "launch_ros": {}}.items():
+        module = types.ModuleType(name)
+        vars(module).update(members)
+        monkeypatch.setitem(sys.modules, name, module)
+    made = runpy.run_path(str(package / "launch/mock_robot.launch.py"))["generate_launch_description"]()
+    handler = made.args[0][-1].args[0].named
+    executables = [node.named["executable"] for node in made.args[0][:-1]]
+    assert executables == ["robot_state_publisher", "ros2_control_node", "spawner"]
+    assert handler["target_action"] is made.args[0][2]
+    play = handler["on_exit"]
+    assert play(types.SimpleNamespace(returncode=1), None) == []
+    (player,) = play(types.SimpleNamespace(returncode=0), None)
+    assert player.named["arguments"] == [str(share / "vectors.csv"), "1000"]
 
 
 def test_a_distance_sensor_and_an_admittance_without_stiffness(tmp_path: Path) -> None:

@@ -2,8 +2,9 @@
  * are finite and within the limits, and the state stays within the same bounds. As the first state is within them, this
  * holds for any number of steps, by induction.
  *
- * The step calls three blocks one after the other. Each block has a proof of its own, which takes a third of the time:
- * what is asserted of its results is all that the next proof assumes. Define START, OBSERVE, LAW or DRIVE. */
+ * The step calls three blocks one after the other. Each block has a proof of its own, because one proof of the step would
+ * take eight times as long: what is asserted of the results of a block is all that the next proof assumes. Define START,
+ * OBSERVE, LAW, LIMIT or DRIVE. */
 #include "pretouch_design.h"
 
 #include <math.h>
@@ -28,19 +29,24 @@ float floorf(float x) {
     return y;
 }
 
+/* limit_motion as LIMIT proves it. For DRIVE, the law calls this function instead. */
+static int limit_as_proved(const pretouch_motion_limits *p, pretouch_motion now, pretouch_motion *wanted);
+
+#include "pretouch_law.c"
+
 static const pretouch_sensing_numbers *const P = &pretouch_design.sensing;
 static const pretouch_drive_numbers *const D = &pretouch_design.drive;
 
-static int within(float value, float low, float high) { return low <= value && value <= high; }
+static int between(float value, float low, float high) { return low <= value && value <= high; }
 
 /* xi of a usable reading: below the saturation, less the offset */
-static int is_level(float value) { return within(value, P->floor, P->saturation + fabsf(P->offset)); }
+static int is_level(float value) { return between(value, P->floor, P->saturation + fabsf(P->offset)); }
 
 typedef pretouch_design_state design_state;
 
 static int sensing_invariant(const pretouch_sensing_state *n) {
-    int good = within(n->quiet, 0, 2 * P->timeout) && within(n->measured, 0, 3 * P->timeout);
-    good = good && is_level(n->level) && is_level(n->filtered) && within(n->log_level, 0, 89);
+    int good = between(n->quiet, 0, 2 * P->timeout) && between(n->measured, 0, 3 * P->timeout);
+    good = good && is_level(n->level) && is_level(n->filtered) && between(n->log_level, 0, 89);
     good = good && (n->running == 0 || n->running == 1);
     good = good && 0 <= n->median.oldest && n->median.oldest < P->median_length;
     for (int i = 0; i < P->median_length; i++)
@@ -51,31 +57,34 @@ static int sensing_invariant(const pretouch_sensing_state *n) {
 #ifdef DRAG
 static int law_invariant(const pretouch_drag_state *s) {
     const float fastest = 1500 / P->sensor_period;
-    return within(s->level, -1e7f, 1e7f) && within(s->rate, -fastest, fastest) && within(s->mark, -1e7f, 1e7f) &&
-           within(s->hold, 0, pretouch_design.law.hold);
+    return between(s->level, -1e7f, 1e7f) && between(s->rate, -fastest, fastest) && between(s->mark, -1e7f, 1e7f) &&
+           between(s->hold, 0, pretouch_design.law.hold);
 }
 #else
 static int law_invariant(const pretouch_damper_state *s) {
-    return within(s->ramp, 0, 1) && within(s->mark, 0, 89 + pretouch_design.law.release);
+    return between(s->ramp, 0, 1) && between(s->mark, 0, 89 + pretouch_design.law.release);
 }
 #endif
 
+static int is_limited(pretouch_motion m) {
+    return between(m.position, -D->limits.excursion, D->limits.excursion) &&
+           between(m.velocity, -D->limits.speed, D->limits.speed);
+}
+
 static int drive_invariant(const pretouch_drive_state *d) {
-    int good = within(d->delivery.steady, -D->largest_force, D->largest_force);
-    good = good && within(d->delivery.rest, -D->largest_force * D->hold, D->largest_force * D->hold);
-    good = good && isfinite(d->delivery.ahead) && within(d->delivery.fading, 0, 1);
+    int good = between(d->delivery.steady, -D->largest_force, D->largest_force);
+    good = good && between(d->delivery.rest, -D->largest_force * D->hold, D->largest_force * D->hold);
+    good = good && isfinite(d->delivery.ahead) && between(d->delivery.fading, 0, 1);
     good = good && !((d->delivery.steady > 0 && d->delivery.rest < 0) || (d->delivery.steady < 0 && d->delivery.rest > 0));
-    good = good && within(d->motion.position, -D->limits.excursion, D->limits.excursion);
-    good = good && within(d->motion.velocity, -D->limits.speed, D->limits.speed);
-    return good && within(d->reference, -1e6f, 1e6f);
+    return good && is_limited(d->motion) && between(d->reference, -1e6f, 1e6f);
 }
 
 static int is_flag(int32_t value) { return value == 0 || value == 1; }
 
 /* What pretouch_observe guarantees, and law and drive rely on. */
 static int is_observation(const pretouch_observation *seen) {
-    int good = within(seen->change, -104, 89) && within(seen->log_level, 0, 89) && is_level(seen->level);
-    good = good && within(seen->elapsed, 0, 3 * P->timeout + P->period);
+    int good = between(seen->change, -104, 89) && between(seen->log_level, 0, 89) && is_level(seen->level);
+    good = good && between(seen->elapsed, 0, 3 * P->timeout + P->period);
     good = good && is_flag(seen->usable) && is_flag(seen->restarted) && is_flag(seen->detecting);
     good = good && is_flag(seen->stale) && is_flag(seen->lost);
     return good && 0 <= seen->status && seen->status < 64;
@@ -83,6 +92,17 @@ static int is_observation(const pretouch_observation *seen) {
 
 /* What a law guarantees, and pretouch_drive relies on. */
 static int is_push(const pretouch_push *push) { return isfinite(push->impulse) && isfinite(push->force); }
+
+static int is_number(pretouch_motion m) { return isfinite(m.position) && isfinite(m.velocity); }
+
+pretouch_motion any_motion(void);
+int any_flag(void);
+static int limit_as_proved(const pretouch_motion_limits *p, pretouch_motion now, pretouch_motion *wanted) {
+    __CPROVER_assert(p == &D->limits && is_limited(now) && is_number(*wanted), "the motion can be limited");
+    *wanted = any_motion();
+    __CPROVER_assume(is_limited(*wanted));
+    return any_flag() != 0;
+}
 
 pretouch_sample any_sample(void);
 pretouch_observation any_observation(void);
@@ -116,6 +136,13 @@ int main(void) {
 #endif
     __CPROVER_assert(law_invariant(&state.law), "the state of the law stays within bounds");
     __CPROVER_assert(is_push(&push), "impulse and force of the law are finite");
+#elif defined(LIMIT)
+    const pretouch_motion now = any_motion();
+    pretouch_motion wanted = any_motion();
+    __CPROVER_assume(is_limited(now) && is_number(wanted));
+    const int limited = limit_motion(&D->limits, now, &wanted);
+    __CPROVER_assert(is_limited(wanted), "the motion is within its limits");
+    __CPROVER_assert(limited == 0 || limited == 1, "limit_motion returns a flag");
 #elif defined(DRIVE)
     const pretouch_sample sample = any_sample();
     const pretouch_observation seen = any_observation();

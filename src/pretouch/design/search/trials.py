@@ -65,51 +65,45 @@ class Trials:
         """Return objectives and constraint ratios at one search point, with their derivatives."""
         # They are infinite, with zero derivatives, without contact.
         # Derivatives are exact if the result has gradients for all quantities of a row, else differences are used.
+        if not self._has_gradients:
+            return self._differences(at)
         result = self.run(at[None])
         if not np.asarray(result.reached).all():
-            count = len(self.criteria)
-            return np.full(count, np.inf), np.zeros((count, len(at)))
-        rows = np.reshape(self.rows_of(result), -1)
+            return np.full(len(self.criteria), np.inf), np.zeros((len(self.criteria), len(at)))
         slopes = self._exact(result, at)
-        rough = np.isnan(slopes).any(axis=1)
-        if rough.any():
-            slopes[rough] = self._differences(at)[rough]
-        return rows, slopes
+        return self._differences(at) if np.isnan(slopes).any() else (np.reshape(self.rows_of(result), -1), slopes)
+
+    @property
+    def _has_gradients(self) -> bool:
+        """Whether the derivatives of all objectives and constraint ratios are known exactly."""
+        return self.encounters.is_differentiable and all(criterion.has_gradients for criterion in self.criteria)
 
     def rows_of(self, result: ContactResult) -> FloatArray:
         """Return objectives and constraint ratios of computed encounters."""
         return np.stack([np.asarray(c.value(result), dtype=np.float64) for c in self.criteria], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
-        """Return the exact derivatives of objectives and constraint ratios; NaN if exact derivatives do not exist."""
-        criteria = self.criteria
-        slopes = np.full((len(criteria), len(at)), np.nan)
-        if not self.encounters.is_differentiable or not any(criterion.has_gradients for criterion in criteria):
-            return slopes
-        gradients = result.gradients
+        """Return the exact derivatives of objectives and constraint ratios."""
+        gradients, state = result.gradients, result.end
         chain = self.freedom.chain(at)
-        names = [name for inputs in chain for name, _ in inputs]
-        for i, criterion in enumerate(criteria):
-            if criterion.has_gradients:
-                by = {name: criterion.slope(result.end, along(gradients.of, name)) for name in names}
-                slopes[i] = [sum(rate * by[name].item() for name, rate in inputs) for inputs in chain]
+        names = {name for inputs in chain for name, _ in inputs}
+        slopes = np.empty((len(self.criteria), len(at)))
+        for i, criterion in enumerate(self.criteria):
+            by = {name: criterion.slope(state, along(gradients.of, name)).item() for name in names}
+            slopes[i] = [sum(rate * by[name] for name, rate in inputs) for inputs in chain]
         return slopes
 
-    def _differences(self, at: FloatArray) -> FloatArray:
-        """Return derivatives of objectives and constraint ratios by finite differences of fourth order."""
+    def _differences(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return objectives and constraint ratios, with derivatives by finite differences of fourth order."""
         size = len(at)
-        shift = np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)  # shift of the middle node, in steps
-        offsets = _STEP * (_NODES + shift[:, None])
-        points = np.repeat(at[None], 5 * size, axis=0).reshape(size, 5, size)
-        for j in range(size):
-            points[j, :, j] = np.clip(points[j, :, j] + offsets[j], 0.0, 1.0)
-        rows, _ = self.rows(points.reshape(-1, size))
-        samples = rows.reshape(size, 5, -1)
-        slopes = np.zeros((samples.shape[2], size))
-        for j in range(size):
-            powers = np.vander((points[j, :, j] - at[j]) / _STEP, 5, increasing=True).T
-            weights = np.linalg.solve(powers, np.array([0.0, 1.0, 0.0, 0.0, 0.0])) / _STEP
-            with np.errstate(invalid="ignore"):
-                slope = weights @ samples[j]
-            slopes[:, j] = np.where(np.isfinite(slope), slope, 0.0)  # not finite next to an edge of contact
-        return slopes
+        steps = _NODES + np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)[:, None]  # away from the bounds
+        points = np.repeat(at[None], 1 + 5 * size, axis=0)
+        for j, nodes in enumerate(points[1:].reshape(size, 5, size)):
+            nodes[:, j] = np.clip(at[j] + _STEP * steps[j], 0.0, 1.0)
+        rows, _ = self.rows(points)
+        powers = steps[:, None] ** np.arange(5.0)[:, None]
+        weights = np.linalg.solve(powers, np.array([[0.0], [1.0 / _STEP], [0.0], [0.0], [0.0]]))[:, None, :, 0]
+        with np.errstate(invalid="ignore"):
+            slopes = (weights @ rows[1:].reshape(size, 5, -1))[:, 0].T
+        slopes = np.where(np.isfinite(slopes), slopes, 0.0)  # not finite next to an edge of contact
+        return rows[0], slopes if np.isfinite(rows[0]).all() else np.zeros_like(slopes)

@@ -44,6 +44,14 @@ def replay(
     reference: Annotated[
         str | None, option("TOPIC", "Another topic of the same motion, such as a distance; for the latency.")
     ] = None,
+    joints: Annotated[
+        str | None, option("TOPIC", "Topic of joint states; with --model and --site, it replaces --reference.")
+    ] = None,
+    model: Annotated[
+        Path | None, option("PATH", "Robot model (MJCF or URDF) that contains the object, for --joints.")
+    ] = None,
+    site: Annotated[str | None, option("NAME", "Site of the sensor in the model.")] = None,
+    axis: Annotated[str, option("AXIS", "Axis of the site toward the object.")] = "+x",
     clock: Annotated[
         str | None, option("header|receive", "Which times to use; by default the header stamps, if there are any.")
     ] = None,
@@ -52,7 +60,8 @@ def replay(
     gain: LoopGain = None,
     chain: Annotated[Path | None, option("PATH", "Write the section [chain] of this sensor to a file.")] = None,
     calibration: Annotated[
-        Path | None, option("PATH", "Write readings and distances of --reference as a calibration file (CSV).")
+        Path | None,
+        option("PATH", "Write readings and distances of --reference or --joints as a calibration file (CSV)."),
     ] = None,
     mcap: McapFile = None,
 ) -> None:
@@ -68,6 +77,7 @@ def replay(
     from pretouch.recording import replay as run  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     _refuse_swapped(file, recording)
+    _refuse_incomplete(reference, joints, model, site)
     inputs = [path for path in recording.iterdir() if path.is_file()] if recording.is_dir() else [recording]
     for path in filter(None, (chain, calibration, mcap, shown.output)):
         refuse_input(path, [file, *inputs])
@@ -76,6 +86,8 @@ def replay(
     task = load_loop(file, "reading the recording", gain, None)
     sensor, *others = _recordings(recording, topic, [name for name in (reference, truth) if name], clock)
     named = dict(zip([key for key, name in (("reference", reference), ("truth", truth)) if name], others, strict=True))
+    if joints is not None and model is not None and site is not None:
+        named["reference"] = _distances(recording, joints, model, site, axis=axis, clock=sensor.clock)
     print_progress(f"{recording}: replaying {len(sensor.stamps):,} readings")
     result = run(
         task,
@@ -103,11 +115,27 @@ def _refuse_swapped(file: Path, recording: Path) -> None:
         raise InvalidInputError(f"{file}: expected the scenario file first: pretouch replay {recording} {file}")
 
 
+def _refuse_incomplete(reference: str | None, joints: str | None, model: Path | None, site: str | None) -> None:
+    if joints is not None and reference is not None:
+        raise InvalidInputError("--joints, --reference: found both, expected one of them")
+    if len({joints is None, model is None, site is None}) > 1:
+        raise InvalidInputError("--joints, --model, --site: expected all three of them, or none")
+
+
 def _recordings(path: Path, topic: str, others: list[str], clock: str | None) -> tuple[Recording, ...]:
     from pretouch.recording.reading import read_recordings  # noqa: PLC0415
 
     print_progress(f"{path}: reading")
     return read_recordings(path, (topic, *others), clock=clock)
+
+
+def _distances(path: Path, joints: str, model: Path, site: str, *, axis: str, clock: str) -> Recording:
+    """Return the distances that a robot model and recorded joint states give, with the clock of another recording."""
+    from pretouch.recording import distances_from_joints  # noqa: PLC0415 - MuJoCo, only when needed
+    from pretouch.robots import SensorSite, load_model  # noqa: PLC0415
+
+    print_progress(f"{path}: distances from {joints}")
+    return distances_from_joints(path, joints, load_model(model), SensorSite(site, axis=axis), clock=clock)
 
 
 def _time(text: str, name: str) -> float:

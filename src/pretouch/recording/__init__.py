@@ -1,8 +1,9 @@
 """Record calibrations at the bench, read what a robot recorded, and run the sampled law over it."""
 
+from .joint_states import distances_from_joints
 from .reading import read_recording
 from .recording import Recording
 from .replay import replay
 from .result import Replay
 
-__all__ = ["Recording", "Replay", "read_recording", "replay"]
+__all__ = ["Recording", "Replay", "distances_from_joints", "read_recording", "replay"]

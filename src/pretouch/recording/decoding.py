@@ -30,6 +30,7 @@ from .messages import Messages, Topic
 _ZSTD: Final = b"\x28\xb5\x2f\xfd"
 _STAMP: Final = ("header.stamp", "stamp", "timestamp")
 _USUAL: Final = ("range", "data", "value", "distance")
+_NAMES_FROM: Final = 12  # bytes of the encoding and of the stamp of a message with a header
 _NANOSECONDS: Final = ("nanosec", "nsec", "nsecs")
 _TOKEN: Final = re.compile(r"[^.\[\]]+")
 _SHOWN: Final = 16  # fields that a message lists
@@ -61,23 +62,54 @@ def decode(messages: Messages, field: str) -> Decoded:
 
     Returns:
         The numbers and the stamps.
-
-    Raises:
-        InvalidInputError: the encoding is unknown, or there is no such number.
     """
-    topic = messages.topic
-    data = messages.data
+    topic, data = messages.topic, _contents(messages)
+    return _decode_json(data, topic, field) if topic.encoding == "json" else _decode_cdr(data, topic, field)
+
+
+def _contents(messages: Messages) -> list[bytes]:
+    """Return the uncompressed content of each message, or raise an error if its encoding is unknown."""
+    topic, data = messages.topic, messages.data
+    if topic.encoding not in {"cdr", "json"}:
+        raise InvalidInputError(
+            f"{topic.name}: the messages of this topic are encoded as {topic.encoding!r}, but pretouch reads 'cdr' "
+            "(ROS 2) and 'json'; choose another topic, or convert the recording"
+        )
     if any(message[:4] == _ZSTD for message in data[:1]):  # the recorder compressed each message
         unpack = require("zstandard", extra=EXTRA).ZstdDecompressor().decompress
-        data = [unpack(message) for message in data]
+        return [unpack(message) for message in data]
+    return data
+
+
+def decode_names(messages: Messages) -> tuple[str, ...]:
+    """Return the names of the joints in messages such as sensor_msgs/JointState.
+
+    Args:
+        messages: the messages, at least one.
+
+    Returns:
+        The names, in the order of the positions.
+
+    Raises:
+        InvalidInputError: the messages have no names, or not all the same.
+    """
+    topic, data = messages.topic, _contents(messages)
     if topic.encoding == "json":
-        return _decode_json(data, topic, field)
-    if topic.encoding == "cdr":
-        return _decode_cdr(data, topic, field)
-    raise InvalidInputError(
-        f"{topic.name}: the messages of this topic are encoded as {topic.encoding!r}, but pretouch reads 'cdr' (ROS 2) "
-        "and 'json'; choose another topic, or convert the recording"
-    )
+        lists = {tuple(_part_of(json.loads(text), "name") or ()) for text in data}
+    else:
+        store = _type_store(topic, data[0])
+        fields = layout_of(data[0], topic.message_type, store.fielddefs).fields
+        end = fields["position[0]"].offset if "position[0]" in fields else None
+        different = {message[_NAMES_FROM:end]: message for message in data}  # messages without their stamps
+        decoded = (store.deserialize_cdr(message, topic.message_type) for message in different.values())
+        lists = {tuple(getattr(message, "name", ())) for message in decoded}
+    names = next(iter(lists))
+    if len(lists) > 1 or not names:
+        found = f"the joints {' or '.join(', '.join(each) or 'none' for each in sorted(lists)[:2])}"
+        raise InvalidInputError(
+            f"{topic.name}: found messages with {found}, expected joint states with the same joints in all messages"
+        )
+    return names
 
 
 def _decode_cdr(data: list[bytes], topic: Topic, field: str) -> Decoded:

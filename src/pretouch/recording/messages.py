@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, NoReturn
 
 from pretouch._core.errors import InvalidInputError
 
@@ -95,22 +95,25 @@ def split_name(wanted: str, names: Sequence[str]) -> tuple[str, str] | None:
     return None
 
 
-def refuse_unknown(wanted: str, counts: Mapping[Topic, int], source: str) -> InvalidInputError:
-    """Return the error for a topic that does not exist, with the topics that exist and a similar name.
+def refuse_unknown(wanted: str, counts: Mapping[Topic, int], source: str) -> NoReturn:
+    """Raise an error for a topic that does not exist, with the topics that exist and a similar name.
 
     Args:
         wanted: the topic.
         counts: the topics that exist, with their numbers of messages.
         source: name of the recording.
+
+    Raises:
+        InvalidInputError: always.
     """
     names = [topic.name for topic in counts]
     if not names:
-        return InvalidInputError(f"{source}: this recording contains no topics; choose another file")
+        raise InvalidInputError(f"{source}: this recording contains no topics; choose another file")
     near = get_close_matches(wanted, [*names, *(name.lstrip("/") for name in names)], 1, 0.5)
     hint = f"; did you mean {near[0]}?" if near else ""
     listed = [f"{topic.name} ({topic.message_type or topic.encoding}, {n:,} messages)" for topic, n in counts.items()]
     more = f" and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
-    return InvalidInputError(
+    raise InvalidInputError(
         f"{source}: there is no topic {wanted!r}{hint} The topics are: {', '.join(listed[:_SHOWN])}{more}"
         if hint
         else f"{source}: there is no topic {wanted!r}; the topics are {', '.join(listed[:_SHOWN])}{more}"

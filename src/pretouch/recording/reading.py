@@ -70,7 +70,7 @@ def read_recordings(
         names = ", ".join(topic.name for topic in read_contents(file, ()).counts)
         raise InvalidInputError(f"{path}: choose a topic with --topic: {names or 'there is none'}")
     contents = read_contents(file, [name for name, _ in wanted])
-    decoded = [_decoded(contents, name, file.name) for name, _ in wanted]
+    decoded = [decode_topic(contents, name, file.name) for name, _ in wanted]
     chosen = clock or ("header" if all(each.stamps.all() for _, each in decoded) else "receive")
     if chosen == "header":
         for (name, _), (_, each) in zip(wanted, decoded, strict=True):
@@ -89,11 +89,20 @@ def _split_unit(text: str) -> tuple[str, str | None]:
     return (match[1], match[2]) if match else (text.strip(), None)
 
 
-def _decoded(contents: Contents, name: str, source: str) -> tuple[Messages, Decoded]:
-    """Decode the messages of a topic, or raise an error if there is no such topic or no message."""
+def decode_topic(contents: Contents, name: str, source: str) -> tuple[Messages, Decoded]:
+    """Return the messages of a topic and one number of each; raise an error if there is no such topic or no message.
+
+    Args:
+        contents: the contents of the recording.
+        name: the topic, with a field if needed.
+        source: name of the recording.
+
+    Raises:
+        InvalidInputError: there is no such topic, or no message on it.
+    """
     found = split_name(name, [topic.name for topic in contents.counts])
     if found is None:
-        raise refuse_unknown(name, contents.counts, source)
+        refuse_unknown(name, contents.counts, source)
     messages = contents.messages[found[0]]
     if not messages.data:
         why = "; ".join(note.rstrip(".") for note in contents.notes)

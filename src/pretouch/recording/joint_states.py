@@ -1,0 +1,68 @@
+"""Read recorded joint states, and convert them to the distance ahead of a sensor with a model of the robot."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.errors import InvalidInputError
+from pretouch.robots import SensorSite
+from pretouch.robots.joint_distances import distances_ahead
+
+from .columns import is_table
+from .containers import read_contents
+from .decoding import decode_names
+from .reading import decode_topic, read_recordings
+from .recording import Recording
+
+_MOST: Final = 20_000  # joint states that are converted, since a calibration has no more rows
+
+
+@check_arguments
+def distances_from_joints(
+    path: str | os.PathLike[str], topic: str, model: Any, site: SensorSite, *, clock: str | None = None
+) -> Recording:
+    """Return the distances from a sensor on a robot to an object, from recorded joint states and a model.
+
+    The model contains the object, such as a wall or a box, at its place during the recording. The distance is that
+    along the axis of the sensor, from its site to the first object.
+
+    Args:
+        path: see `read_recording`.
+        topic: topic of type sensor_msgs/JointState, or of JSON messages with the lists "name" and "position".
+        model: the `mujoco.MjModel`.
+        site: the sensor; its curve is not used.
+        clock: see `read_recording`.
+
+    Returns:
+        The distances [m]; of more than 20,000 joint states, every n-th.
+    """
+    file = Path(path)
+    names = _joint_names(file, topic)
+    columns = read_recordings(file, tuple(f"{topic}.position[{i}]" for i in range(len(names))), clock=clock)
+    every = -(-len(columns[0].stamps) // _MOST)
+    chosen = columns[0].part(slice(None, None, every))
+    joints = {name: column.values[::every] for name, column in zip(names, columns, strict=True)}
+    notes = (f"Of the joint states, every {every}th was used.",) if every > 1 else ()
+    return replace(
+        chosen,
+        topic=f"{topic} ({site.name})",
+        values=distances_ahead(model, site, joints),
+        kind="distance",
+        notes=(*chosen.notes, *notes),
+    )
+
+
+def _joint_names(file: Path, topic: str) -> tuple[str, ...]:
+    """Return the names of the joints in the messages of a topic."""
+    if is_table(file):
+        raise InvalidInputError(
+            f"{file}: joint states are read from ROS 2 bags and MCAP files; for a CSV file, compute the distances, and "
+            "name their column as the reference"
+        )
+    first = f"{topic}.position[0]"
+    messages, _ = decode_topic(read_contents(file, [first]), first, file.name)
+    return decode_names(messages)

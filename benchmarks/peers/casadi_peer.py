@@ -11,7 +11,7 @@ import numpy as np
 
 from . import closed_form
 from .protocol import Job, Way, missing, one_by_one
-from .work import BOUNDS, DAMPING, DISTANCE, EXPONENT, MASS, OFFSET, STIFFNESS, Column, first_guess
+from .work import BOUNDS, DAMPING, DISTANCE, EXPONENT, MASS, OFFSET, STIFFNESS, Column, first_guess, latest
 
 _INTERVALS = 12
 _DEGREE = 6
@@ -50,6 +50,13 @@ class CasADi:
                 name="sqpmethod, closed form", cases="ACD", make=partial(_closed, "sqpmethod"), tolerance=1e-7, size=500
             ),
             exponential(
+                name="sqpmethod, closed form, limits",
+                cases="E",
+                make=partial(_closed, "sqpmethod", limited=True),
+                tolerance=1e-7,
+                size=500,
+            ),
+            exponential(
                 name="IPOPT, closed form", cases="AC", make=partial(_closed, "ipopt"), tolerance=1e-7, size=100
             ),
             power(name="CVODES over distance", cases="B", make=_cvodes, tolerance=1e-8, size=500),
@@ -76,7 +83,7 @@ def _mapped(v: Column, gain: Column) -> Job:
     return job
 
 
-def _closed(solver: str, v: Column) -> Job:
+def _closed(solver: str, v: Column, limited: bool = False) -> Job:
     """Build a program with unknowns D_p and t, the equality l(t, D_p) = 0, and the parameter v."""
     import casadi as ca  # noqa: PLC0415
 
@@ -88,7 +95,8 @@ def _closed(solver: str, v: Column) -> Job:
     def solve(velocity: float) -> float:
         guess = -math.exp(first_guess("exponential-1", -velocity))
         begin = [guess, closed_form.start(math, velocity, guess)]
-        found = optimize(x0=begin, p=velocity, lbg=0, ubg=0, lbx=[BOUNDS[0], 0], ubx=[BOUNDS[1], ca.inf])
+        last = latest(velocity) if limited else ca.inf
+        found = optimize(x0=begin, p=velocity, lbg=0, ubg=0, lbx=[BOUNDS[0], 0], ubx=[BOUNDS[1], last])
         return float(found["x"][0])
 
     return one_by_one(solve, v)

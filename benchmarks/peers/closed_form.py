@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from .work import DAMPING, DISTANCE, MASS, POSITION_SCALE, RATE, STIFFNESS, VELOCITY_SCALE
+from .work import DAMPING, DISTANCE, EXPONENT, MASS, OFFSET, POSITION_SCALE, RATE, STIFFNESS, VELOCITY_SCALE
 
-__all__ = ["distance", "householder", "merit", "polish", "slopes", "solve", "start"]
+__all__ = ["distance", "householder", "merit", "polish", "slopes", "solve", "squared_slope", "start"]
 
 
 def _motion(m: Any, v: Any, gain: Any) -> tuple[Any, ...]:
@@ -73,6 +73,13 @@ def solve(m: Any, v: Any, gain: Any) -> Any:
 def merit(t: Any, v: Any, speed: Any) -> Any:
     """Return the objective f_1 of a contact at t with l' = speed."""
     return ((DISTANCE + v * t) / POSITION_SCALE) ** 2 + (speed / VELOCITY_SCALE) ** 2
+
+
+def squared_slope(sensor: str, distance: Any) -> Any:
+    """Return the integral of g^2 from a distance to that of the start [1/m], where g = d(ln xi)/dl."""
+    if sensor == "exponential-1":
+        return RATE * RATE * (DISTANCE - distance)
+    return EXPONENT * EXPONENT * (1 / (distance + OFFSET) - 1 / (DISTANCE + OFFSET))
 
 
 def slopes(m: Any, t: Any, v: Any, gain: Any) -> tuple[Any, Any]:

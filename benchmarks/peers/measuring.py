@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .protocol import Way
-from .work import Column, contacts, designs
+from .work import Column, contacts, designs, drags
 
 __all__ = [
     "Pair",
@@ -56,7 +56,7 @@ class Problem:
     """The inputs of a case for one sensor, and the reference results.
 
     Args:
-        inputs: (v, D_p) in case B, (v,) in the others.
+        inputs: (v, D_p) in case B, (v, phi) in case F, (v,) in the others.
         answers: contact times or gains.
     """
 
@@ -141,13 +141,14 @@ def exp_cost() -> float:
 
 
 def inputs_for(case: str, count: int) -> tuple[Column, ...]:
-    """Draw the inputs of a case: (v, D_p) of contacts, (v,) of designs."""
-    return contacts(count) if case == "B" else (designs(count),)
+    """Draw the inputs of a case: (v, D_p) of contacts, (v, phi) of contacts of a drag, (v,) of designs."""
+    return {"B": contacts, "F": drags}.get(case, lambda count: (designs(count),))(count)
 
 
 def problem_for(case: str, sensor: str, count: int) -> Problem:
     """Draw a problem and solve it by the reference."""
-    from .reference import trusted_gains, trusted_times  # noqa: PLC0415 - it loads pretouch
+    from .reference import drag_times, limited_gains, trusted_gains, trusted_times  # noqa: PLC0415 - it loads pretouch
 
     inputs = inputs_for(case, count)
-    return Problem(inputs=inputs, answers=(trusted_times if case == "B" else trusted_gains)(sensor, *inputs))
+    trusted = {"B": trusted_times, "E": limited_gains, "F": drag_times}.get(case, trusted_gains)
+    return Problem(inputs=inputs, answers=trusted(sensor, *inputs))

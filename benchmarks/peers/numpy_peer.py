@@ -9,10 +9,11 @@ import numpy as np
 
 from . import closed_form
 from .protocol import Job, Way
-from .work import DISTANCE, POSITION_SCALE, VELOCITY_SCALE, Column, first_guess
+from .work import DISTANCE, MASS, POSITION_SCALE, RATE, VELOCITY_SCALE, Column, first_guess
 
 _BLOCK = 4096
 _ROUNDS = 6
+_NODES = 10  # of the quadrature of a drag
 _ROUNDING = 1e-14  # of df / d ln(-D_p): nothing is left to be gained
 
 
@@ -26,11 +27,13 @@ class NumPy:
         return ""
 
     def cases(self) -> Sequence[Way]:
-        """Return its ways; a curve without a closed form is not for columns."""
-        on = partial(Way, sensor="exponential-1")
+        """Return its ways; without a closed form, only the drag is for columns."""
+        on, power = partial(Way, sensor="exponential-1"), partial(Way, sensor="inverse-power")
         return (
             on(name="closed form, two evaluations", cases="B", make=_contacts, tolerance=1e-10, grows=True),
             on(name="closed form, secant of df/dD_p", cases="ACD", make=_designs, tolerance=1e-9),
+            on(name="closed form", cases="F", make=_drag_closed, tolerance=1e-12),
+            power(name="quadrature, 10 nodes", cases="F", make=_drag_quadrature, tolerance=1e-9),
         )
 
 
@@ -78,3 +81,30 @@ def _design_block(v: Column) -> Column:
 
 def _designs(v: Column) -> Job:
     return lambda: np.concatenate([_design_block(v[block]) for block in _blocks(len(v))])
+
+
+def _drag_closed(v: Column, drag: Column) -> Job:
+    """Return contact times for a constant slope, (exp(a l_0) - 1) / (a |v|) with a = phi g^2 / M."""
+    out = np.empty_like(v)
+
+    def job() -> Column:
+        for block in _blocks(len(v)):
+            rate = drag[block] * (RATE * RATE / MASS)
+            out[block] = np.expm1(rate * DISTANCE) / (rate * -v[block])
+        return out
+
+    return job
+
+
+def _drag_quadrature(v: Column, drag: Column) -> Job:
+    """Return contact times by Gauss-Legendre quadrature over the distance."""
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    growth = closed_form.squared_slope("inverse-power", DISTANCE * (nodes + 1) / 2) / MASS
+    out = np.empty_like(v)
+
+    def job() -> Column:
+        for block in _blocks(len(v)):
+            out[block] = np.exp(np.multiply.outer(drag[block], growth)) @ weights * (-DISTANCE / 2) / v[block]
+        return out
+
+    return job

@@ -7,7 +7,19 @@ from functools import lru_cache, partial
 from typing import Any
 
 from .protocol import Job, Way
-from .work import BOUNDS, DAMPING, DISTANCE, MASS, POSITION_SCALE, SENSORS, STIFFNESS, VELOCITY_SCALE, Column
+from .work import (
+    BOUNDS,
+    DAMPING,
+    DISTANCE,
+    EXCURSION,
+    LATEST,
+    MASS,
+    POSITION_SCALE,
+    SENSORS,
+    STIFFNESS,
+    VELOCITY_SCALE,
+    Column,
+)
 
 __all__ = ["Pretouch", "scenario", "sensor_named"]
 
@@ -32,6 +44,8 @@ class Pretouch:
                 on(name="find_contact", cases="B", make=partial(_contacts, sensor), tolerance=1e-9, grows=True),
                 on(name="design_gain", cases="AD", make=partial(_one_by_one, sensor), tolerance=1e-7),
                 on(name="design_gain", cases="C", make=partial(_designs, sensor), tolerance=1e-7, size=_most_designs),
+                on(name="design_gain", cases="E", make=partial(_limited, sensor), tolerance=1e-7),
+                on(name="find_contact", cases="F", make=partial(_drag_contacts, sensor), tolerance=1e-9),
                 on(name="design_gain, each alone", cases="C", make=partial(_scattered, sensor), tolerance=1e-7),
             ]
         return ways
@@ -56,11 +70,11 @@ def scenario(velocity: Any) -> Any:
     )
 
 
-def _design(encounter: Any, sensor: Any) -> Any:
+def _design(encounter: Any, sensor: Any, constraints: Any = ()) -> Any:
     import pretouch as pt  # noqa: PLC0415
 
     objective = pt.excursion_objective(position_scale=POSITION_SCALE, velocity_scale=VELOCITY_SCALE)
-    return pt.design_gain(pt.Task(encounter, sensor, objective, bounds=BOUNDS)).gain
+    return pt.design_gain(pt.Task(encounter, sensor, objective, bounds=BOUNDS, constraints=constraints)).gain
 
 
 @lru_cache(maxsize=1)
@@ -122,3 +136,23 @@ def _designs(name: str, v: Column) -> Job:
         return _one_by_one(name, v)
     sensor, encounters = sensor_named(name), scenario(v)
     return lambda: np.asarray(_design(encounters, sensor), dtype=np.float64)
+
+
+def _limited(name: str, v: Column) -> Job:
+    import numpy as np  # noqa: PLC0415
+
+    from pretouch import Constraint  # noqa: PLC0415
+
+    limits = [Constraint(name="excursion", limit=EXCURSION), Constraint(name="time", limit=LATEST)]
+    sensor, encounters = sensor_named(name), scenario(v if len(v) > 1 else float(v[0]))
+    return lambda: np.atleast_1d(np.asarray(_design(encounters, sensor, limits), dtype=np.float64))
+
+
+def _drag_contacts(name: str, v: Column, drag: Column) -> Job:
+    import numpy as np  # noqa: PLC0415
+
+    from pretouch import find_contact  # noqa: PLC0415
+    from pretouch.motion import DRAG  # noqa: PLC0415
+
+    sensor, encounters = sensor_named(name), scenario(v)
+    return lambda: np.asarray(find_contact(encounters, sensor, drag, law=DRAG).contact.time)

@@ -22,8 +22,9 @@ class Way:
     Args:
         name: what it does, in a few words.
         sensor: a name of `work.SENSORS`.
-        cases: letters of the cases that it serves: B, or some of A, C and D.
-        make: prepares a job, compilation included: from (v, D_p) in case B, from (v,) in the others.
+        cases: letters of the cases that it serves: B, E or F, or some of A, C and D.
+        make: prepares a job, compilation included: from (v, D_p) in case B, (v, phi) in case F, and
+            (v,) in the others.
         tolerance: the expected relative error of contact times or gains.
         size: the most that one call should be asked to solve, or a function that finds it out; the cost is reported
             per solve.

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from .closed_form import merit
+from .closed_form import merit, squared_slope
 from .ours import scenario, sensor_named
-from .work import BOUNDS, Column, contacts, first_guess
+from .work import BOUNDS, DISTANCE, MASS, Column, contacts, first_guess, latest
 
 _SPEEDS = (0.05, 1.0)
 _NODES = 28  # speeds at which the optimum is found; between them it is interpolated
@@ -20,6 +20,8 @@ _GRID = 61  # gains over all of the bounds, among which the lowest objective is 
 _AROUND = 24  # gains around it, through which a polynomial is fitted
 _DEGREE = 14
 _CHECKED = 200
+_HALVINGS = 48  # of an interval of at most 7 in ln(-D_p): to rounding
+_QUADRATURE = 64  # nodes; half as many give the same digits
 
 
 def trusted_times(sensor: str, v: Column, gain: Column) -> Column:
@@ -40,6 +42,26 @@ def _integrated(sensor: str, v: Column, gain: Column) -> Any:
 def trusted_gains(sensor: str, v: Column) -> Column:
     """Return the optimal gains from contacts alone: no search of pretouch takes part."""
     return -np.exp(_optimum(sensor)(np.log(-v)))
+
+
+def limited_gains(sensor: str, v: Column) -> Column:
+    """Return the optimal gains of case E: both limits bound the contact time, which grows with -D_p."""
+    until = np.array([latest(velocity) for velocity in v.tolist()])
+    best = trusted_gains(sensor, v)
+    low, high = np.full(len(v), np.log(-BOUNDS[1])), np.log(-best)
+    within = trusted_times(sensor, v, best) <= until
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        early = trusted_times(sensor, v, -np.exp(middle)) <= until
+        low, high = np.where(early, middle, low), np.where(early, high, middle)
+    return np.where(within, best, -np.exp(low))
+
+
+def drag_times(sensor: str, v: Column, drag: Column) -> Column:
+    """Return contact times of a drag by Gauss-Legendre quadrature of dl / l' with l' = v exp(-phi / M int g^2 dl)."""
+    nodes, weights = np.polynomial.legendre.leggauss(_QUADRATURE)
+    growth = squared_slope(sensor, DISTANCE * (nodes + 1) / 2)
+    return DISTANCE / 2 * (np.exp(drag[:, None] / MASS * growth) @ weights) / -v
 
 
 @lru_cache(maxsize=2)

@@ -24,6 +24,7 @@ from .work import (
     VELOCITY_SCALE,
     Column,
     first_guess,
+    latest,
 )
 
 _LOGS = (math.log(-BOUNDS[1]), math.log(-BOUNDS[0]))
@@ -47,6 +48,18 @@ class SciPy:
                 name="closed form, brentq", cases="B", make=partial(one_by_one, _brent), tolerance=1e-12, size=1000
             ),
             exponential(name="closed form, SLSQP with l = 0", cases="ACD", make=_slsqp, tolerance=1e-5, size=50),
+            exponential(
+                name="closed form, SLSQP with limits",
+                cases="E",
+                make=partial(_slsqp, limited=True),
+                tolerance=1e-5,
+                size=50,
+            ),
+            exponential(
+                name="LSODA with event", cases="F", make=partial(_drag, "exponential-1"), tolerance=1e-8, size=50
+            ),
+            power(name="LSODA with event", cases="F", make=partial(_drag, "inverse-power"), tolerance=1e-8, size=50),
+            power(name="LSODA with event, SLSQP", cases="E", make=_limited, tolerance=1e-4, size=5),
             exponential(
                 name="closed form, bounded Brent",
                 cases="AC",
@@ -116,7 +129,7 @@ def _bounded(v: Column, contact: Callable[[float, float], tuple[float, float]]) 
     return one_by_one(solve, v)
 
 
-def _slsqp(v: Column) -> Job:
+def _slsqp(v: Column, limited: bool = False) -> Job:
     """D_p and t are the unknowns, l(t, D_p) = 0 an equality, as in the letter's use of fmincon; exact gradients."""
     from scipy.optimize import minimize  # noqa: PLC0415
 
@@ -148,10 +161,59 @@ def _slsqp(v: Column) -> Job:
             args=(velocity,),
             jac=True,
             method="SLSQP",
-            bounds=(BOUNDS, (1e-6, None)),
+            bounds=(BOUNDS, (1e-6, latest(velocity) if limited else None)),
             constraints=constraint(velocity),
             options={"ftol": 1e-14, "maxiter": 100},
         )
         return float(found.x[0])
 
     return one_by_one(solve, v)
+
+
+def _limited(v: Column) -> Job:
+    """SLSQP over ln(-D_p) with both limits, and differences of integrated contacts."""
+    from scipy.optimize import minimize  # noqa: PLC0415
+
+    def solve(velocity: float) -> float:
+        seen: dict[float, tuple[float, float]] = {}
+
+        def contact(u: float) -> tuple[float, float]:
+            if u not in seen:
+                seen[u] = _integrate(velocity, -math.exp(u), None, "LSODA")
+            return seen[u]
+
+        def merit(u: Column) -> float:
+            t, speed = contact(float(u[0]))
+            return 100 * float(closed_form.merit(t, velocity, speed))
+
+        slack = {"type": "ineq", "fun": lambda u: latest(velocity) - contact(float(u[0]))[0]}
+        start = [first_guess("inverse-power", -velocity)]
+        options = {"ftol": 1e-13, "eps": 1e-6}
+        found = minimize(merit, start, method="SLSQP", bounds=[_LOGS], constraints=slack, options=options)
+        return -math.exp(found.x[0])
+
+    return one_by_one(solve, v)
+
+
+def _drag(sensor: str, v: Column, drag: Column) -> Job:
+    """Integrate l'' = phi / M (g l')^2 until contact."""
+    from scipy.integrate import solve_ivp  # noqa: PLC0415
+
+    def slope_at(distance: float) -> float:
+        return RATE if sensor == "exponential-1" else -EXPONENT / (distance + OFFSET)
+
+    def solve(velocity: float, strength: float) -> float:
+        def motion(_: float, y: Column) -> tuple[float, float]:
+            distance, speed = y.tolist()
+            return speed, strength / MASS * (slope_at(distance) * speed) ** 2
+
+        def touch(_: float, y: Column) -> float:
+            return float(y[0])
+
+        touch.terminal = True  # type: ignore[attr-defined]
+        found = solve_ivp(
+            motion, (0.0, 600.0), (DISTANCE, velocity), method="LSODA", rtol=1e-11, atol=1e-13, events=touch
+        )
+        return float(found.t_events[0][0])
+
+    return one_by_one(solve, v, drag)

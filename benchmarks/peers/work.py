@@ -24,6 +24,8 @@ EXPONENT: Final = 3.32
 
 POSITION_SCALE: Final = 0.5  # x_typ and l'_typ of the objective f_1
 VELOCITY_SCALE: Final = 0.3
+EXCURSION: Final = 0.08  # limits of case E: distance from the reference [m], and time to contact [s]
+LATEST: Final = 1.2
 BOUNDS: Final = (-10.0, -0.01)  # of the gain [N s]
 
 CASES: Final = {
@@ -31,10 +33,19 @@ CASES: Final = {
     "B": "contacts, v in [-1, -0.05] m/s, D_p in [-2, -0.05] N s",
     "C": "designs, v in [-1, -0.05] m/s",
     "D": "a fresh process that designs one gain",
+    "E": "designs with two limits: 80 mm from the reference and contact within 1.2 s",
+    "F": "contacts of a virtual drag, v in [-1, -0.05] m/s, phi in [0.001, 0.02] N s^2",
 }
-SIZES: Final = {"A": 1, "B": 100_000, "C": 10_000, "D": 1}
-QUICK: Final = {"A": 1, "B": 2_000, "C": 200, "D": 1}
-ACCURACY: Final = {"A": 1e-7, "B": 1e-9, "C": 1e-7, "D": 1e-7}  # relative, in the gain or in the contact time
+SIZES: Final = {"A": 1, "B": 100_000, "C": 10_000, "D": 1, "E": 10_000, "F": 100_000}
+QUICK: Final = {"A": 1, "B": 2_000, "C": 200, "D": 1, "E": 200, "F": 2_000}
+ACCURACY: Final = {
+    "A": 1e-7,
+    "B": 1e-9,
+    "C": 1e-7,
+    "D": 1e-7,
+    "E": 1e-7,
+    "F": 1e-9,
+}  # relative, in the gain or in the contact time
 _SEED: Final = 20261121
 
 
@@ -46,13 +57,24 @@ def contacts(count: int) -> tuple[Column, Column]:
     return -1.0 + 0.95 * draws[:, 0], -2.0 + 1.95 * draws[:, 1]
 
 
+def drags(count: int) -> tuple[Column, Column]:
+    """Draw v [m/s] and phi [N s^2] of case F; a smaller set is the start of a larger one."""
+    v, gain = contacts(count)
+    return v, 1e-3 + 0.019 * (gain + 2.0) / 1.95
+
+
 def designs(count: int) -> Column:
-    """Draw v [m/s] of case C; one is that of case A and D."""
+    """Draw v [m/s] of cases C and E; one is that of case A and D."""
     import numpy as np  # noqa: PLC0415
 
     if count == 1:
         return np.array([VELOCITY])
     return np.random.default_rng(_SEED + 1).uniform(-1.0, -0.05, count)
+
+
+def latest(velocity: float) -> float:
+    """Return the latest contact [s] that both limits of case E allow, since the robot is at l(0) + v t at contact."""
+    return min(LATEST, (EXCURSION + DISTANCE) / -velocity)
 
 
 def processors() -> int:

@@ -18,6 +18,7 @@ from pretouch.simulation import SensorChain
 from pretouch.simulation.result import whole
 from pretouch.simulation.sensing import SensorRun
 
+from .deviations import explain_deviations
 from .drives import Drives, drives_of
 from .dynamics import Drivetrain, drivetrain_of, joined, posture_dynamics
 from .model import Data, Model, mujoco, site_index
@@ -99,7 +100,7 @@ def simulate_robot(
         sites=tuple(law.site.name for law in laws),
         contacts=tuple(zip(*results, strict=True)),
         predictions=predictions,
-        warnings=scene.warnings,
+        warnings=tuple(explain_deviations([law.site.name for law in laws], tuple(zip(*results, strict=True)))),
         trace_of=_Tracer(scene, seed),
     )
 
@@ -151,7 +152,6 @@ class _Scene:
     period: float
     horizon: float
     follow_time: float
-    warnings: tuple[str, ...]
 
     @classmethod
     def of(
@@ -211,7 +211,6 @@ class _Scene:
             period=period,
             horizon=horizon,
             follow_time=follow_time,
-            warnings=(),
         )
 
 
@@ -244,7 +243,8 @@ class _Site:
 
     __slots__ = (
         *("body", "controller", "detection", "distance", "excursion", "force", "glance", "index", "impulse", "law"),
-        *("mass", "peak", "rate", "run", "sensor", "sight", "target", "time", "speed", "drivetrain"),
+        *("mass", "obstacle", "peak", "rate", "saturated", "sensor", "sight", "target", "time", "speed"),
+        *("drivetrain", "fall", "sideways", "start", "turn"),
     )
 
     def __init__(self, scene: _Scene, i: int, data: Data, seed: int, run: int) -> None:
@@ -273,6 +273,13 @@ class _Site:
         self.time = self.speed = math.nan
         self.excursion = self.force = self.peak = self.impulse = 0.0
         self.mass = math.nan
+        velocity = np.zeros(6)
+        kind = mujoco().mjtObj.mjOBJ_SITE
+        mujoco().mj_objectVelocity(scene.model, data, kind, self.index, velocity, 0)
+        self.start = self.sight.axis(data), np.array(data.site_xpos[self.index]), velocity[3:].copy()
+        self.fall = np.array(scene.model.opt.gravity) if len(self.drivetrain.base) else np.zeros(3)
+        self.turn = self.sideways = self.saturated = 0.0
+        self.obstacle = ""
 
 
 class _Run:
@@ -314,6 +321,10 @@ class _Run:
                 excursion=site.excursion,
                 energy=0.5 * site.mass * site.speed**2,
                 detection=site.detection,
+                axis_turn=site.turn,
+                sideways=site.sideways,
+                saturated=site.saturated,
+                obstacle=site.obstacle,
             )
             for site in self.sites
         )
@@ -418,7 +429,13 @@ class _Run:
             *(reference.position, reference.velocity, reference.acceleration, inertia, force),
             lambda: self.path.held(data),
         )
-        return np.clip(scene.tracking.torques(state), *scene.highest.T)
+        wanted = scene.tracking.torques(state)
+        torques = np.clip(wanted, *scene.highest.T)
+        for site in self.sites:
+            if math.isnan(site.time):
+                site.saturated += model.opt.timestep * bool(np.any(torques != wanted))
+                site.obstacle = site.obstacle or reference.obstacle
+        return torques
 
     def _watch(self, site: _Site, now: float, h: float) -> None:
         """Show the scene to a sensor, and find the contact of its site."""
@@ -433,6 +450,7 @@ class _Run:
             site.sensor.look(max(seen + shift, 0.0) if math.isfinite(seen) else 2 * FARTHEST)
         if math.isnan(site.time):
             site.excursion = max(site.excursion, abs(site.target[2] - site.law.approach * now))
+            self._watch_axis(site, now)
         site.force = self._contact_force(site)
         site.peak = max(site.peak, site.force)
         site.impulse += site.force * h
@@ -445,6 +463,14 @@ class _Run:
             obstacle = math.inf if site.detection is None else site.detection.obstacle_mass
             site.mass = 1 / (1 / dynamics.reflected_mass + 1 / obstacle)
         site.rate = (site.distance - before) / h if math.isfinite(site.distance) and math.isfinite(before) else math.nan
+
+    def _watch_axis(self, site: _Site, now: float) -> None:
+        """Record how far a site has left its axis, seen from a frame that moves and falls with the robot."""
+        axis, position, velocity = site.start
+        moved = np.array(self.data.site_xpos[site.index]) - position - velocity * now - site.fall * (now * now / 2)
+        turn = float(np.linalg.norm(np.cross(axis, site.sight.axis(self.data))))
+        site.turn = max(site.turn, math.asin(min(turn, 1.0)))
+        site.sideways = max(site.sideways, float(np.linalg.norm(np.cross(axis, moved))))
 
     def _contact_force(self, site: _Site) -> float:
         """Return the force of all contacts of the body of a site along its axis [N], positive if it pushes back."""

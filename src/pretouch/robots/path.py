@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +18,7 @@ SINGULAR: Final = 0.02
 """Conditioning below which a path ends: there, the joints move fifty times as much as in the best direction."""
 
 _TOLERANCE: Final = 1e-9  # of the joint positions along a path [rad or m]
+_SHORTEST: Final = 1e-6  # m: shorter paths are rounding of the joint positions
 _STEP: Final = 0.05  # longest step, as a share of the size of the robot
 _REACH: Final = 2.0  # longest path, in sizes of the robot
 
@@ -63,7 +64,8 @@ def excursion(
     places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
     u = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3) @ direction
     path = _Path(model, scratch, drivetrain, places, u if ahead else -u, ranges, hold)
-    return path.follow(np.array(data.qpos)[places])
+    found = path.follow(np.array(data.qpos)[places])
+    return found if found.length > _SHORTEST else replace(found, length=0.0)
 
 
 def ranges_of(model: Model, data: Data, drivetrain: Drivetrain) -> FloatArray:

@@ -300,7 +300,7 @@ class _Run:
 
     def finish(self) -> tuple[SiteContact, ...]:
         """Simulate until all sites have touched, and return the contacts of all sites."""
-        scene, t = self.scene, 0.0
+        scene, now = self.scene, 0.0
         for j in range(math.ceil(scene.horizon / scene.period - 1e-9)):
             t = j * scene.period
             for site in self.sites:
@@ -312,6 +312,9 @@ class _Run:
                 break
             if not np.isfinite(self.data.qpos).all():
                 break
+        for site in self.sites:
+            if math.isnan(site.time):
+                self._leave_axis(site, now)
         return tuple(
             SiteContact(
                 time=site.time,
@@ -450,7 +453,6 @@ class _Run:
             site.sensor.look(max(seen + shift, 0.0) if math.isfinite(seen) else 2 * FARTHEST)
         if math.isnan(site.time):
             site.excursion = max(site.excursion, abs(site.target[2] - site.law.approach * now))
-            self._watch_axis(site, now)
         site.force = self._contact_force(site)
         site.peak = max(site.peak, site.force)
         site.impulse += site.force * h
@@ -458,19 +460,19 @@ class _Run:
             on_axis = site.distance <= 0 < before < math.inf
             part = before / (before - site.distance) if on_axis else 1.0
             site.time = self.last_contact = now - (1 - part) * h
+            self._leave_axis(site, site.time)
             site.speed = (site.distance - before) / h if on_axis else site.rate
             dynamics = posture_dynamics(model, data, site.drivetrain, site.law.site.direction)
             obstacle = math.inf if site.detection is None else site.detection.obstacle_mass
             site.mass = 1 / (1 / dynamics.reflected_mass + 1 / obstacle)
         site.rate = (site.distance - before) / h if math.isfinite(site.distance) and math.isfinite(before) else math.nan
 
-    def _watch_axis(self, site: _Site, now: float) -> None:
-        """Record how far a site has left its axis, seen from a frame that moves and falls with the robot."""
+    def _leave_axis(self, site: _Site, now: float) -> None:
+        """Record how far a site is off its axis, seen from a frame that moves and falls with the robot."""
         axis, position, velocity = site.start
         moved = np.array(self.data.site_xpos[site.index]) - position - velocity * now - site.fall * (now * now / 2)
         turn = float(np.linalg.norm(np.cross(axis, site.sight.axis(self.data))))
-        site.turn = max(site.turn, math.asin(min(turn, 1.0)))
-        site.sideways = max(site.sideways, float(np.linalg.norm(np.cross(axis, moved))))
+        site.turn, site.sideways = math.asin(min(turn, 1.0)), float(np.linalg.norm(np.cross(axis, moved)))
 
     def _contact_force(self, site: _Site) -> float:
         """Return the force of all contacts of the body of a site along its axis [N], positive if it pushes back."""

@@ -58,8 +58,8 @@ class SiteContact(Value):
         excursion: largest excursion of the reference until contact [m], relative to the base.
         energy: energy of the impact, 1/2 mu l'^2 with the reduced mass mu of robot and object [J].
         detection: the encounter at the first detection; None without one.
-        axis_turn: largest angle by which the axis of the sensor has turned until contact [rad].
-        sideways: largest motion of the site across its axis until contact [m]; uniform motion and free fall do not
+        axis_turn: angle by which the axis of the sensor has turned until contact [rad].
+        sideways: motion of the site across its axis until contact [m]; uniform motion and free fall do not
             count.
         saturated: time until contact in which a drive is at its limit [s].
         obstacle: what keeps the robot from following its reference until contact, such as "joint range" or

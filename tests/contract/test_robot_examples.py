@@ -29,7 +29,7 @@ def test_an_example_is_projected(path: Path) -> None:
 def test_the_programs_of_the_page_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(EXAMPLES.parents[1])
     blocks = re.findall(r"```python\n(.*?)```", Path("docs/robots.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 2
+    assert len(blocks) == 3
     for block in blocks:
         exec(block, {})  # noqa: S102 - the page is ours
     printed = capsys.readouterr().out

@@ -1,5 +1,6 @@
 """Project a robot model in MuJoCo to the axis of a sensor, so that a gain can be designed for the robot."""
 
+from .centering import Centering
 from .drives import AxisLimits
 from .encounter import simulate_robot
 from .model import load_model, make_data
@@ -13,6 +14,7 @@ from .tracking import ComputedTorque, OperationalSpace, PositionControl, Trackin
 
 __all__ = [
     "AxisLimits",
+    "Centering",
     "ComputedTorque",
     "Excursion",
     "OperationalSpace",

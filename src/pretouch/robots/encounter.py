@@ -13,11 +13,12 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, nonnegative, positive
-from pretouch.control.structures import Status
+from pretouch.control.structures import Output, Status
 from pretouch.simulation import SensorChain
 from pretouch.simulation.result import whole
 from pretouch.simulation.sensing import SensorRun
 
+from .centering import Centering, HandMotion, pair_of
 from .deviations import explain_deviations
 from .drives import Drives, drives_of
 from .dynamics import Drivetrain, drivetrain_of, joined, posture_dynamics
@@ -40,6 +41,7 @@ FARTHEST: Final = 0.5
 
 _INSTANT: Final = 1e-12  # s
 _FINEST: Final = 0.5  # largest product of the feedback's angular frequency and the time step
+_OPPOSED: Final = -0.99  # cosine of the angle between the axes of two fingers that face each other
 _DETECTING: Final = int(Status.DETECTING)
 
 
@@ -50,6 +52,7 @@ def simulate_robot(
     laws: Sequence[SiteLaw],
     *,
     tracking: Tracking | None = None,
+    centering: Centering | None = None,
     runs: int = 1,
     seed: int = 0,
     contact_stiffness: float | None = None,
@@ -73,6 +76,8 @@ def simulate_robot(
         data: its state at the start, with the velocities of the objects.
         laws: the controllers, at most one per site, all with one period. The sites may be on several robots.
         tracking: how the joints follow; computed torque by default.
+        centering: law that centers a hand between two opposed fingers; None for none. The prediction of a finger does
+            not know it.
         runs: number of runs, each with its own noise and phase of the sensors.
         seed: seed of the noise.
         contact_stiffness: stiffness of the contact [N/m] for the predicted impact force; None for no prediction.
@@ -88,7 +93,7 @@ def simulate_robot(
         "horizon": positive(horizon, "horizon", "s"),
         "follow_time": nonnegative(follow_time, "follow_time", "s"),
     }
-    scene = _Scene.of(model, data, laws, tracking=tracking or ComputedTorque(), **options)
+    scene = _Scene.of(model, data, laws, tracking=tracking or ComputedTorque(), centering=centering, **options)
     stiffness = None if contact_stiffness is None else positive(contact_stiffness, "contact_stiffness", "N/m")
     count, seed = whole(runs, "runs", 1, 10**7), whole(seed, "seed", 0, 2**64 - 1)
     results = _simulate(scene, seed, count, whole(workers, "workers", 1, 1024))
@@ -144,6 +149,7 @@ class _Scene:
     data: Data
     laws: tuple[SiteLaw, ...]
     tracking: Tracking
+    centering: Centering | None
     drivetrains: tuple[Drivetrain, ...]
     drives: Drives
     highest: FloatArray
@@ -161,6 +167,7 @@ class _Scene:
         laws: Sequence[SiteLaw],
         *,
         tracking: Tracking,
+        centering: Centering | None,
         horizon: float,
         follow_time: float,
     ) -> _Scene:
@@ -194,6 +201,8 @@ class _Scene:
         library.mj_forward(model, start)
         for law, index in zip(laws, indices, strict=True):
             refuse_covered_sensor(model, start, law.site, index)
+        if centering is not None:
+            _check_opposed(start, centering, laws, indices)
         still = library.MjData(model)
         still.qpos[:] = data.qpos
         library.mj_forward(model, still)
@@ -203,6 +212,7 @@ class _Scene:
             data=start,
             laws=laws,
             tracking=tracking,
+            centering=centering,
             drivetrains=drivetrains,
             drives=drives,
             highest=_largest_torques(drives),
@@ -211,6 +221,19 @@ class _Scene:
             period=period,
             horizon=horizon,
             follow_time=follow_time,
+        )
+
+
+def _check_opposed(data: Data, centering: Centering, laws: Sequence[SiteLaw], indices: Sequence[int]) -> None:
+    """Raise an error if the two fingers of a centering law do not face each other."""
+    first, second = (
+        np.array(data.site_xmat[indices[i]]).reshape(3, 3) @ laws[i].site.direction for i in pair_of(centering, laws)
+    )
+    if float(first @ second) > _OPPOSED:
+        angle = math.degrees(math.acos(max(-1.0, min(1.0, float(first @ second)))))
+        raise InvalidInputError(
+            f"centering: the axes of {' and '.join(centering.sites)} are {angle:.3g} deg apart, expected opposed axes, "
+            "180 deg apart"
         )
 
 
@@ -297,14 +320,16 @@ class _Run:
         self.sites = [_Site(scene, i, self.data, seed, run) for i in range(len(scene.laws))]
         self.places = np.asarray(scene.model.jnt_qposadr)[scene.drivetrains[0].joints]
         self.last_contact = math.nan
+        centering = scene.centering
+        self.hand = None if centering is None else HandMotion(centering, scene.laws, scene.period)
+        self.hand_target = (0.0, 0.0, 0.0, 0.0)
 
     def finish(self) -> tuple[SiteContact, ...]:
         """Simulate until all sites have touched, and return the contacts of all sites."""
         scene, now = self.scene, 0.0
         for j in range(math.ceil(scene.horizon / scene.period - 1e-9)):
             t = j * scene.period
-            for site in self.sites:
-                self._ask(site, t)
+            self._move_hand([self._ask(site, t) for site in self.sites])
             for i in range(scene.steps):
                 self._step(t, i)
             now = t + scene.period
@@ -332,7 +357,14 @@ class _Run:
             for site in self.sites
         )
 
-    def _ask(self, site: _Site, t: float) -> None:
+    def _move_hand(self, outputs: Sequence[Output]) -> None:
+        """Move the hand over one period by its centering law, if it has one."""
+        if self.hand is not None:
+            before = self.hand.position, self.hand.velocity
+            self.hand.advance(outputs, touched=any(not math.isnan(site.time) for site in self.sites))
+            self.hand_target = (*before, self.hand.position, self.hand.velocity)
+
+    def _ask(self, site: _Site, t: float) -> Output:
         """Pass the available reading to the controller of a site, which moves its reference over the period."""
         fresh = site.sensor.deliver(t)
         output = site.controller.step(
@@ -345,6 +377,7 @@ class _Run:
             site.detection = self._detect(site, t)
         _, _, x, v = site.target
         site.target = (x, v, output.position, output.velocity)
+        return output
 
     def _detect(self, site: _Site, t: float) -> DetectedEncounter:
         """Describe the encounter of a site at its first detection, for the prediction."""
@@ -418,6 +451,9 @@ class _Run:
         drivetrain = scene.drivetrains[0]
         driven, base = drivetrain.driven, drivetrain.base
         motion = np.array([_cubic(site.target, scene.period, at) for site in self.sites])
+        if self.hand is not None:
+            shares = np.array([self.hand.along(i) for i in range(len(self.sites))])
+            motion = motion + shares[:, None] * np.array(_cubic(self.hand_target, scene.period, at))
         reference = self.path.at(*motion.T)
         mass, load = np.zeros((model.nv, model.nv)), np.array(data.qfrc_bias - data.qfrc_passive)
         mujoco().mj_fullM(model, data, mass)

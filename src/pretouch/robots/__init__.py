@@ -11,6 +11,7 @@ from .site import SensorSite
 from .site_law import SiteLaw
 from .table import ProjectionTable, project_all
 from .tracking import ComputedTorque, OperationalSpace, PositionControl, Tracking
+from .workspace import Workspace, project_workspace, random_postures
 
 __all__ = [
     "AxisLimits",
@@ -27,9 +28,12 @@ __all__ = [
     "SiteContact",
     "SiteLaw",
     "Tracking",
+    "Workspace",
     "load_model",
     "make_data",
     "project",
     "project_all",
+    "project_workspace",
+    "random_postures",
     "simulate_robot",
 ]

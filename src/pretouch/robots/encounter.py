@@ -106,6 +106,8 @@ def simulate_robot(
         contacts=tuple(zip(*results, strict=True)),
         predictions=predictions,
         warnings=tuple(explain_deviations([law.site.name for law in laws], tuple(zip(*results, strict=True)))),
+        laws=tuple(laws),
+        model=scene.model,
         trace_of=_Tracer(scene, seed),
     )
 

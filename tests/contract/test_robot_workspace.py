@@ -58,6 +58,15 @@ def test_a_sweep_over_postures_says_where_one_gain_holds(tmp_path) -> None:
     assert "kg" in figure.axes[0].get_title(loc="left")
 
 
+def test_the_example_takes_any_model_by_its_path(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.syspath_prepend(str(ARM.parent))
+    example = __import__("any_model")
+    assert len(example.main(str(ARM), "fingertip", "+x", 3).projections) == 3
+    assert "3 postures" in capsys.readouterr().out
+    assert example.main(str(ARM.with_name("gripper.xml"))) is None
+    assert "left" in capsys.readouterr().out
+
+
 def test_random_postures_are_inside_the_joint_ranges() -> None:
     model = load_model(ARM)
     postures = random_postures(model, SITE, 200, seed=3)

@@ -94,3 +94,31 @@ def continuous_speed(speed: float, gain: float = -0.7) -> float:
 def share(simulated: Any, predicted: Any) -> float:
     """The largest relative deviation of a simulation from its prediction."""
     return float(np.max(np.abs(np.asarray(simulated) / np.asarray(predicted) - 1)))
+
+
+def speed_by_shape(scene: Any, site: Any, number: float, law: str, coordinate: int) -> float:
+    """The continuous contact speed with the ln xi that the beam of a site reads from the shape of an object [m/s].
+
+    The object is moved along the axis x of the world, by a coordinate of the model, while the robot stays.
+    """
+    import mujoco
+
+    from pretouch.robots.sight import Sight
+
+    model, data = scene
+    sight = Sight(model, site, model.site(site.name).id, CURVE, 0.5)
+    start, place = sight.glance(data).distance, float(data.qpos[coordinate])
+    distances = np.linspace(0.0, start, 200)
+    outputs = []
+    for distance in distances:
+        data.qpos[coordinate] = place - start + distance
+        mujoco.mj_kinematics(model, data)
+        outputs.append(float(CURVE.output(sight.equivalent_distance(data))))
+    data.qpos[coordinate] = place
+    mujoco.mj_forward(model, data)
+    scenario = pt.Scenario(
+        admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        obstacle=pt.Obstacle(position=start, velocity=float(data.qvel[model.jnt_dofadr[-1]])),
+    )
+    table = pt.Table(distances=tuple(distances), outputs=tuple(outputs))
+    return abs(float(pt.find_contact(scenario, table, number, law=law).contact.relative_velocity))

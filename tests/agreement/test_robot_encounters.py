@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import copy
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch.control import VirtualDrag
 from pretouch.robots import (
     ComputedTorque,
     OperationalSpace,
@@ -31,6 +33,7 @@ from robot_scenes import (
     controller,
     share,
     slide_with_ball,
+    speed_by_shape,
     with_object,
 )
 
@@ -185,6 +188,35 @@ def test_a_ball_beside_the_axis_is_seen_by_its_geometry(offset: float) -> None:
     expected = CURVE.log_output(0.03 + radius - depth) + math.log(depth / radius)
     found = scene_distance('<geom type="sphere" size="0.035" mass="1"/>', 0.03, "0 deg", offset)
     assert CURVE.log_output(found) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("view", "offset", "by_curve"), [(0, 0.03, 0.01), (8, 0.0, 0.02), (8, 0.02, 0.03), (8, 0.03, 0.09)]
+)
+def test_the_drag_meets_the_slope_that_its_beam_reads(view: float, offset: float, by_curve: float) -> None:
+    """A wide beam on a ball lights a patch that shrinks with the distance, so that ln xi rises more than by the curve.
+
+    The contact speed of the drag depends on the integral of g^2, here by 4 % per percent of g. The sampled drag smooths
+    its readings, for which the facing plate accounts.
+    """
+    law = replace(controller(), law=VirtualDrag(drag=0.0144, noise=1e-6))
+    site = replace(TIP, field_of_view=math.radians(view))
+
+    def run(geom: str, radius: float, offset: float):
+        scene = slide_with_ball(1.0, 0.3, floats=False, geom=geom, radius=radius, offset=offset)
+        result = simulate_robot(*scene, [SiteLaw(site=site, controller=law)])
+        speeds = (abs(f("tip", "relative_velocity")[0]) for f in (result.simulated, result.predicted))
+        return scene, *speeds
+
+    _, facing, expected = run(PLATE.format(angle=0).replace("/>", ' contype="0" conaffinity="0"/>'), 0.01, 0.0)
+    ball = '<geom type="sphere" size="0.035" mass="0.5" contype="0" conaffinity="0"/>'
+    scene, simulated, predicted = run(ball, 0.035, offset)
+    smoothing = facing / expected
+    shaped = speed_by_shape(scene, site, 0.0144, "virtual-drag", 1)
+    assert share(simulated, smoothing * shaped) < 0.01
+    assert share(simulated, smoothing * predicted) < by_curve
+    if view and offset == 0.03:
+        assert share(simulated, smoothing * predicted) > 0.05
 
 
 def test_an_object_beyond_the_beam_is_not_seen() -> None:

@@ -226,4 +226,4 @@ def test_the_conditioning_falls_to_zero_as_the_arm_is_stretched() -> None:
     conditioning = [p.conditioning for p in values]
     assert conditioning == sorted(conditioning, reverse=True)
     assert conditioning[-1] < 0.05
-    assert [bool(p.warnings) for p in values] == [False, False, True, True]
+    assert ["singularity" in " ".join(p.warnings) for p in values] == [False, False, True, True]

@@ -11,7 +11,17 @@ import pytest
 
 from pretouch.control import VirtualAdmittance
 from pretouch.errors import InvalidInputError
-from pretouch.robots import ComputedTorque, SensorSite, SiteLaw, load_model, make_data, project_all, simulate_robot
+from pretouch.report import write_report
+from pretouch.robots import (
+    ComputedTorque,
+    SensorSite,
+    SiteLaw,
+    load_model,
+    make_data,
+    project,
+    project_all,
+    simulate_robot,
+)
 from robot_scenes import CURVE, DISTANCE, arm_with_ball, controller, share
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
@@ -29,7 +39,7 @@ def test_an_example_is_projected(path: Path) -> None:
 def test_the_programs_of_the_page_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(EXAMPLES.parents[1])
     blocks = re.findall(r"```python\n(.*?)```", Path("docs/robots.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 2
+    assert len(blocks) == 4
     for block in blocks:
         exec(block, {})  # noqa: S102 - the page is ours
     printed = capsys.readouterr().out
@@ -44,6 +54,24 @@ def fallen_leg(speed: float):
     data.qvel[0] = -speed
     mujoco.mj_forward(model, data)
     return model, data
+
+
+def test_a_hopping_leg_lands_with_its_designed_gain(monkeypatch: pytest.MonkeyPatch, capsys, tmp_path: Path) -> None:
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    landing = __import__("landing").main()
+    assert "limit of the constraint speed" in capsys.readouterr().out  # the drives and the workspace limit the design
+    speeds = landing.simulated("sole", "relative_velocity"), landing.predicted("sole", "relative_velocity")
+    assert share(*speeds) < 0.01
+    assert abs(speeds[0][0]) < 0.25 * np.sqrt(0.7**2 + 2 * 9.81 * DISTANCE)
+    projection = project(landing.model, make_data(landing.model, keyframe="crouched"), SensorSite("sole", CURVE))
+    assert landing.simulated("sole", "excursion")[0] < projection.retreat
+    assert not landing.warnings
+    course = landing.predicted_courses()[0]
+    trace = landing.trace()
+    distances = np.interp(course.time, trace.time, trace.distance[:, 0])
+    assert np.abs(distances - course.distance).max() < 1e-3  # one period at 1 m/s
+    page = write_report(landing, tmp_path / "landing.html").read_text(encoding="utf-8")
+    assert "torque of the drives" in page or "<svg" in page
 
 
 def test_a_leg_lands_as_predicted() -> None:

@@ -189,6 +189,18 @@ def test_a_loop_with_a_robot_model_runs_with_its_limits(read) -> None:
     assert "excursion" in {limit.name for limit in task.limits}
 
 
+@pytest.mark.parametrize("verb", ["design", "verify"])
+def test_the_answers_repeat_the_warnings_about_the_robot(verb, tmp_path, read) -> None:
+    chain = '[chain]\nrate = "250 Hz"\n[controller]\nrate = "1 kHz"\nfloor = 1e-3\n[verify]\nruns = 5\n'
+    task = read(BENT.replace("bent", "stretched"), FILE + chain)
+    assert any("singularity" in text for text in task.warnings)
+    answer = pt.design_gain(task) if verb == "design" else pt.verify_gain(task, changes=False)
+    assert set(task.warnings) <= set(answer.warnings)
+    assert "singularity" in str(answer)
+    assert "singularity" in pt.report.html.report_html(answer)
+    assert not read(BENT, FILE).warnings
+
+
 def run(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "pretouch", "project", *words]
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
@@ -198,6 +210,9 @@ def test_the_command_prints_a_table_and_json(tmp_path: Path) -> None:
     short = run(str(ARM), folder=tmp_path)
     assert short.returncode == 0, short.stderr
     lines = short.stdout.splitlines()
+    assert "1 site." in lines[0]
+    assert "e-" not in short.stdout
+    assert "joint_speeds" in short.stdout  # the model limits no speed
     assert len(lines) <= 20
     assert max(map(len, lines)) <= 120
     rows = json.loads(run(str(ARM), "--json", folder=tmp_path).stdout)["rows"]

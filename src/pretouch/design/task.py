@@ -89,6 +89,7 @@ class Task(ExplainsNames, InNotebooks, Value):
         calibration: the report of the fit of the sensor curve; a verdict then also tests the gain on other sensor
             curves that agree with the readings.
         source: the file that the task was read from; errors then name its line.
+        warnings: sentences about the inputs, such as those on a robot model, which reports repeat.
         sensor_part: the sensor part, named in a file, that gives the default sensor chain of the loop.
         pareto: the options of `pareto_front`.
         robust: the options of `design_robust_gain`.
@@ -134,6 +135,7 @@ class Task(ExplainsNames, InNotebooks, Value):
     stability_margin: float | None = None
     calibration: CalibrationReport | None = None
     source: Source | None = field(default=None, compare=False)
+    warnings: tuple[str, ...] = ()
     sensor_part: Any = None
     pareto: ParetoOptions = field(default=ParetoOptions())
     robust: RobustOptions = field(default=RobustOptions())

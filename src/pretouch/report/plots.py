@@ -6,6 +6,7 @@ from .drag_figures import drag
 from .motion_figures import motion, sampled_motion
 from .pareto_figures import admittance, pareto
 from .replay_figures import replay
+from .robot_figures import robot, workspace
 from .robust_figures import outcome, price, robust
 from .simulation_figures import simulation
 from .sweep_figures import sweep
@@ -21,6 +22,7 @@ __all__ = [
     "pareto",
     "price",
     "replay",
+    "robot",
     "robust",
     "sampled_motion",
     "sensitivity",
@@ -31,4 +33,5 @@ __all__ = [
     "verdict_gain",
     "verdict_run",
     "verdict_stability",
+    "workspace",
 ]

@@ -1,5 +1,6 @@
 """Project a robot model in MuJoCo to the axis of a sensor, so that a gain can be designed for the robot."""
 
+from .centering import Centering
 from .drives import AxisLimits
 from .encounter import simulate_robot
 from .model import load_model, make_data
@@ -10,9 +11,11 @@ from .site import SensorSite
 from .site_law import SiteLaw
 from .table import ProjectionTable, project_all
 from .tracking import ComputedTorque, OperationalSpace, PositionControl, Tracking
+from .workspace import Workspace, project_workspace, random_postures
 
 __all__ = [
     "AxisLimits",
+    "Centering",
     "ComputedTorque",
     "Excursion",
     "OperationalSpace",
@@ -25,9 +28,12 @@ __all__ = [
     "SiteContact",
     "SiteLaw",
     "Tracking",
+    "Workspace",
     "load_model",
     "make_data",
     "project",
     "project_all",
+    "project_workspace",
+    "random_postures",
     "simulate_robot",
 ]

@@ -20,7 +20,8 @@ from .dynamics import AxisMotion, Drivetrain, PostureDynamics, actuator_moment
 from .model import Data, Model, mujoco
 
 _OPTIMAL: Final = 0  # status of linprog
-_ENDLESS: Final = 1e6  # m/s^2, m/s or N: no robot reaches as much, so that it counts as no limit
+_ENDLESS: Final = 1e6  # m/s^2 or N: no robot reaches as much, so that it counts as no limit
+_FASTEST: Final = 30.0  # m/s: likewise; models with torques but without speed limits allow hundreds of m/s
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,10 +154,12 @@ def speed_limits(drives: Drives, motion: AxisMotion) -> AxisLimits:
     """Return the largest constant speeds of the site along its axis [m/s], relative to the base.
 
     The actuators overcome gravity and the damping of joints and actuators; torques that grow with the square of the
-    speed are neglected. Without any damping and without given joint speeds, there is no limit.
+    speed are neglected. Without given joint speeds or damping that keeps the speed plausible, there is no limit.
     """
     velocities = np.column_stack([motion.joints, motion.free])
-    return _span(drives, drives.friction @ velocities, velocities)
+    found = _span(drives, drives.friction @ velocities, velocities)
+    ahead, back = (speed if speed < _FASTEST else math.inf for speed in (found.ahead, found.back))
+    return AxisLimits(ahead, back)
 
 
 def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:

@@ -97,6 +97,8 @@ class AxisMotion:
         moved_mass: effective mass of this motion for the drives [kg].
         recoil_share: share of the motion that the recoil of the base takes back, kappa.
         conditioning: sqrt(lightest mass / moved mass): 1 in the best direction, 0 at a singularity.
+        turning: angle by which the axis of the sensor turns per motion of the site [rad/m].
+        sideways: motion across the axis per motion of the site relative to the base.
     """
 
     hold: str
@@ -105,6 +107,8 @@ class AxisMotion:
     moved_mass: float
     recoil_share: float
     conditioning: float
+    turning: float
+    sideways: float
 
 
 def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
@@ -238,6 +242,7 @@ def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMo
     joints, free = np.zeros(len(dynamics.inertia)), np.zeros((len(dynamics.inertia), others.shape[1]))
     joints[kept], free[kept] = motion[:, 0], others
     moved = float(joints @ dynamics.inertia @ joints)
+    shift, turn = (np.cross(part @ joints, dynamics.axis) for part in (dynamics.seen[:3], dynamics.seen[3:]))
     return AxisMotion(
         hold=hold,
         joints=joints,
@@ -245,6 +250,8 @@ def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMo
         moved_mass=moved,
         recoil_share=float(1 - dynamics.axis @ dynamics.seen[:3] @ joints),
         conditioning=float(np.sqrt(dynamics.lightest_mass / moved)),
+        turning=float(np.linalg.norm(turn)),  # without the turn about the axis, which changes nothing
+        sideways=float(np.linalg.norm(shift)),
     )
 
 

@@ -13,11 +13,13 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, nonnegative, positive
-from pretouch.control.structures import Status
+from pretouch.control.structures import Output, Status
 from pretouch.simulation import SensorChain
 from pretouch.simulation.result import whole
 from pretouch.simulation.sensing import SensorRun
 
+from .centering import Centering, HandMotion, pair_of
+from .deviations import explain_deviations
 from .drives import Drives, drives_of
 from .dynamics import Drivetrain, drivetrain_of, joined, posture_dynamics
 from .model import Data, Model, mujoco, site_index
@@ -39,6 +41,7 @@ FARTHEST: Final = 0.5
 
 _INSTANT: Final = 1e-12  # s
 _FINEST: Final = 0.5  # largest product of the feedback's angular frequency and the time step
+_OPPOSED: Final = -0.99  # cosine of the angle between the axes of two fingers that face each other
 _DETECTING: Final = int(Status.DETECTING)
 
 
@@ -49,6 +52,7 @@ def simulate_robot(
     laws: Sequence[SiteLaw],
     *,
     tracking: Tracking | None = None,
+    centering: Centering | None = None,
     runs: int = 1,
     seed: int = 0,
     contact_stiffness: float | None = None,
@@ -72,6 +76,8 @@ def simulate_robot(
         data: its state at the start, with the velocities of the objects.
         laws: the controllers, at most one per site, all with one period. The sites may be on several robots.
         tracking: how the joints follow; computed torque by default.
+        centering: law that centers a hand between two opposed fingers; None for none. The prediction of a finger does
+            not know it.
         runs: number of runs, each with its own noise and phase of the sensors.
         seed: seed of the noise.
         contact_stiffness: stiffness of the contact [N/m] for the predicted impact force; None for no prediction.
@@ -87,7 +93,7 @@ def simulate_robot(
         "horizon": positive(horizon, "horizon", "s"),
         "follow_time": nonnegative(follow_time, "follow_time", "s"),
     }
-    scene = _Scene.of(model, data, laws, tracking=tracking or ComputedTorque(), **options)
+    scene = _Scene.of(model, data, laws, tracking=tracking or ComputedTorque(), centering=centering, **options)
     stiffness = None if contact_stiffness is None else positive(contact_stiffness, "contact_stiffness", "N/m")
     count, seed = whole(runs, "runs", 1, 10**7), whole(seed, "seed", 0, 2**64 - 1)
     results = _simulate(scene, seed, count, whole(workers, "workers", 1, 1024))
@@ -99,7 +105,9 @@ def simulate_robot(
         sites=tuple(law.site.name for law in laws),
         contacts=tuple(zip(*results, strict=True)),
         predictions=predictions,
-        warnings=scene.warnings,
+        warnings=tuple(explain_deviations([law.site.name for law in laws], tuple(zip(*results, strict=True)))),
+        laws=tuple(laws),
+        model=scene.model,
         trace_of=_Tracer(scene, seed),
     )
 
@@ -143,6 +151,7 @@ class _Scene:
     data: Data
     laws: tuple[SiteLaw, ...]
     tracking: Tracking
+    centering: Centering | None
     drivetrains: tuple[Drivetrain, ...]
     drives: Drives
     highest: FloatArray
@@ -151,7 +160,6 @@ class _Scene:
     period: float
     horizon: float
     follow_time: float
-    warnings: tuple[str, ...]
 
     @classmethod
     def of(
@@ -161,6 +169,7 @@ class _Scene:
         laws: Sequence[SiteLaw],
         *,
         tracking: Tracking,
+        centering: Centering | None,
         horizon: float,
         follow_time: float,
     ) -> _Scene:
@@ -194,6 +203,8 @@ class _Scene:
         library.mj_forward(model, start)
         for law, index in zip(laws, indices, strict=True):
             refuse_covered_sensor(model, start, law.site, index)
+        if centering is not None:
+            _check_opposed(start, centering, laws, indices)
         still = library.MjData(model)
         still.qpos[:] = data.qpos
         library.mj_forward(model, still)
@@ -203,6 +214,7 @@ class _Scene:
             data=start,
             laws=laws,
             tracking=tracking,
+            centering=centering,
             drivetrains=drivetrains,
             drives=drives,
             highest=_largest_torques(drives),
@@ -211,7 +223,19 @@ class _Scene:
             period=period,
             horizon=horizon,
             follow_time=follow_time,
-            warnings=(),
+        )
+
+
+def _check_opposed(data: Data, centering: Centering, laws: Sequence[SiteLaw], indices: Sequence[int]) -> None:
+    """Raise an error if the two fingers of a centering law do not face each other."""
+    first, second = (
+        np.array(data.site_xmat[indices[i]]).reshape(3, 3) @ laws[i].site.direction for i in pair_of(centering, laws)
+    )
+    if float(first @ second) > _OPPOSED:
+        angle = math.degrees(math.acos(max(-1.0, min(1.0, float(first @ second)))))
+        raise InvalidInputError(
+            f"centering: the axes of {' and '.join(centering.sites)} are {angle:.3g} deg apart, expected opposed axes, "
+            "180 deg apart"
         )
 
 
@@ -244,7 +268,8 @@ class _Site:
 
     __slots__ = (
         *("body", "controller", "detection", "distance", "excursion", "force", "glance", "index", "impulse", "law"),
-        *("mass", "peak", "rate", "run", "sensor", "sight", "target", "time", "speed", "drivetrain"),
+        *("mass", "obstacle", "peak", "rate", "saturated", "sensor", "sight", "target", "time", "speed"),
+        *("drivetrain", "fall", "sideways", "start", "turn"),
     )
 
     def __init__(self, scene: _Scene, i: int, data: Data, seed: int, run: int) -> None:
@@ -273,6 +298,13 @@ class _Site:
         self.time = self.speed = math.nan
         self.excursion = self.force = self.peak = self.impulse = 0.0
         self.mass = math.nan
+        velocity = np.zeros(6)
+        kind = mujoco().mjtObj.mjOBJ_SITE
+        mujoco().mj_objectVelocity(scene.model, data, kind, self.index, velocity, 0)
+        self.start = self.sight.axis(data), np.array(data.site_xpos[self.index]), velocity[3:].copy()
+        self.fall = np.array(scene.model.opt.gravity) if len(self.drivetrain.base) else np.zeros(3)
+        self.turn = self.sideways = self.saturated = 0.0
+        self.obstacle = ""
 
 
 class _Run:
@@ -290,14 +322,16 @@ class _Run:
         self.sites = [_Site(scene, i, self.data, seed, run) for i in range(len(scene.laws))]
         self.places = np.asarray(scene.model.jnt_qposadr)[scene.drivetrains[0].joints]
         self.last_contact = math.nan
+        centering = scene.centering
+        self.hand = None if centering is None else HandMotion(centering, scene.laws, scene.period)
+        self.hand_target = (0.0, 0.0, 0.0, 0.0)
 
     def finish(self) -> tuple[SiteContact, ...]:
         """Simulate until all sites have touched, and return the contacts of all sites."""
-        scene, t = self.scene, 0.0
+        scene, now = self.scene, 0.0
         for j in range(math.ceil(scene.horizon / scene.period - 1e-9)):
             t = j * scene.period
-            for site in self.sites:
-                self._ask(site, t)
+            self._move_hand([self._ask(site, t) for site in self.sites])
             for i in range(scene.steps):
                 self._step(t, i)
             now = t + scene.period
@@ -305,6 +339,9 @@ class _Run:
                 break
             if not np.isfinite(self.data.qpos).all():
                 break
+        for site in self.sites:
+            if math.isnan(site.time):
+                self._leave_axis(site, now)
         return tuple(
             SiteContact(
                 time=site.time,
@@ -314,11 +351,22 @@ class _Run:
                 excursion=site.excursion,
                 energy=0.5 * site.mass * site.speed**2,
                 detection=site.detection,
+                axis_turn=site.turn,
+                sideways=site.sideways,
+                saturated=site.saturated,
+                obstacle=site.obstacle,
             )
             for site in self.sites
         )
 
-    def _ask(self, site: _Site, t: float) -> None:
+    def _move_hand(self, outputs: Sequence[Output]) -> None:
+        """Move the hand over one period by its centering law, if it has one."""
+        if self.hand is not None:
+            before = self.hand.position, self.hand.velocity
+            self.hand.advance(outputs, touched=any(not math.isnan(site.time) for site in self.sites))
+            self.hand_target = (*before, self.hand.position, self.hand.velocity)
+
+    def _ask(self, site: _Site, t: float) -> Output:
         """Pass the available reading to the controller of a site, which moves its reference over the period."""
         fresh = site.sensor.deliver(t)
         output = site.controller.step(
@@ -331,6 +379,7 @@ class _Run:
             site.detection = self._detect(site, t)
         _, _, x, v = site.target
         site.target = (x, v, output.position, output.velocity)
+        return output
 
     def _detect(self, site: _Site, t: float) -> DetectedEncounter:
         """Describe the encounter of a site at its first detection, for the prediction."""
@@ -404,6 +453,9 @@ class _Run:
         drivetrain = scene.drivetrains[0]
         driven, base = drivetrain.driven, drivetrain.base
         motion = np.array([_cubic(site.target, scene.period, at) for site in self.sites])
+        if self.hand is not None:
+            shares = np.array([self.hand.along(i) for i in range(len(self.sites))])
+            motion = motion + shares[:, None] * np.array(_cubic(self.hand_target, scene.period, at))
         reference = self.path.at(*motion.T)
         mass, load = np.zeros((model.nv, model.nv)), np.array(data.qfrc_bias - data.qfrc_passive)
         mujoco().mj_fullM(model, data, mass)
@@ -418,7 +470,13 @@ class _Run:
             *(reference.position, reference.velocity, reference.acceleration, inertia, force),
             lambda: self.path.held(data),
         )
-        return np.clip(scene.tracking.torques(state), *scene.highest.T)
+        wanted = scene.tracking.torques(state)
+        torques = np.clip(wanted, *scene.highest.T)
+        for site in self.sites:
+            if math.isnan(site.time):
+                site.saturated += model.opt.timestep * bool(np.any(torques != wanted))
+                site.obstacle = site.obstacle or reference.obstacle
+        return torques
 
     def _watch(self, site: _Site, now: float, h: float) -> None:
         """Show the scene to a sensor, and find the contact of its site."""
@@ -440,11 +498,19 @@ class _Run:
             on_axis = site.distance <= 0 < before < math.inf
             part = before / (before - site.distance) if on_axis else 1.0
             site.time = self.last_contact = now - (1 - part) * h
+            self._leave_axis(site, site.time)
             site.speed = (site.distance - before) / h if on_axis else site.rate
             dynamics = posture_dynamics(model, data, site.drivetrain, site.law.site.direction)
             obstacle = math.inf if site.detection is None else site.detection.obstacle_mass
             site.mass = 1 / (1 / dynamics.reflected_mass + 1 / obstacle)
         site.rate = (site.distance - before) / h if math.isfinite(site.distance) and math.isfinite(before) else math.nan
+
+    def _leave_axis(self, site: _Site, now: float) -> None:
+        """Record how far a site is off its axis, seen from a frame that moves and falls with the robot."""
+        axis, position, velocity = site.start
+        moved = np.array(self.data.site_xpos[site.index]) - position - velocity * now - site.fall * (now * now / 2)
+        turn = float(np.linalg.norm(np.cross(axis, site.sight.axis(self.data))))
+        site.turn, site.sideways = math.asin(min(turn, 1.0)), float(np.linalg.norm(np.cross(axis, moved)))
 
     def _contact_force(self, site: _Site) -> float:
         """Return the force of all contacts of the body of a site along its axis [N], positive if it pushes back."""

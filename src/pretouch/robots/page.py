@@ -13,6 +13,10 @@ from .projection import Projection
 from .table import ProjectionRow, ProjectionTable
 
 _NO_LIMIT = "no limit"
+_FAST = (
+    "The model limits torques but no speed. If your drives have limits, set joint_speeds, such as "
+    '{ elbow = "90 deg/s" }.'
+)
 
 
 def projection_page(projection: Projection) -> Page:
@@ -52,7 +56,8 @@ def projection_page(projection: Projection) -> Page:
 def table_page(table: ProjectionTable) -> Page:
     """Return the report on all sites and postures of a model."""
     rows = table.projections
-    omitted = len(table.rows) - len(rows)
+    omitted, sites = len(table.rows) - len(rows), len({row.site for row, _ in rows})
+    fast = any(math.isinf(p.speed.least) for _, p in rows)
     text = f"{omitted} of {len(table.rows)} axes are left out, because the site cannot move along them."
     head = ("site", "posture", "axis", "mass", "retreat", "ahead", "acceleration", "speed", "force", "conditioning")
     warnings = dict.fromkeys(
@@ -60,13 +65,17 @@ def table_page(table: ProjectionTable) -> Page:
     )
     return Page(
         kind="Robot model",
-        headline=f"{table.model}: {len(rows)} projections of {len({row.site for row, _ in rows})} site(s).",
+        headline=f"{table.model}: {_count(len(rows), 'projection')} of {_count(sites, 'site')}.",
         warnings=tuple(warnings),
-        findings=(text,) if omitted else (),
+        findings=(*((text,) if omitted else ()), *((_FAST,) if fast else ())),
         blocks=(
             PageTable(head=head, rows=tuple(_cells(*row) for row in rows), note=text if omitted else "", brief=True),
         ),
     )
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _cells(row: ProjectionRow, p: Projection) -> tuple[Cell, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +18,8 @@ SINGULAR: Final = 0.02
 """Conditioning below which a path ends: there, the joints move fifty times as much as in the best direction."""
 
 _TOLERANCE: Final = 1e-9  # of the joint positions along a path [rad or m]
+_ACCURACY: Final = 1e-7  # of the integration of a path, so that its length is right to micrometers
+_SHORTEST: Final = 1e-6  # m: shorter paths are rounding of the joint positions
 _STEP: Final = 0.05  # longest step, as a share of the size of the robot
 _REACH: Final = 2.0  # longest path, in sizes of the robot
 
@@ -63,7 +65,8 @@ def excursion(
     places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
     u = np.array(data.site_xmat[drivetrain.site]).reshape(3, 3) @ direction
     path = _Path(model, scratch, drivetrain, places, u if ahead else -u, ranges, hold)
-    return path.follow(np.array(data.qpos)[places])
+    found = path.follow(np.array(data.qpos)[places])
+    return found if found.length > _SHORTEST else replace(found, length=0.0)
 
 
 def ranges_of(model: Model, data: Data, drivetrain: Drivetrain) -> FloatArray:
@@ -106,8 +109,8 @@ class _Path:
                 lambda _, q, locked=locked: self._rates(q, locked),
                 (length, _REACH * size),
                 joints,
-                rtol=_TOLERANCE,
-                atol=_TOLERANCE,
+                rtol=_ACCURACY,
+                atol=_ACCURACY,
                 max_step=_STEP * size,
                 events=(
                     self._event(lambda q, locked=locked: self._slack(q, locked)),

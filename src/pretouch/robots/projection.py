@@ -13,13 +13,14 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite_or_none, positive
-from pretouch._core.units import to_si
+from pretouch._core.units import format_quantity, to_si
 from pretouch._core.values import Value
 from pretouch.design import Constraint, Task
 from pretouch.motion import Scenario
 
+from .deviations import SIDEWAYS, TURN
 from .drives import AxisLimits, acceleration_limits, drives_of, force_limits, speed_limits
-from .dynamics import Drivetrain, axis_motion, drivetrain_of, posture_dynamics
+from .dynamics import AxisMotion, Drivetrain, axis_motion, drivetrain_of, posture_dynamics
 from .model import Data, Model, joint_label, mujoco, site_index, unit_of_joint
 from .obstruction import refuse_covered_sensor
 from .path import Excursion, excursion
@@ -55,6 +56,9 @@ class Projection(Described, Value):
         conditioning: 1 in the direction in which the joints move the site most easily, 0 at a singularity.
         joint_motion: joint velocities per velocity along the axis by name [rad/m or 1].
         base: degrees of freedom that no actuator moves, such as those of a floating base.
+        turning: angle by which the axis of the sensor turns per motion of the site [rad/m], by the joints and by the
+            recoil of the base.
+        sideways: motion across the axis per motion of the site, likewise.
         warnings: sentences on properties of the posture or of the model that matter for a design.
     """
 
@@ -73,6 +77,8 @@ class Projection(Described, Value):
     conditioning: float
     joint_motion: Mapping[str, float]
     base: int
+    turning: float
+    sideways: float
     warnings: tuple[str, ...] = ()
 
     page: ClassVar[str] = "pretouch.robots.page:projection_page"
@@ -151,7 +157,7 @@ class Projection(Described, Value):
             if not (limit.name in own and own[limit.name].limit < limit.limit)
         ]
         added = [limit for name, limit in own.items() if limit.limit < given.get(name, math.inf)]
-        changes: dict[str, Any] = {"constraints": (*kept, *added)}
+        changes: dict[str, Any] = {"constraints": (*kept, *added), "warnings": (*task.warnings, *self.warnings)}
         if self.recoil_share:
             if task.loop is not None:
                 raise InvalidInputError(
@@ -185,6 +191,8 @@ class Projection(Described, Value):
             "conditioning": self.conditioning,
             "joint_motion": dict(self.joint_motion),
             "base": self.base,
+            "turning": self.turning,
+            "sideways": self.sideways,
             "warnings": list(self.warnings),
         }
 
@@ -252,7 +260,9 @@ def project(
         conditioning=motion.conditioning,
         joint_motion=dict(zip(names, motion.joints.tolist(), strict=True)),
         base=len(drivetrain.base),
-        warnings=tuple(_warnings(model, drivetrain, motion.conditioning, drives.has_force_limits)),
+        turning=motion.turning,
+        sideways=motion.sideways,
+        warnings=tuple(_warnings(model, drivetrain, motion, back.length, drives.has_force_limits)),
     )
 
 
@@ -277,12 +287,21 @@ def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
     return speeds
 
 
-def _warnings(model: Model, drivetrain: Drivetrain, conditioning: float, limited: bool) -> Iterator[str]:
+def _warnings(model: Model, drivetrain: Drivetrain, motion: AxisMotion, retreat: float, limited: bool) -> Iterator[str]:
     """Yield sentences on properties of posture and model that matter for a design."""
-    if conditioning < POOR:
+    if motion.conditioning < POOR:
         yield (
-            f"The posture is close to a singularity: along the axis, the drives move {conditioning**-2:.0f} times the "
-            "mass of the easiest direction. Expect larger deviations from the prediction; choose another posture."
+            f"The posture is close to a singularity: along the axis, the drives move {motion.conditioning**-2:.0f} "
+            "times the mass of the easiest direction. The robot follows the prediction only within the acceleration "
+            "that its drives leave; choose another posture if a design needs more."
+        )
+    rates = ((TURN, motion.turning), (SIDEWAYS, motion.sideways))
+    straight = min((limit / rate for limit, rate in rates if rate > 0), default=math.inf)
+    if straight < retreat:
+        yield (
+            f"The sensor leaves its axis: per 100 mm of motion it turns by {math.degrees(motion.turning) / 10:.2g} deg "
+            f"and moves sideways by {format_quantity(motion.sideways / 10, 'm', 2)}. After an excursion of "
+            f"{format_quantity(straight, 'm', 2)}, contact speeds may deviate by 3 % and more; simulate the robot."
         )
     if not limited:
         yield "The model does not limit the forces of all actuators, so that acceleration and force have no limit."

@@ -37,11 +37,13 @@ class JointReference:
         position: q [rad or m], shape (n,).
         velocity: q', shape (n,).
         acceleration: q'', shape (n,).
+        obstacle: what keeps the reference from following the sites, such as "joint range"; empty if nothing does.
     """
 
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
+    obstacle: str = ""
 
 
 class JointPath:
@@ -157,10 +159,11 @@ class JointPath:
         position = self._joints + (self._motions + along / 2 * self._turn) @ step
         low, high = self._ranges.T
         if np.any((position < low - _MARGIN) | (position > high + _MARGIN)):
-            return JointReference(self._inside, np.zeros(len(position)), np.zeros(len(position)))
+            return JointReference(self._inside, np.zeros(len(position)), np.zeros(len(position)), "joint range")
         self._inside = position
         turning = float(velocities @ self._direction) * self._turn
-        return JointReference(position, motions @ velocities, motions @ accelerations + turning @ velocities)
+        obstacle = "singularity" if float(step @ step) >= (2 * _SPACING) ** 2 else ""  # the path has no further anchors
+        return JointReference(position, motions @ velocities, motions @ accelerations + turning @ velocities, obstacle)
 
     def _anchor(self, step: FloatArray) -> None:
         """Follow the path to new positions of the sites."""

@@ -14,7 +14,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch._core.values import Value
 from pretouch.design.impact import SpringImpact
-from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
+from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact, solve_motion
 
 from .site_law import SiteLaw
 
@@ -58,6 +58,12 @@ class SiteContact(Value):
         excursion: largest excursion of the reference until contact [m], relative to the base.
         energy: energy of the impact, 1/2 mu l'^2 with the reduced mass mu of robot and object [J].
         detection: the encounter at the first detection; None without one.
+        axis_turn: angle by which the axis of the sensor has turned until contact [rad].
+        sideways: motion of the site across its axis until contact [m]; uniform motion and free fall do not
+            count.
+        saturated: time until contact in which a drive is at its limit [s].
+        obstacle: what keeps the robot from following its reference until contact, such as "joint range" or
+            "singularity"; empty if nothing does.
     """
 
     time: float
@@ -67,6 +73,10 @@ class SiteContact(Value):
     excursion: float
     energy: float
     detection: DetectedEncounter | None = None
+    axis_turn: float = math.nan
+    sideways: float = math.nan
+    saturated: float = math.nan
+    obstacle: str = ""
 
 
 _NAN: Final = math.nan
@@ -105,6 +115,8 @@ class RobotSimulation(Described, Value):
         predictions: what the 1-D model predicts from the first detection on, for each site and run; None without a
             detection.
         warnings: sentences on properties of the model that matter for the results.
+        laws: the laws of the sites.
+        model: the `mujoco.MjModel` of the simulation.
         trace_of: function that repeats a run and records its time series.
     """
 
@@ -112,6 +124,8 @@ class RobotSimulation(Described, Value):
     contacts: tuple[tuple[SiteContact, ...], ...]
     predictions: tuple[tuple[SiteContact | None, ...], ...]
     warnings: tuple[str, ...] = ()
+    laws: tuple[SiteLaw, ...] = ()
+    model: Any = field(default=None, compare=False, metadata={"checked": False})
     trace_of: Callable[[int], RobotTrace] = field(compare=False)
 
     page: ClassVar[str] = "pretouch.robots.simulation_page:robot_page"
@@ -134,6 +148,14 @@ class RobotSimulation(Described, Value):
         """Return the sites that touched in a run, in the order of their contacts."""
         times = [(contacts[run].time, name) for name, contacts in zip(self.sites, self.contacts, strict=True)]
         return tuple(name for time, name in sorted(times) if not math.isnan(time))
+
+    def predicted_courses(self, run: int = 0) -> tuple[PredictedCourse | None, ...]:
+        """Return the predicted motion of each site in a run, from its first detection on; None without a prediction."""
+        detections = [contacts[run].detection for contacts in self.contacts]
+        return tuple(
+            None if detection is None else course_of(law, detection)
+            for law, detection in zip(self.laws, detections, strict=True)
+        )
 
     def trace(self, run: int = 0) -> RobotTrace:
         """Repeat one run and return its time series."""
@@ -171,6 +193,36 @@ def _as_dict(contact: SiteContact | None) -> dict[str, Any] | None:
     return {name: finite_or_none(getattr(contact, name)) for name in QUANTITIES}
 
 
+@dataclass(frozen=True, slots=True)
+class PredictedCourse(Value):
+    """The predicted motion of one site.
+
+    Args:
+        time: t [s], from the first detection to contact.
+        distance: l [m].
+        position: position of the reference of the site relative to the base [m].
+    """
+
+    time: FloatArray
+    distance: FloatArray
+    position: FloatArray
+
+
+def course_of(law: SiteLaw, detection: DetectedEncounter) -> PredictedCourse | None:
+    """Return the predicted motion of a site from its first detection on; None if it cannot be predicted."""
+    if not detection.distance > 0 or not math.isfinite(detection.distance):
+        return None
+    continuous: Any = law.controller.law.continuous
+    scenario, curve = _scenario_of(law, detection), law.site.sensor
+    assert curve is not None  # noqa: S101 - checked by SiteLaw
+    motion = solve_motion(scenario, curve, law.controller.law.value, law=continuous, horizon=_HORIZON)
+    return PredictedCourse(
+        detection.time + np.asarray(motion.time),
+        np.asarray(motion.distance),
+        np.asarray(motion.position) / (1 - detection.recoil_share),
+    )
+
+
 def prediction_of(law: SiteLaw, detection: DetectedEncounter, stiffness: float | None) -> SiteContact:
     """Predict the contact of one site in continuous time, from its first detection on.
 
@@ -185,20 +237,10 @@ def prediction_of(law: SiteLaw, detection: DetectedEncounter, stiffness: float |
     Returns:
         The prediction; NaN for what does not happen or cannot be predicted.
     """
-    d, own = detection, law.controller.admittance
-    share, curve = 1 - d.recoil_share, law.site.sensor
+    d, share, curve = detection, 1 - detection.recoil_share, law.site.sensor
     if curve is None or not d.distance > 0:
         return replace(_NOTHING, detection=d)
-    scenario = Scenario(
-        admittance=Admittance(mass=own.mass / share, damping=own.damping / share, stiffness=own.stiffness / share),
-        obstacle=Obstacle(
-            position=share * d.position + d.distance,
-            velocity=share * d.velocity + d.relative_velocity,
-            acceleration=d.acceleration,
-        ),
-        plant=Plant(position=share * d.position, velocity=share * d.velocity),
-        reference=Reference(position=share * law.approach * d.time, velocity=share * law.approach),
-    )
+    scenario = _scenario_of(law, d)
     continuous: Any = law.controller.law.continuous
     number = law.controller.law.value
     solved = find_contact(scenario, curve, number, law=continuous, horizon=_HORIZON)
@@ -219,4 +261,19 @@ def prediction_of(law: SiteLaw, detection: DetectedEncounter, stiffness: float |
         excursion=float(contact.largest_excursion) / share,
         energy=0.5 * reduced * speed**2,
         detection=d,
+    )
+
+
+def _scenario_of(law: SiteLaw, d: DetectedEncounter) -> Scenario:
+    """Return the encounter that starts at the first detection."""
+    share, own = 1 - d.recoil_share, law.controller.admittance
+    return Scenario(
+        admittance=Admittance(mass=own.mass / share, damping=own.damping / share, stiffness=own.stiffness / share),
+        obstacle=Obstacle(
+            position=share * d.position + d.distance,
+            velocity=share * d.velocity + d.relative_velocity,
+            acceleration=d.acceleration,
+        ),
+        plant=Plant(position=share * d.position, velocity=share * d.velocity),
+        reference=Reference(position=share * law.approach * d.time, velocity=share * law.approach),
     )

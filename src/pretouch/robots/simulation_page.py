@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Measured, Page, PageTable
+from pretouch._core.blocks import Cell, Measured, Page, PageTable, Picture
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
@@ -34,14 +34,24 @@ def robot_page(result: RobotSimulation) -> Page:
         headline=f"{touched} {'Contact speeds: ' + ', '.join(speeds) + '.' if speeds else ''}".strip(),
         good=bool(order),
         warnings=result.warnings,
-        blocks=tuple(
-            PageTable(
-                head=(name, "simulated", "predicted", "difference"),
-                rows=tuple(_rows(result, name)),
-                note="" if result.runs == 1 else f"means over {result.runs} runs",
-                brief=True,
-            )
-            for name in result.sites
+        lead="robot",
+        blocks=(
+            *(
+                PageTable(
+                    head=(name, "simulated", "predicted", "difference"),
+                    rows=tuple(_rows(result, name)),
+                    note="" if result.runs == 1 else f"means over {result.runs} runs",
+                    brief=True,
+                )
+                for name in result.sites
+            ),
+            Picture(
+                figure="robot",
+                of=result,
+                name="The first run over time",
+                caption="The first run, next to the prediction from the first detection to contact. The reference is "
+                "that of the law along the axis of the site.",
+            ),
         ),
     )
 

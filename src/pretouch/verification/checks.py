@@ -179,6 +179,7 @@ def cautions_of(
         *_impact(comparisons),
         *_flag_warnings(loop, runs[0]),
         *_unknown_calibration(draws.task.calibration),
+        *draws.task.warnings,
     )
 
 

@@ -58,7 +58,7 @@ def drag_page(design: DragDesign) -> Page:
     """Return the report page of a virtual drag that was designed for a task."""
     task, run = design.designed_task, design.result
     acceleration = push_of(design.scenario)
-    warnings = []
+    warnings = [*task.warnings]
     if acceleration:
         warnings.append(
             "the virtual drag was designed for an object with constant velocity, but this object accelerates "

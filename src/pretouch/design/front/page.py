@@ -60,6 +60,7 @@ def front_page(front: ParetoFront) -> Page:
         status=_STATUS[front.status],
         good=front.status is FrontStatus.FOUND,
         key_figures=tuple(_key_figures(front)),
+        warnings=front.problem.task.warnings,
         findings=tuple(_sentences(front)) if len(front.gain) else (),
         next_step="choose a point of the front in the report, and design with its limits",
         lead="pareto",

@@ -1,0 +1,134 @@
+"""Center a hand between two opposed fingers by the ratio of their sensor outputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.fields import check_declared, quantity
+from pretouch._core.values import Value
+from pretouch.control.structures import Output, Status
+
+from .site_law import SiteLaw
+
+_DAMPED: Final = 8.0  # the gain is 1 / (8 |g| (T + delay)), so that the steepest loop is critically damped
+_DETECTING: Final = int(Status.DETECTING)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Centering(Value):
+    """A law that moves two opposed fingers together, so that both touch an object at the same time.
+
+    The hand moves with the velocity u, where T u' + u = k ln(xi_2 / xi_1), toward the side of the second finger. It
+    needs the same reflectance on both sides of the object, because a ratio of reflectances looks like a distance. It
+    acts while both sensors detect an object, and ends at the first touch. The law of each finger stays as it is.
+
+    Args:
+        sites: names of the two sites, whose axes are opposed.
+        equal_reflectance: the declaration that both sides of every object reflect alike. Without it, the law is
+            refused.
+        gain: k [m/s]; None for 1 / (8 |g| (T + tau)), with the steepest slope g of both curves and the delay tau from
+            exposure to motion. The hand then approaches the center without oscillation.
+        filter_time: T [s], which limits the acceleration of the hand.
+
+    Examples:
+        >>> Centering(sites=("left", "right"), equal_reflectance=True).filter_time
+        0.005
+    """
+
+    sites: tuple[str, str]
+    equal_reflectance: bool = False
+    gain: float | None = quantity("m/s", None, sign="positive")
+    filter_time: float = quantity("s", 5e-3, sign="positive")
+
+    def __post_init__(self) -> None:
+        check_declared(self)
+        if self.sites[0] == self.sites[1]:
+            raise InvalidInputError(f"sites: found {self.sites!r}, expected the names of two different sites")
+        if not self.equal_reflectance:
+            raise InvalidInputError(
+                "equal_reflectance: centering needs the same reflectance on both sides of the object. With a factor of "
+                "2, one finger touches 60 ms too early and pushes the object by 7 mm. Set equal_reflectance=True only "
+                "if you know it"
+            )
+
+
+def centering_gain(centering: Centering, laws: Sequence[SiteLaw], period: float) -> float:
+    """Return the gain k of a centering law [m/s].
+
+    Args:
+        centering: the law.
+        laws: the laws of its two fingers.
+        period: period of the controllers [s].
+
+    Returns:
+        The given gain, or that of a critically damped loop where the curves are steepest.
+    """
+    if centering.gain is not None:
+        return centering.gain
+    steepest, delay = 0.0, 0.0
+    for law in laws:
+        curve = law.site.sensor
+        assert curve is not None  # noqa: S101 - checked by SiteLaw
+        distances = np.linspace(curve.valid_range[0], min(curve.valid_range[1], 0.1), 100)
+        steepest = max(steepest, float(np.abs(curve.log_slope(distances)).max()))
+        chain = law.chain
+        own = period if chain is None else 1 / chain.rate + chain.exposure / 2 + chain.delay
+        delay = max(delay, own + period)
+    return 1 / (_DAMPED * steepest * (centering.filter_time + delay))
+
+
+class HandMotion:
+    """The motion of the hand during a run.
+
+    Args:
+        centering: the law.
+        laws: the laws of all sites.
+        period: period of the controllers [s].
+    """
+
+    __slots__ = ("_first", "_floors", "_gain", "_period", "_second", "_share", "position", "velocity")
+
+    def __init__(self, centering: Centering, laws: Sequence[SiteLaw], period: float) -> None:
+        self._first, self._second = pair_of(centering, laws)
+        pair = laws[self._first], laws[self._second]
+        self._floors = math.log(pair[1].controller.conditioning.floor / pair[0].controller.conditioning.floor)
+        self._gain, self._period = centering_gain(centering, pair, period), period
+        self._share = -math.expm1(-period / centering.filter_time)
+        self.position = self.velocity = 0.0
+
+    def advance(self, outputs: Sequence[Output], *, touched: bool) -> None:
+        """Move the hand over one period, toward the second finger if that one sees more.
+
+        Args:
+            outputs: the outputs of the controllers of all sites.
+            touched: whether a finger has touched; the hand then comes to rest.
+        """
+        first, second = outputs[self._first], outputs[self._second]
+        wanted = 0.0
+        if not touched and first.status & second.status & _DETECTING:
+            wanted = self._gain * (second.log_level - first.log_level + self._floors)
+        before = self.velocity
+        self.velocity += self._share * (wanted - before)
+        self.position += self._period * (before + self.velocity) / 2
+
+    def along(self, site: int) -> float:
+        """Return the share of the hand's motion along the axis of a site: 1, -1, or 0 for sites of other fingers."""
+        return -1.0 if site == self._second else float(site == self._first)
+
+
+def pair_of(centering: Centering, laws: Sequence[SiteLaw]) -> tuple[int, int]:
+    """Return the indices of both sites of a centering law among the laws of a robot."""
+    names = [law.site.name for law in laws]
+    for site in centering.sites:
+        if site not in names:
+            raise InvalidInputError(
+                f"centering: found no law for the site {site!r}, expected one of {', '.join(names)}"
+            )
+    first, second = (names.index(site) for site in centering.sites)
+    return first, second

@@ -1,0 +1,58 @@
+"""Explain why simulated encounters of a robot may deviate from their 1-D prediction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from pretouch._core.units import format_quantity
+
+from .result import SiteContact
+
+TURN: Final = math.radians(10.0)
+"""Turn of the axis of a sensor [rad] that changes contact speeds with a plate by about 4 %."""
+
+SIDEWAYS: Final = 0.01
+"""Motion of a site across its axis [m] that changes contact speeds with a ball of radius 35 mm by about 3 %."""
+
+_SATURATED: Final = 0.1  # of the time until contact; deviations above 5 % were seen from 15 % on
+
+
+def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteContact]]) -> Iterator[str]:
+    """Yield one sentence for each reason and site.
+
+    Args:
+        sites: names of the sites.
+        contacts: the contacts of each site in all runs.
+
+    Yields:
+        Sentences, for a warning.
+    """
+    for site, runs in zip(sites, contacts, strict=True):
+        share = max((_saturated(c) for c in runs), default=0.0)
+        if share > _SATURATED:
+            yield (
+                f"A drive is at its limit for up to {100 * share:.0f} % of the encounter of the site {site}, so that "
+                "the robot cannot follow its reference. Choose a weaker gain or another posture."
+            )
+        for reason in sorted({c.obstacle for c in runs} - {""}):
+            yield (
+                f"The reference of the site {site} stops at a {reason}, before contact. Choose a weaker gain or a "
+                "posture with a longer retreat."
+            )
+        turn, sideways = (max(getattr(c, name) for c in runs) for name in ("axis_turn", "sideways"))
+        if turn > TURN or sideways > SIDEWAYS:
+            yield (
+                f"The site {site} leaves its axis until contact: it turns by {math.degrees(turn):.2g} deg and moves "
+                f"sideways by {format_quantity(sideways, 'm', 2)}. The prediction assumes a fixed axis."
+            )
+
+
+def _saturated(contact: SiteContact) -> float:
+    """Return the share of the time from detection to contact in which a drive is at its limit."""
+    if contact.detection is None:
+        return 0.0
+    if math.isnan(contact.time):
+        return float(contact.saturated > 0)
+    return contact.saturated / max(contact.time - contact.detection.time, contact.saturated, 1e-12)

@@ -46,7 +46,7 @@ def distances_from_joints(
     every = -(-len(columns[0].stamps) // _MOST)
     chosen = columns[0].part(slice(None, None, every))
     joints = {name: column.values[::every] for name, column in zip(names, columns, strict=True)}
-    notes = (f"Of the joint states, every {every}th was used.",) if every > 1 else ()
+    notes = (f"Only one of every {every} joint states was used.",) if every > 1 else ()
     return replace(
         chosen,
         topic=f"{topic} ({site.name})",

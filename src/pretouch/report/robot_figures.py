@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from pretouch._core.arguments import check_arguments
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch.robots import RobotSimulation
 
@@ -76,7 +77,15 @@ def workspace(dataset: Any) -> Figure:
     Returns:
         One map for each quantity, in the plane in which the places spread most. Arrows show the directions; crosses
         mark places at which a limit of the robot is exceeded.
+
+    Raises:
+        InvalidInputError: the argument is not such a dataset.
     """
+    if not {"position_x", "direction_x", "holds"} <= set(getattr(dataset, "data_vars", ())):
+        raise InvalidInputError(
+            f"dataset: found {dataset!r:.60} ({type(dataset).__name__}), expected the dataset of a sweep after "
+            "`Workspace.describe`"
+        )
     positions = np.array([np.asarray(dataset[f"position_{axis}"]) for axis in "xyz"])
     directions = np.array([np.asarray(dataset[f"direction_{axis}"]) for axis in "xyz"])
     across, up = sorted(np.argsort(np.ptp(positions, axis=1))[-2:])

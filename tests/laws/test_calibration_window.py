@@ -64,7 +64,7 @@ def test_the_window_ends_where_the_signal_sinks_into_the_noise():
 
 
 def test_unless_told_otherwise_every_verb_ends_the_window_at_three_sigma():
-    """From one distance to the next the signal falls by 5 %: a floor of 3.3 sigma, 10 % more, ends the window sooner."""
+    """From one distance to the next the signal falls by 5 %: a floor of 3.3 sigma, 10 % more, ends it sooner."""
     rng = np.random.default_rng(3)
     distance = 0.01 * 1.0125 ** np.arange(200)
     outputs = 1e-6 / distance**4 + rng.normal(0.0, 1e-5, len(distance))

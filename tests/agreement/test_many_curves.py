@@ -161,6 +161,13 @@ def test_many_curves_in_one_call_are_each_alone(name: str) -> None:
     assert found.impulse_residual.max() < 1e-10  # by each sensor's own ln xi; more would have been left open
 
 
+def test_an_inverse_power_is_one_window_that_is_exact() -> None:
+    """1 / g is linear: g = n / (l - middle) with the exponent and the virtual source, L(3), and no polynomial."""
+    table = curve_windows(InversePower(scale=1.0, distance_offset=0.0419, exponent=3.32), 0.0, 0.05)
+    assert table.shape == (1, TERMS + 1)
+    assert table[0, [MIDDLE, TERMS]] == pytest.approx([-0.0419, -3.32], rel=1e-12)  # from slopes that are rounded
+
+
 def test_windows_that_all_encounters_share_cannot_be_written() -> None:
     for sensor in SHARED.values():
         table = curve_windows(sensor, max(sensor.valid_range[0], 0.0), 0.05)

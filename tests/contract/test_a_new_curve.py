@@ -185,6 +185,35 @@ def failing(kind: str, module: str) -> type[SensorModel]:
     return Failing
 
 
+def test_a_fitted_curve_whose_slope_is_not_that_of_its_output_is_refused() -> None:
+    """The readings see only ln xi, but the robot acts on the slope, which is 10 % too large here."""
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Inconsistent(SensorModel):
+        scale: float = parameter("a", "", sign="positive", example="1.0", of_output="")
+        rate: float = parameter("b", "1/m", example="1.0")
+        name: ClassVar[str] = "inconsistent"
+
+        def _log_output(self, distance: np.ndarray) -> np.ndarray:
+            return np.log(self.scale) - self.rate * distance
+
+        def _log_slope(self, distance: np.ndarray) -> np.ndarray:
+            return np.full_like(distance, -1.1 * self.rate)
+
+        @classmethod
+        def fit_start(cls, slope: float, curvature: float, middle: float) -> Mapping[str, float]:  # noqa: ARG003
+            return {"rate": -slope}
+
+    distance = np.repeat(np.arange(2, 40) * 0.002, 3)
+    noise = 1 + 2e-3 * np.random.default_rng(5).standard_normal(len(distance))
+    outputs = 0.1 + 2.0 * np.exp(-40.0 * distance) * noise
+    readings = Calibration(distances=distance, outputs=outputs, no_object=[0.0999, 0.1, 0.1001], unit="V")
+    report = rank_models(readings, ("exponential-1", "inconsistent"))
+    assert [fit.model for fit in report.fits] == ["exponential-1"]
+    assert "derivative" in report.not_fitted["inconsistent"]
+    gc.collect()
+
+
 @pytest.mark.parametrize("module", [__name__, "pretouch.sensors.failing"])
 @pytest.mark.parametrize(
     ("kind", "reason"),

@@ -201,6 +201,14 @@ def test_names_without_a_place_are_listed_above_the_panel() -> None:
     assert all(boxes[name].y0 >= top for name in LONG)
 
 
+def test_no_word_is_broken_however_long_it_is() -> None:
+    word = "counterelectromotiveforcecompensationfactor"
+    figure = panel_figure(*[panel(line(), y_label=f"{word} of the drive [N s/m]", x_label=f"{word} [s]")] * 3)
+    shown = [text for text in words(figure) if "counter" in text]
+    assert len(shown) >= 4
+    assert all(word in text for text in shown)
+
+
 def test_tiny_and_huge_numbers_put_a_power_of_ten_into_the_unit() -> None:
     assert panel_figure(tiny()).axes[0].get_ylabel() == "impulse [10\u207b\u2076 N s]"
     huge = panel(line(y=2e6 * X, label="a"), y_label="count [1]")

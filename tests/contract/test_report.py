@@ -259,6 +259,13 @@ def test_infeasible_report_names_the_limits_and_what_is_achievable() -> None:
         assert value
 
 
+def test_a_report_says_which_limit_is_active_and_which_is_met() -> None:
+    page = report_html(DESIGNS["constrained"]())
+    assert row(page, "excursion", "Constraints")[:2] == ["80 mm", "80 mm"]
+    states = {name: row(page, name, "Constraints")[3] for name in ("excursion", "virtual_force")}
+    assert states == {"excursion": "active", "virtual_force": "met"}
+
+
 def test_fit_reports_are_sound(usable: CalibrationReport, useless: CalibrationReport) -> None:
     words = " ".join(assert_sound(report_html(usable)).text)
     assert usable.best is not None

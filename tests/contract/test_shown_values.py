@@ -29,10 +29,15 @@ def test_both_masses_of_an_impact_are_shown() -> None:
 def test_a_swept_axis_is_drawn_in_the_unit_of_its_label() -> None:
     pytest.importorskip("xarray")
     task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-10.0, -0.01))
-    swept = pt.sweep(task, {"obstacle.position": [0.03, 0.04, 0.05]}, results=["gain"])
+    swept = pt.sweep(task, {"obstacle.position": [0.05, 0.03, 0.04]}, results=["gain"])
     axes = pt.plots.sweep(swept).axes[0]
     assert axes.get_xlabel().endswith("[mm]")
-    assert np.asarray(axes.lines[0].get_xdata()) == pytest.approx([30.0, 40.0, 50.0], rel=1e-12)
+    curve = axes.lines[0]  # from one value to the next larger one, in whatever order they were given
+    assert np.asarray(curve.get_xdata()) == pytest.approx([30.0, 40.0, 50.0], rel=1e-12)
+    assert curve.get_linestyle() == "-"
+    nearest = swept.sel({"obstacle.position": [0.03, 0.04, 0.05]})["gain"].values
+    shown = np.asarray(curve.get_ydata(), dtype=float)
+    assert shown / shown[0] == pytest.approx(nearest / nearest[0], rel=1e-12)
 
 
 def test_arrays_give_the_distribution_that_tuples_give() -> None:

@@ -180,6 +180,9 @@ def test_reports_are_sound_however_a_run_ends(encounter: pt.SimulatedEncounter) 
         assert row(page, flag.meaning, "Detection") == [format_quantity(t, "s", 3) for t in times]
     assert bool(table(page, "Contacts")) == (encounter.has_contact_force and bool(encounter.run.touched))
     assert ("on the loop: contact" in words) == bool(encounter.run.touched)
+    ends = {"relative velocity at contact, on the loop": True, "smallest distance, on the loop": False}
+    for key_figure, of_contact in ends.items():
+        assert (key_figure in words) == (of_contact == bool(encounter.run.touched))
 
 
 def test_a_report_contains_the_numbers_of_the_run(pushing: pt.SimulatedEncounter) -> None:

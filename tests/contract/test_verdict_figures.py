@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 import pretouch as pt
 from figure_checks import assert_legible, visible_texts
@@ -67,6 +68,16 @@ def test_curves_of_shares_are_the_distribution_of_the_runs(one: pt.Verdict) -> N
         assert np.all(share >= 100 * np.array(below) - 1e-9)
         assert np.all(share <= 100 * np.array(upto) + 1e-9)
         assert share[-1] == 100
+
+
+def test_the_value_that_is_predicted_with_the_gain_is_the_one_that_is_named(one: pt.Verdict) -> None:
+    axes = plots.verdict(one).axes[0]
+    rings = {float(line.get_xdata()[0]): line for line in axes.lines if len(line.get_xdata()) == 1}
+    predicted = abs(float(one.predicted.end.relative_velocity))
+    assert sorted(rings) == pytest.approx([predicted, 0.3])
+    named = next(text for text in axes.texts if text.get_text() == "predicted")
+    color = next(ring.get_color() for at, ring in rings.items() if at < 0.2)
+    assert to_rgb(named.get_color()) == to_rgb(color)
 
 
 def test_runs_that_end_without_contact_leave_a_curve_below_the_whole() -> None:

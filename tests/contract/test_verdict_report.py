@@ -54,6 +54,12 @@ def test_reports_are_sound_for_every_status(found: pt.Verdict) -> None:
     assert page.count("<figure") == sum(drawn(draw, found) is not None for draw in DRAWERS)
 
 
+def test_the_assumptions_name_the_number_of_runs_and_their_seed(one: pt.Verdict) -> None:
+    alone = case("one run, no changes")
+    assert any("40, independent, from seed 0" in text for text in one.assumptions)
+    assert any("a single one, of seed 0" in text for text in alone.assumptions)
+
+
 def sections_of(page: str) -> list[str]:
     return [re.sub(r"<[^>]*>", "", title) for title in re.findall(r"<h2[^>]*>(.*?)</h2>", page)]
 

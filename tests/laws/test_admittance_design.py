@@ -271,7 +271,10 @@ def test_exact_derivatives_are_those_of_differences(letter_encounter: Scenario, 
 
 
 def test_the_map_shows_what_designing_each_gain_would_find(letter_encounter: Scenario) -> None:
-    """Also under a limit, between the gains of the grid: to 1/64 of the axis, three times divided by 8."""
+    """Also under a limit, between the gains of the grid: to 1/64 of the axis, three times divided by 8.
+
+    That is 2.1e-4 of ln |D_p|. By differences, ln f changes by 0, 0.87 and 0.49 of that at the three optima.
+    """
     sensor = CURVES["inverse-power"]
     limits = [Constraint(name="acceleration", limit=3.0)]
     design = design_admittance(
@@ -282,4 +285,4 @@ def test_the_map_shows_what_designing_each_gain_would_find(letter_encounter: Sce
         alone = design_gain(
             Task(replace(letter_encounter, admittance=own), sensor, F1, bounds=BOUNDS, constraints=limits)
         )
-        assert alone.objective * (1 - 1e-9) <= design.map.objective[i] <= alone.objective * (1 + 1e-3)
+        assert alone.objective * (1 - 1e-9) <= design.map.objective[i] <= alone.objective * (1 + 2e-4)

@@ -63,6 +63,18 @@ def test_the_window_ends_where_the_signal_sinks_into_the_noise():
     assert "60 mm" in find_window(readings, 1.0, noise=0.01).end_reason
 
 
+def test_unless_told_otherwise_every_verb_ends_the_window_at_three_sigma():
+    """From one distance to the next the signal falls by 5 %: a floor of 3.3 sigma, 10 % more, ends it sooner."""
+    rng = np.random.default_rng(3)
+    distance = 0.01 * 1.0125 ** np.arange(200)
+    outputs = 1e-6 / distance**4 + rng.normal(0.0, 1e-5, len(distance))
+    readings = Calibration(distances=distance, outputs=outputs, no_object=rng.normal(0.0, 0.01, 400), unit="V")
+    given = fit_sensor(readings, floor_sigmas=3.0).window
+    assert fit_sensor(readings).window == given
+    assert rank_models(readings, ["inverse-power"]).fits[0].window == given
+    assert fit_sensor(readings, floor_sigmas=3.3).window != given
+
+
 def test_one_low_reading_ends_no_window():
     window = find_window(measured([3.0, 2.0, 1.4, 0.9, 1.25, 1.2, 1.15, 1.1]), (1.0, 0.0), noise=0.02)
     assert window.l_max == 0.07

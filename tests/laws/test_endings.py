@@ -396,6 +396,18 @@ def test_an_object_beyond_all_distances_alone_is_no_contact(name: str) -> None:
     assert (motion.acceleration[0] == 0.0) or constant
 
 
+@pytest.mark.parametrize("content", [0, 1, 2**52])
+def test_an_encounter_that_no_solver_writes_is_unresolved_whatever_its_memory_held(
+    monkeypatch: pytest.MonkeyPatch, content: int
+) -> None:
+    """Zero stands for contact."""
+    monkeypatch.setattr(np, "empty", lambda shape, dtype=np.float64: np.full(shape, content, dtype=dtype))
+    scenario = Scenario(admittance=admittance((1, 10, 25)), obstacle=Obstacle(position=1e20, velocity=-0.3))
+    found = find_contact(scenario, FAR["inverse-power"], -0.7)
+    assert found.status == ContactStatus.UNRESOLVED
+    assert found.end.distance == 1e20
+
+
 def test_a_motion_is_sampled_beside_an_object_beyond_all_distances() -> None:
     obstacle = Obstacle(position=np.array([0.04, 1e20]), velocity=-0.3)
     scenario = Scenario(admittance=admittance((1, 10, 25)), obstacle=obstacle)

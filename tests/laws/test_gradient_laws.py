@@ -153,6 +153,36 @@ def test_parameters_of_a_users_curve_are_followed_along_the_motion(letter: Scena
             assert own.of(quantity, f"sensor.{name}") == pytest.approx(expected, rel=1e-9), (quantity, name)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kinked(SensorModel):
+    """A curve whose slope has a kink at 13 mm, which no polynomial meets. It is undefined beyond 0.3 m."""
+
+    rate: float = parameter("b", "1/m")
+    name: ClassVar[str] = "kinked"
+
+    def _log_output(self, distance: Any) -> Any:
+        beyond = np.where(distance > 0.3, np.nan, 0.0)
+        return -self.rate * distance + 500 * distance**2 - 250 * np.maximum(distance - 0.013, 0) ** 2 + beyond
+
+    def _log_slope(self, distance: Any) -> Any:
+        beyond = np.where(distance > 0.3, np.nan, 0.0)
+        return -self.rate + 1000 * distance - 500 * np.maximum(distance - 0.013, 0) + beyond
+
+
+def test_a_recessed_curve_with_a_kink_has_a_derivative_by_its_recess(letter: Scenario) -> None:
+    """The error of differences over 2e-6 m is below 1e-7 here, as larger steps show."""
+    near = replace(letter, obstacle=Obstacle(position=0.03, velocity=-0.3))
+
+    def contact(recess: float) -> ContactResult:
+        return find_contact(near, Recessed(sensor=Kinked(rate=60.0), recess=recess), -0.3)
+
+    gradients, step = contact(0.002).gradients, 1e-6
+    low, high = contact(0.002 - step), contact(0.002 + step)
+    for quantity in ("relative_velocity", "displacement", "virtual_force"):
+        slope = (getattr(high.end, quantity) - getattr(low.end, quantity)) / (2 * step)
+        assert gradients.of(quantity, "sensor.recess") == pytest.approx(slope, rel=1e-6)
+
+
 def test_a_curve_that_inherits_is_asked_itself(letter: Scenario) -> None:
     sensor = Bent(scale=1.0, distance_offset=0.0419, exponent=3.32)
     found = curve_sensitivity(sensor, "exponent").slope(np.array([0.01]))

@@ -114,6 +114,15 @@ def test_a_robot_that_is_unstable_by_itself_has_a_limit_of_zero(letter_power: pt
     assert pt.simulation.lowest_rate(letter_power, LETTER, -0.1, distance=0.0, plant=plant) == math.inf
 
 
+def test_a_spring_behind_hundreds_of_periods_of_delay_has_the_smallest_of_its_many_limits() -> None:
+    """The force turns by hundreds of radians over the resonance, and each turn has a limit; the smallest one counts."""
+    admittance = pt.Admittance(mass=1.3, damping=6.8, stiffness=1777.0)
+    timing = pt.simulation.LoopTiming(rate=78.0, delay=8.28)
+    limit = pt.simulation.largest_damping(admittance, timing).damping
+    assert lifted_radius(admittance, timing, 0.9 * limit) < 1
+    assert lifted_radius(admittance, timing, 1.01 * limit) > 1
+
+
 @pytest.mark.parametrize("rate", [1e5, 1e7, 1e9])
 def test_a_delay_of_thousands_of_periods_costs_no_more_than_a_short_one(rate: float) -> None:
     """What is left of the delay-differential limit is of the second order in T / tau = 1 / (0.02 rate)."""

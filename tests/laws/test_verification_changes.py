@@ -212,6 +212,17 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
     }
 
 
+def test_an_offset_that_the_controller_does_not_subtract_is_a_change_and_so_is_drift_alone() -> None:
+    def said(offset: float, drift: float) -> str | None:
+        loop = loop_of(offset=offset, drift=drift, conditioning={"offset": 0.1})
+        return next((c.sentence for c in candidates_of(loop, **APPROACH) if c.name == "offset"), None)
+
+    exact = "Subtract the exact offset of the sensor, "
+    assert said(0.1, 0.0) is None
+    assert said(0.12, 0.0) == exact + "0.12 (unit of the readings) instead of 0.1."
+    assert said(0.1, 0.01) == exact + "0.1 (unit of the readings), and track its drift."
+
+
 def test_no_noise_is_halved_that_is_not_there_and_a_misfit_is_calibrated_away() -> None:
     said = {c.name: c for c in candidates_of(loop_of(misfit=0.03, misfit_length=0.005), **APPROACH)}
     assert {"noise", "add-median", "add-low-pass"}.isdisjoint(said)

@@ -225,7 +225,7 @@ def _halve(
 def bend_at_contact(sensor: SensorModel) -> float:
     """Return the derivative dg/dl [1/m^2] of the sensor slope at contact.
 
-    It is the derivative of the polynomial that approximates g next to the surface. Its error is about 1e-11 of g over
+    It is the derivative of a polynomial that approximates g next to the surface. Its error is about 1e-11 of g over
     the length on which the curve changes.
     """
     if sensor.constant_log_slope is not None:
@@ -237,6 +237,9 @@ def bend_at_contact(sensor: SensorModel) -> float:
         if len(terms) == 1:
             return float(-terms[0] / z**2)
         return float(sum(j * (j - 1) * terms[j] * z ** (j - 2) for j in range(2, len(terms))))
-    piece = curve_pieces(sensor, 0.0, curve_reach(sensor, 0.0, 0.0, reach))[0]
-    z = -piece[0] / piece[1]
-    return float(sum(j * piece[2 + j] * z ** (j - 1) for j in range(1, _COUNT)) / piece[1])
+    # The pieces next to contact may be so short that the rounding of g hides its change: among the polynomials from
+    # contact to the end of each piece, the one whose derivative has the smallest error counts.
+    half = curve_pieces(sensor, 0.0, curve_reach(sensor, 0.0, 0.0, reach))[:, :2].sum(axis=1) / 2
+    values, terms, error = interpolate(lambda distance: np.asarray(sensor.log_slope(distance)), half, half)
+    best = int(np.argmin((error + np.finfo(np.float64).eps * np.abs(values).max(axis=1)) / half))
+    return float(sum(j * terms[best, j] * (-1.0) ** (j - 1) for j in range(1, _COUNT)) / half[best])

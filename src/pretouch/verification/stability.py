@@ -61,7 +61,7 @@ class StabilityCheck(Value):
     rate: float
     lowest_rate: float
     lowest_rate_for_margin_2: float
-    has_unknown_phase: bool = False
+    has_unknown_phase: bool
 
     @property
     def strongest(self) -> float:

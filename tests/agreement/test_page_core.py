@@ -13,7 +13,7 @@ from pretouch.design import Constraint, DesignStatus, DragEffect, Task, design_d
 from pretouch.design.objectives import excursion_objective, time_objective
 from pretouch.design.problem import GainProblem
 from pretouch.design.search import GainAxis
-from pretouch.design.search.compiled import OPTIMAL, _limits, search_compiled, supported_terms
+from pretouch.design.search.compiled import OPTIMAL, limit_rows, search_compiled, supported_terms
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario, find_contact, solve_motion
 from pretouch.motion.laws import Drag
 from pretouch.motion.layout import COLUMNS
@@ -123,7 +123,7 @@ def test_designs_are_those_of_python():
     requests, compiled = [], []
     for task in tasks:
         problem = GainProblem(task=task, axis=GainAxis.between(task.bounds))
-        limits = [list(row) for row in _limits(problem)]
+        limits = [list(row) for row in limit_rows(problem, task.limits)]
         terms = [[float(x) for x in row] for row in supported_terms(problem)]
         request = {"kind": "design", "terms": terms, "limits": limits, "bounds": list(task.bounds)}
         requests.append(request | described(task.scenario, task.sensor))

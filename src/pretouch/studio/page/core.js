@@ -26,6 +26,13 @@ export async function loadCore(bytes) {
     return new Core(instance.exports);
 }
 
+/** Load the compiled core from its module, compressed by gzip and written in base64. */
+export async function unpackCore(text) {
+    const packed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return loadCore(await new Response(stream).arrayBuffer());
+}
+
 /** Return the sensor curve in the form that the compiled core reads, from a description of the sensor.
  *
  * A description has a model and its parameters: `distance_offset` and `exponent` of an inverse power, `rate` of an
@@ -102,7 +109,9 @@ class Core {
         this.next = this.base;
     }
 
-    /** Solve an encounter with several gains; return one object with the columns of pretouch for each gain. */
+    /** Solve an encounter with several gains, or one encounter for each gain.
+     *
+     * Returns one object for each gain with its status and the columns of pretouch. */
     solve(encounter, curve, gains, horizon) {
         return this.#with(() => {
             const rows = this.#room(15 * gains.length), status = this.#room(gains.length);
@@ -240,13 +249,15 @@ class Core {
     }
 
     #solve(encounter, curve, gains, horizon, rows, status, times = 0, m = 0, trace = 0) {
-        const n = BigInt(gains.length), values = this.#put(gains.flatMap(() => encounter)), at = this.#put(gains);
+        const n = BigInt(gains.length), many = Array.isArray(encounter[0]);
+        const values = this.#put(many ? encounter.flat() : gains.flatMap(() => encounter)), at = this.#put(gains);
         if (curve.constant !== null) {
             const { pretouch_solve_linear: solve } = this.exports;
             solve(values, n, curve.constant, at, horizon, curve.low, curve.high, rows, status);
             return;
         }
-        for (let top = this.#top(curve, encounter[5] - encounter[3]); ; top *= GROWTH) {
+        const farthest = Math.max(...(many ? encounter : [encounter]).map((e) => e[5] - e[3]));
+        for (let top = this.#top(curve, farthest); ; top *= GROWTH) {
             const pieces = this.#pieces(curve, top);
             this.exports.pretouch_solve_series(values, n, at, pieces, horizon, rows, status, times, BigInt(m), trace);
             if (curve.top || top >= curve.high || top > LARGEST_START) return;

@@ -226,10 +226,19 @@ def simulate_run(workspace: Workspace, text: str, gain: float | None, seed: int 
         )
     loop = task.loop if seed is None else replace(task.loop, seed=seed)
     encounter = simulate_encounter(task.replace(loop=loop, gain=task.gain if gain is None else gain))
-    motion = encounter.motion
-    some = np.unique(np.linspace(0, len(motion.time) - 1, min(len(motion.time), 4 * _POINTS)).astype(int))
-    names = ("time", "distance", "relative_velocity", "displacement", "virtual_force")
-    content: dict[str, Any] = plain({name: np.asarray(getattr(motion, name))[some] for name in names})
+    trace, reference = encounter.trace, task.scenario.reference
+    end = trace.contacts[0, 0] if len(trace.contacts) else trace.time[-1]
+    before = np.flatnonzero(trace.time <= end)
+    some = before[np.unique(np.linspace(0, len(before) - 1, min(len(before), 4 * _POINTS)).astype(int))]
+    own = reference.position + (reference.velocity + reference.acceleration * trace.time / 2) * trace.time
+    columns = {
+        "time": trace.time,
+        "distance": trace.distance,
+        "relative_velocity": np.gradient(trace.distance, trace.time),
+        "displacement": trace.position - own,
+        "virtual_force": trace.virtual_force,
+    }
+    content: dict[str, Any] = plain({name: np.asarray(values)[some] for name, values in columns.items()})
     return {**content, "headline": encounter.headline, "warnings": list(encounter.warnings)}
 
 

@@ -22,7 +22,8 @@ from pretouch._core.units import unit_tables
 
 _FOLDER: Final = Path(__file__).with_name("page")
 _FIGURES: Final = ("core", "model", "charts", "encounter", "live", "figures")
-_PAGE: Final = ("core", "model", "charts", "encounter", "live", "app", "server", "start")
+_PAGE: Final = ("core", "model", "charts", "encounter", "live", "app", "start")
+_STUDIO: Final = (*_PAGE[:-1], "server", "start")
 _IMPORT: Final = re.compile(r"^import\s[^;]*;\n", re.MULTILINE)
 _EXPORT: Final = re.compile(r"^export (?=async|class|const|function|let)", re.MULTILINE)
 _POLICY: Final = (
@@ -44,15 +45,17 @@ def page_text(server: Mapping[str, Any] | None = None, *, nonce: str | None = No
     data = _data() if server is None else {**_data(), "server": server}
     content = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     allowed = "" if nonce is None else f' nonce="{nonce}"'
-    run = "start(JSON.parse(document.getElementById('pretouch-data').textContent));"
+    data_of_page = "JSON.parse(document.getElementById('pretouch-data').textContent)"
+    run = f"start({data_of_page}{'' if server is None else ', connect'});"
+    modules = _PAGE if server is None else _STUDIO
     scripts = (
         f'<script type="application/json" id="pretouch-data">{content}</script>\n'
-        f"<script{allowed}>{_library()}</script>\n<script{allowed}>{_joined(_PAGE, run)}</script>"
+        f"<script{allowed}>{_library()}</script>\n<script{allowed}>{_joined(modules, run)}</script>"
     )
     page = Template((_FOLDER / "page.html").read_text(encoding="utf-8"))
     title = "pretouch: try it" if server is None else f"{server['title']} - pretouch studio"
     policy = _POLICY if server is None else ""
-    return page.substitute(title=_escaped(title), style=_style(), scripts=scripts, policy=policy)
+    return page.substitute(title=_escaped(title), style=_page_style(), scripts=scripts, policy=policy)
 
 
 def figures_text() -> str:
@@ -63,12 +66,13 @@ def figures_text() -> str:
     Returns:
         The script.
     """
-    style = json.dumps(_style())
+    style = json.dumps(_figure_style())
     add = f"const style = document.createElement('style'); style.textContent = {style}; document.head.prepend(style);"
     run = f"{add} start({json.dumps(_data(), separators=(',', ':'))});"
     wait = f"const begin = () => {{ {run} }};\n"
     wait += "if (document.readyState === 'loading') addEventListener('DOMContentLoaded', begin); else begin();"
-    return f"{_library()}\n{_joined(_FIGURES, wait)}\n"
+    text = f"{_library()}\n{_joined(_FIGURES, wait)}\n"
+    return text.encode("ascii", "backslashreplace").decode()  # right in documents of every encoding
 
 
 def _joined(names: Sequence[str], run: str) -> str:
@@ -90,9 +94,37 @@ def _library() -> str:
     return (_FOLDER / "vendor/uPlot.iife.min.js").read_text(encoding="utf-8")
 
 
-def _style() -> str:
-    own = (_FOLDER / "style.css").read_text(encoding="utf-8")
-    return (_FOLDER / "vendor/uPlot.min.css").read_text(encoding="utf-8") + re.sub(r"\n\s*", "\n", own)
+def _page_style() -> str:
+    light, dark = _colors()
+    roots = (
+        f":root {{ color-scheme: light dark; {light} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}"
+    )
+    return "\n".join([_read("vendor/uPlot.min.css"), roots, _read("figures.css"), _read("style.css")])
+
+
+def _figure_style() -> str:
+    """Return the style of figures in another document; Furo's themes, too, choose between light and dark."""
+    light, dark = _colors()
+    own = ".pretouch-figure"
+    return "\n".join(
+        [
+            _read("vendor/uPlot.min.css"),
+            f"{own} {{ {light} }}",
+            f'@media (prefers-color-scheme: dark) {{ body:not([data-theme="light"]) {own} {{ {dark} }} }}',
+            f'body[data-theme="dark"] {own} {{ {dark} }}',
+            re.sub(r"^(?=\.(?!pretouch))", f"{own} ", _read("figures.css"), flags=re.MULTILINE),
+        ]
+    )
+
+
+def _colors() -> list[str]:
+    """Return the declarations of the colors, light and dark."""
+    found = re.findall(r"\{ (.*?) \}", _read("colors.css"), flags=re.DOTALL)
+    return [re.sub(r"\s+", " ", part) for part in found]
+
+
+def _read(name: str) -> str:
+    return re.sub(r"\n\s*", "\n", (_FOLDER / name).read_text(encoding="utf-8"))
 
 
 def _escaped(text: str) -> str:

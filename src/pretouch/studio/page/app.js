@@ -1,6 +1,6 @@
 // The page: state, inputs and figures. What needs Python is in server.js.
 
-import { Chart, gainTicks } from "./charts.js";
+import { Chart, gainTicks, writeKey } from "./charts.js";
 import { Encounter } from "./encounter.js";
 import { LETTER, timesOf } from "./live.js";
 import { FIELDS, formatQuantity, motionOf, overSpeed, parseQuantity, problemOf, pythonOf, solveProblem, tomlOf, tradeOff, writeLike } from "./model.js";
@@ -26,6 +26,7 @@ export class Page {
         this.drawn = 0; // time from the last input to the picture [ms], for benchmarks
         this.state = this.#restored() ?? { fields: { ...LETTER }, chosen: null, fixed: {}, pins: [], file: null };
         byId("name").textContent = name;
+        byId("inputs").open = innerWidth >= 820; // on a telephone, the result comes first
         this.#charts();
         this.#controls();
         this.#form();
@@ -243,24 +244,12 @@ export class Page {
         const { axis } = this.trade;
         return {
             label: "gain Dₚ [N s]", format: (u) => Number(axis.gain(u).toPrecision(2)).toString().replace("-", "−"),
-            ticks: (low, high) => gainTicks(axis, low, high),
+            ticks: (low, high, width) => gainTicks(axis, low, high, width / 60),
         };
     }
 
     #keys(ids, lines) {
-        const text = JSON.stringify(lines);
-        for (const id of ids) {
-            const list = byId(id);
-            if (list.dataset.lines === text) continue;
-            list.dataset.lines = text;
-            list.replaceChildren(...lines.map(({ label, color, dash }) => {
-                const item = document.createElement("li");
-                item.textContent = label;
-                item.style.setProperty("--color", `var(${color})`);
-                item.style.setProperty("--dash", dash ? "dashed" : "solid");
-                return item;
-            }));
-        }
+        for (const id of ids) writeKey(byId(id), lines);
     }
 
     #compare(runs) {
@@ -331,7 +320,7 @@ export class Page {
         if (!drag && solved.design.status === 1 && this.state.chosen !== null) vertical.push({ value: axis.coordinate(solved.design.gain), label: "optimum", color: "--quiet" });
         const horizontal = problem.limits.flatMap(({ name, limit }) => {
             if (name === "relative_velocity") return [{ value: limit, axis: "v", label: "speed limit", color: "--limit" }];
-            return name === "excursion" ? [{ value: 1e3 * limit, axis: "e", label: "excursion limit", color: "--limit" }] : [];
+            return name === "excursion" ? [{ value: 1e3 * limit, axis: "e", label: "excursion limit", color: "--limit", right: true }] : [];
         });
         return { vertical, horizontal, shade: this.#infeasible(problem) };
     }

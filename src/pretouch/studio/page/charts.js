@@ -2,11 +2,29 @@
 // Draw line charts with uPlot in the colors of the page, with marks that can be dragged.
 
 
-export const COLORS = ["--now", "--free", "--pin-1", "--pin-2", "--pin-3", "--pin-4"];
-
 /** Return the value of a CSS variable; a canvas resolves neither var() nor light-dark(). */
 export function color(element, name) {
     return getComputedStyle(element).getPropertyValue(name).trim();
+}
+
+/** Call a function when the page changes between light and dark, by the system or by the theme of a documentation. */
+export function watchColors(draw) {
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+    new MutationObserver(draw).observe(document.body, { attributes: true, attributeFilter: ["data-theme"] });
+}
+
+/** Write the key of some lines into a list. */
+export function writeKey(list, lines) {
+    const text = JSON.stringify(lines);
+    if (list.dataset.lines === text) return;
+    list.dataset.lines = text;
+    list.replaceChildren(...lines.map(({ label, color: name, dash }) => {
+        const item = document.createElement("li");
+        item.textContent = label;
+        item.style.setProperty("--color", `var(${name})`);
+        item.style.setProperty("--dash", dash ? "dashed" : "solid");
+        return item;
+    }));
 }
 
 /** A chart in an element.
@@ -21,9 +39,7 @@ export class Chart {
         Object.assign(this, { element, options: { x, y, lines, height }, onDrag, onDragEnd, marks, data: null });
         this.sizes = new ResizeObserver(() => this.#resize());
         this.sizes.observe(element);
-        this.scheme = matchMedia("(prefers-color-scheme: dark)");
-        this.redraw = () => this.#make();
-        this.scheme.addEventListener("change", this.redraw);
+        watchColors(() => this.#make());
     }
 
     /** Show data in uPlot's form, [x, y, y, ...]; lines may change their number. */
@@ -38,12 +54,6 @@ export class Chart {
     /** Draw again, because a mark has moved. */
     refresh() {
         this.plot?.redraw(false);
-    }
-
-    destroy() {
-        this.sizes.disconnect();
-        this.scheme.removeEventListener("change", this.redraw);
-        this.plot?.destroy();
     }
 
     #resize() {
@@ -62,7 +72,7 @@ export class Chart {
         const values = (format) => (u, ticks) => ticks.map((tick) => format(tick));
         this.plot = new uPlot(
             {
-                width: this.element.clientWidth, height, legend: { show: false }, padding: [8, y.length > 1 ? 0 : 12, 0, 0],
+                width: this.element.clientWidth, height, pxAlign: 0, legend: { show: false }, padding: [8, y.length > 1 ? 0 : 12, 0, 0],
                 cursor: { drag: { setScale: false, x: false, y: false }, points: { size: 6 }, y: false },
                 scales: { x: { time: false }, ...Object.fromEntries(y.map(({ key, range }) => [key, range ? { range } : {}])) },
                 series: [
@@ -74,7 +84,7 @@ export class Chart {
                     })),
                 ],
                 axes: [
-                    { ...axis, label: x.label, size: 28, space: 56, ...(x.ticks ? { splits: (u, i, low, high) => x.ticks(low, high) } : {}), ...(x.format ? { values: values(x.format) } : {}) },
+                    { ...axis, label: x.label, size: 28, space: 56, ...(x.ticks ? { splits: (u, i, low, high) => x.ticks(low, high, u.bbox.width / devicePixelRatio) } : {}), ...(x.format ? { values: values(x.format) } : {}) },
                     ...y.map(({ label, key, format }, i) => ({
                         ...axis, label, scale: key, side: i ? 1 : 3, size: 44, grid: i ? { show: false } : grid,
                         ...(format ? { values: values(format) } : {}),
@@ -100,10 +110,12 @@ export class Chart {
             ctx.fillStyle = color(this.element, "--shade");
             ctx.fillRect(Math.min(a, b), bbox.top, Math.abs(b - a), bbox.height);
         }
-        for (const { value, axis, label, color: name } of horizontal) {
+        for (const { value, axis, label, color: name, right } of horizontal) {
             const at = u.valToPos(value, axis, true);
             this.#line(ctx, [bbox.left, at, bbox.left + bbox.width, at], name, [5, 4]);
-            ctx.fillText(label, bbox.left + 6 * pixels, at - 5 * pixels);
+            ctx.textAlign = right ? "right" : "left";
+            ctx.fillText(label, right ? bbox.left + bbox.width - 6 * pixels : bbox.left + 6 * pixels, at - 5 * pixels);
+            ctx.textAlign = "left";
         }
         for (const { value, label, color: name, handle } of vertical) {
             const at = u.valToPos(value, "x", true);
@@ -151,12 +163,12 @@ export class Chart {
     }
 }
 
-/** Return ticks 1, 2, 5 of gains between two coordinates of a gainAxis, so that at most nine are drawn. */
-export function gainTicks(axis, low, high) {
+/** Return ticks 1, 2, 5 of gains between two coordinates of a gainAxis, so that at most a number of them are drawn. */
+export function gainTicks(axis, low, high, most) {
     const ticks = [];
     for (let power = -6; power <= 4; power++) for (const step of [1, 2, 5]) ticks.push(-step * 10 ** power, step * 10 ** power);
     const inside = [...new Set([0, ...ticks])].map((gain) => [gain, axis.coordinate(gain)]).filter(([, u]) => u >= low && u <= high);
-    const sorted = inside.sort((a, b) => a[1] - b[1]), space = (high - low) / 9, kept = [];
+    const sorted = inside.sort((a, b) => a[1] - b[1]), space = (high - low) / Math.max(most, 2), kept = [];
     for (const [gain, u] of sorted) if (!kept.length || u - kept[kept.length - 1][1] >= space) kept.push([gain, u]);
     return kept.map(([, u]) => u);
 }

@@ -1,6 +1,6 @@
 // Animate an encounter: the robot, the object, the field of the sensor, the distance and the speed.
 
-import { color } from "./charts.js";
+import { color, watchColors } from "./charts.js";
 import { formatQuantity } from "./model.js";
 
 /** An animation in a canvas, of a run with `time`, `distance`, `displacement` and `relative_velocity`. */
@@ -8,7 +8,7 @@ export class Encounter {
     constructor(canvas, onTime = () => {}) {
         Object.assign(this, { canvas, onTime, run: null, now: 0, slow: 10, playing: false, before: null });
         new ResizeObserver(() => this.draw()).observe(canvas);
-        matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+        watchColors(() => this.draw());
     }
 
     /** Show a run; slope is g(l) of its sensor, which shapes the field. */

@@ -1,6 +1,6 @@
 // Mount a single live figure into an element: <div data-pretouch-figure="gain"></div>, or "drag" or "pedestal".
 
-import { Chart, gainTicks } from "./charts.js";
+import { Chart, writeKey } from "./charts.js";
 import { Encounter } from "./encounter.js";
 import { formatQuantity, motionOf, overSpeed, problemOf, solveProblem, tradeOff } from "./model.js";
 
@@ -21,14 +21,14 @@ export function timesOf(ends, count = 160) {
 
 function frame(element, title, text, slider) {
     element.classList.add("pretouch-figure");
-    element.innerHTML = `<figure><figcaption><b></b> <span></span></figcaption><div class="chart"></div>
+    element.innerHTML = `<figure><figcaption><b></b> <span></span></figcaption><ul class="key"></ul><div class="chart"></div>
         <label class="slide"><span></span><input type="range"><output></output></label></figure>`;
     element.querySelector("figcaption b").textContent = title;
     element.querySelector("figcaption span").textContent = text;
     const input = element.querySelector("input");
     element.querySelector("label span").textContent = slider.label;
     Object.assign(input, slider.range);
-    return { input, output: element.querySelector("output"), chart: element.querySelector(".chart") };
+    return { input, output: element.querySelector("output"), chart: element.querySelector(".chart"), key: element.querySelector(".key") };
 }
 
 /** A gain to drag, as in the letter's Fig. 4: distance and speed over time, next to the run without mitigation. */
@@ -45,6 +45,7 @@ function gainFigure(core, element) {
             { label: "distance without mitigation", color: "--free", axis: "l", dash: [6, 4] },
         ],
     });
+    writeKey(parts.key, chart.options.lines);
     const draw = () => {
         const now = solveProblem(core, problem, axis.gain(Number(parts.input.value))), free = { gain: 0, contact: now.free };
         const times = timesOf([now.contact.time, now.free.time]), motion = motionOf(core, problem, now, times);
@@ -69,6 +70,7 @@ function dragFigure(core, element) {
             { label: "no mitigation", color: "--free", dash: [6, 4] }, { label: "letter's damper", color: "--now" }, { label: "drag", color: "--pin-1" },
         ],
     });
+    writeKey(parts.key, chart.options.lines);
     const speeds = Array.from({ length: 40 }, (_, i) => 0.025 * (i + 1));
     const draw = () => {
         const ratio = Number(parts.input.value), phi = core.dragOfRatio(problem.encounter, problem.curve, ratio);
@@ -90,6 +92,7 @@ function pedestalFigure(core, element) {
         x: { label: "distance [mm]" }, y: [{ key: "g", label: "|slope g| [1/m]" }],
         lines: [{ label: "of the sensor", color: "--now" }, { label: "with the offset", color: "--free", dash: [6, 4] }],
     });
+    writeKey(parts.key, chart.options.lines);
     const distances = Array.from({ length: 120 }, (_, i) => (start * i) / 119);
     // ln xi relative to the start is the integral of g: Simpson's rule between the points
     const rise = distances.map(() => 0);

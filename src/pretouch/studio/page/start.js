@@ -3,14 +3,13 @@
 import { Page } from "./app.js";
 import { unpackCore } from "./core.js";
 import { setUnits } from "./model.js";
-import { connect } from "./server.js";
 
-/** Start the page. */
-export async function start(data) {
+/** Start the page; `connect` of server.js connects it with its server, which a page from a file does not have. */
+export async function start(data, connect = null) {
     setUnits(data.units);
     const core = await unpackCore(data.core), { server } = data;
     const page = server ? new Page(core, { key: `pretouch:${server.name}`, name: server.title }) : new Page(core, { name: "Try it" });
-    if (server) await connect(page, server);
+    if (connect) await connect(page, server);
     document.documentElement.dataset.ready = "true";
     return page;
 }

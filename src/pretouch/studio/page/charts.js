@@ -2,15 +2,22 @@
 // Draw line charts with uPlot in the colors of the page, with marks that can be dragged.
 
 
+const colors = new Map(); // reading a computed style in every frame takes longer than drawing
+
 /** Return the value of a CSS variable; a canvas resolves neither var() nor light-dark(). */
 export function color(element, name) {
-    return getComputedStyle(element).getPropertyValue(name).trim();
+    if (!colors.has(name)) colors.set(name, getComputedStyle(element).getPropertyValue(name).trim());
+    return colors.get(name);
 }
 
 /** Call a function when the page changes between light and dark, by the system or by the theme of a documentation. */
 export function watchColors(draw) {
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-    new MutationObserver(draw).observe(document.body, { attributes: true, attributeFilter: ["data-theme"] });
+    const changed = () => {
+        colors.clear();
+        draw();
+    };
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changed);
+    new MutationObserver(changed).observe(document.body, { attributes: true, attributeFilter: ["data-theme"] });
 }
 
 /** Write the key of some lines into a list. */
@@ -39,11 +46,19 @@ export class Chart {
         Object.assign(this, { element, options: { x, y, lines, height }, onDrag, onDragEnd, marks, data: null });
         this.sizes = new ResizeObserver(() => this.#resize());
         this.sizes.observe(element);
+        // a chart outside the window is drawn when it comes into view: a drag draws only what is seen
+        this.seen = true;
+        new IntersectionObserver(([entry]) => {
+            this.seen = entry.isIntersecting;
+            if (this.seen && this.late) this.show(...this.late);
+        }, { rootMargin: "100px" }).observe(element);
         watchColors(() => this.#make());
     }
 
     /** Show data in uPlot's form, [x, y, y, ...]; lines may change their number. */
     show(data, lines = this.options.lines) {
+        this.late = this.seen || !this.plot ? null : [data, lines];
+        if (this.late) return;
         this.data = data;
         const same = this.plot && lines.length === this.options.lines.length && lines.every((line, i) => line.label === this.options.lines[i].label);
         this.options.lines = lines;

@@ -14,7 +14,7 @@ export const LETTER = {
 };
 
 /** Return ascending times up to the longest run, which include the end of every run. */
-export function timesOf(ends, count = 160) {
+export function timesOf(ends, count = 120) {
     const last = Math.max(...ends), grid = Array.from({ length: count }, (_, i) => (last * i) / (count - 1));
     return [...new Set([...grid, ...ends])].sort((a, b) => a - b);
 }

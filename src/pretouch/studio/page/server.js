@@ -14,7 +14,6 @@ export async function connect(page, server) {
     byId("static-note").hidden = true;
     byId("save").hidden = byId("reload").hidden = !server.file;
     await studio.start();
-    globalThis.pretouchStudio = studio;
 }
 
 class Studio {

@@ -10,6 +10,6 @@ export async function start(data, connect = null) {
     const core = await unpackCore(data.core), { server } = data;
     const page = server ? new Page(core, { key: `pretouch:${server.name}`, name: server.title }) : new Page(core, { name: "Try it" });
     if (connect) await connect(page, server);
+    globalThis.pretouch = page;
     document.documentElement.dataset.ready = "true";
-    return page;
 }

@@ -5,10 +5,10 @@ import { Encounter } from "./encounter.js";
 import { LETTER, timesOf } from "./live.js";
 import { FIELDS, formatQuantity, motionOf, overSpeed, parseQuantity, problemOf, pythonOf, solveProblem, tomlOf, tradeOff, writeLike } from "./model.js";
 
-const POINTS = 72; // of the trade-off curve
+const POINTS = { still: 96, dragged: 36 }; // of the trade-off curve
 const HISTORY = 200;
 const LETTERS = "ABCDEFGH";
-const SPEEDS = Array.from({ length: 24 }, (_, i) => (i + 1) / 24);
+const SPEEDS = Array.from({ length: 16 }, (_, i) => (i + 1) / 16);
 export const byId = (id) => document.getElementById(id);
 
 const MODEL_DEFAULTS = {
@@ -85,6 +85,7 @@ export class Page {
             this.future = [];
         }
         this.before = null;
+        this.request();
         this.#store();
         this.#buttons();
         this.onCommit?.();
@@ -128,7 +129,9 @@ export class Page {
         }
         const solved = solveProblem(core, problem, state.chosen);
         const signature = JSON.stringify([problem.encounter, problem.described, problem.bounds, problem.law]);
-        if (signature !== this.signature) this.trade = tradeOff(core, problem, POINTS); // the gain does not change it
+        const points = this.before ? POINTS.dragged : POINTS.still;
+        const enough = signature === this.signature && this.trade.places.length >= points;
+        if (!enough) this.trade = tradeOff(core, problem, points); // the gain does not change it
         this.signature = signature;
         Object.assign(this, { problem, solved });
         this.#headline(problem, solved);

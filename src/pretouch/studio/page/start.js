@@ -2,7 +2,7 @@
 
 import { Page } from "./app.js";
 import { unpackCore } from "./core.js";
-import { setUnits } from "./model.js";
+import { parseQuantity, setUnits } from "./model.js";
 
 /** Start the page; `connect` of server.js connects it with its server, which a page from a file does not have. */
 export async function start(data, connect = null) {
@@ -10,6 +10,6 @@ export async function start(data, connect = null) {
     const core = await unpackCore(data.core), { server } = data;
     const page = server ? new Page(core, { key: `pretouch:${server.name}`, name: server.title }) : new Page(core, { name: "Try it" });
     if (connect) await connect(page, server);
-    globalThis.pretouch = page;
+    globalThis.pretouch = Object.assign(page, { parse: parseQuantity }); // for the console of the browser
     document.documentElement.dataset.ready = "true";
 }

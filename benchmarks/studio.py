@@ -58,7 +58,9 @@ def measure_drags(browser: Any, address: str, moves: int) -> None:
     label = page.locator("label[for='obstacle.position']").bounding_box()
     inputs = drag(page, moves, label["x"] + 30, label["y"] + 8, 60)
     for name, delays in (("the gain", gains), ("an input", inputs)):
-        row(f"drag of {name} to the picture, median of {len(delays)}", float(np.median(delays)), "ms", TARGETS["median"])
+        row(
+            f"drag of {name} to the picture, median of {len(delays)}", float(np.median(delays)), "ms", TARGETS["median"]
+        )
         row(f"drag of {name}, 95th percentile", float(np.quantile(delays, 0.95)), "ms", TARGETS["95 %"])
     page.close()
 
@@ -85,7 +87,8 @@ def measure_core(browser: Any, address: str) -> None:
     page.wait_for_selector("html[data-ready]")
     script = """(kind) => {
         const { core, problem } = pretouch, gains = Array.from({ length: 200 }, (_, i) => -0.01 * 1000 ** (i / 199));
-        const designs = () => { for (let i = 0; i < 50; i++) core.design(problem.encounter, problem.curve, { ...problem, limits: problem.rows }); };
+        const task = { ...problem, limits: problem.rows };
+        const designs = () => { for (let i = 0; i < 50; i++) core.design(problem.encounter, problem.curve, task); };
         const contacts = () => core.solve(problem.encounter, problem.curve, gains, 600);
         const run = kind === "design" ? designs : contacts, times = [];
         for (let k = 0; k < 15; k++) { const t = performance.now(); run(); times.push(performance.now() - t); }
@@ -105,7 +108,8 @@ def measure_core(browser: Any, address: str) -> None:
                 call()
             best = min(best, (time.perf_counter() - start) / 20)
         ours = 1e3 * page.evaluate(script, kind)
-        print(f"{f'one {kind} in the page':52s} {ours:9.2f} µs   Python {1e6 * best:7.1f} µs   ratio {ours / (1e6 * best):.2f}")
+        python = 1e6 * best
+        print(f"{f'one {kind} in the page':52s} {ours:9.2f} µs   Python {python:7.1f} µs   ratio {ours / python:.2f}")
     page.close()
 
 
@@ -132,7 +136,7 @@ def main() -> None:
     if chromium is None:
         print("Chromium is not installed: nothing is measured in the browser")
         return
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - the sizes need no browser
 
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         file = Path(folder, "try-it.html")

@@ -16,7 +16,7 @@ def studio(
     file: Annotated[Path | None, typer.Argument(metavar="FILE", help="Scenario file (TOML) to open.")] = None,
     *,
     port: Annotated[int, option("NUMBER", "Port on 127.0.0.1; by default a free one.", min=0, max=65535)] = 0,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address, and open no browser.")] = False,
     output: Annotated[
         Path | None,
         option("PATH", "Write the page to this HTML file instead, which works without a server and without pretouch."),
@@ -32,7 +32,9 @@ def studio(
 
     Exit status: 0 ended, or the page is written, 2 a mistake in the request.
     """
-    conclude(partial(_studio, file, port, browser=browser, output=output, force=force, json=json), json_wanted=json)
+    conclude(
+        partial(_studio, file, port, browser=not no_browser, output=output, force=force, json=json), json_wanted=json
+    )
 
 
 def _studio(file: Path | None, port: int, *, browser: bool, output: Path | None, force: bool, json: bool) -> None:

@@ -20,11 +20,12 @@ SEED ?=
 MUTANTS ?= 200
 ONLY ?=
 
-.PHONY: help demo check test sanitize fuzz mutants benchmark clean
+.PHONY: help page demo check test sanitize fuzz mutants benchmark clean
 
 help:
 	@echo "make demo       fit a sensor, design gains, check the letter, write reports to demo-output/"
 	@echo "make test       everything that CI runs: check, then all tests"
+	@echo "make page       build the compiled core for the page of pretouch studio (WebAssembly)"
 	@echo "make check      formatting, lint, types, import contract"
 	@echo "make sanitize   the tests of the compiled core with checks of addresses and undefined behavior"
 	@echo "make fuzz       random properties, encounters and files, for hours; what it finds becomes a test"
@@ -38,6 +39,11 @@ $(STAMP): pyproject.toml constraints.txt hatch_build.py $(NATIVE)
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python .ci/pip_progress.py install -c constraints.txt -e '.[dev]'
 	@touch $@
+
+# the core for the page of pretouch studio; zig comes by pip
+page: $(STAMP)
+	@$(BIN)/python -c 'import ziglang' 2> /dev/null || $(BIN)/python -m pip install --quiet 'ziglang>=0.14,<0.18'
+	$(BIN)/python native/build.py --page
 
 demo: $(STAMP)
 	@$(BIN)/python examples/demo.py

@@ -28,6 +28,11 @@ class NativeHook(BuildHookInterface[Any]):
         library = native.build(native.library_path(Path(self.root)))
         for path in (library, native.record_path(library)):
             build_data["artifacts"].append(str(path.relative_to(self.root)))
+        page = native.page_core_path(Path(self.root))
+        if native.has_zig():
+            native.build_page_core(page)
+        if page.exists():  # the extra `studio` needs it; without zig, an earlier build serves
+            build_data["artifacts"].append(str(page.relative_to(self.root)))
         build_data["pure_python"] = False
         if native.compilers():
             tag = sysconfig.get_platform().replace("-", "_").replace(".", "_")

@@ -3,6 +3,7 @@
     python native/build.py            into src/pretouch/_core/
     python native/build.py --strict   compiler warnings are errors; wheels are built without, for future compilers
     python native/build.py --sanitize with checks of addresses and undefined behavior, into build/native/sanitized/
+    python native/build.py --page     into src/pretouch/studio/page/, as WebAssembly for browsers; needs ziglang
     python native/build.py --tidy     run clang-tidy on every source, if it is installed; nothing is built
 
 The sources do not need Python.h, so one library serves every Python version. `lanes_*.cpp` are compiled once for each
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import hashlib
+import importlib.util
 import json
 import os
 import platform
@@ -28,6 +30,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 NATIVE = Path(__file__).resolve().parent
+KEPT = NATIVE.parent / "build/native"
 ZIG = "ziglang>=0.14,<0.18"
 """Requirement that pip installs if the machine has no compiler."""
 
@@ -71,6 +74,13 @@ TARGETS = {
     "darwin-x86_64": Target("x86_64-macos.11.0", "macosx_11_0_x86_64"),
     "win32-AMD64": Target("x86_64-windows-gnu", "win_amd64"),
 }
+
+
+PAGE_TARGET = "wasm32-wasi"
+"""The target of zig for the page of pretouch studio; the module imports nothing, so that WASI is not needed."""
+
+PAGE_FUNCTIONS = ("solve_linear", "respond", "solve_series", "drag_approaches", "find_gains")
+"""Functions that the page calls; the linker leaves out everything else, such as the sampled loop."""
 
 
 def this_target() -> str:
@@ -144,20 +154,46 @@ def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Pat
     common = ["-fvisibility=hidden", *([] if system == "win32" else ["-fPIC"])]
     common += SANITIZED.split() if sanitize else ["-g0"]
     common += ["-Werror"] if strict else []
-    jobs = _jobs(compiler, common)
-    kept = NATIVE.parent / "build/native"
-    kept.mkdir(parents=True, exist_ok=True)
-    with ThreadPoolExecutor(max_workers=int(os.environ.get("JOBS", "2"))) as pool:
-        objects = list(pool.map(lambda job: _compiled(job, kept), jobs))
-    _drop_stale(kept, objects)
-    library.parent.mkdir(parents=True, exist_ok=True)
-    made = kept / f"{os.getpid()}-{library.name}"  # a linker may leave further files there
+    objects = _objects(_jobs(compiler, common, this_target().split("-", 1)[1]))
+    made = KEPT / f"{os.getpid()}-{library.name}"  # a linker may leave further files there
     link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system != "darwin" else [])]
-    _run([*link, *map(str, objects), "-o", str(made), *(["-lm"] if system == "linux" else [])])
+    _link(made, objects, link, ["-lm"] if system == "linux" else [])
     noted = write_record(made, version)
+    library.parent.mkdir(parents=True, exist_ok=True)
     made.replace(library)  # atomic; a process that uses the old library keeps it
     noted.replace(record_path(library))
     return library
+
+
+def has_zig() -> bool:
+    """Return whether Python can run zig, which builds the core of the page."""
+    return importlib.util.find_spec("ziglang") is not None
+
+
+def page_core_path(root: Path) -> Path:
+    """Return the path of the compiled core of the page in a source tree."""
+    return root / "src/pretouch/studio/page/core.wasm"
+
+
+def build_page_core(made: Path, *, strict: bool = False) -> Path:
+    """Compile the sources of the core for browsers, without change, and link those functions that the page calls.
+
+    Code that is small loads sooner; the options for it change no bit of a result.
+
+    Args:
+        made: where the module is put.
+        strict: take a warning for an error.
+
+    Returns:
+        The module. It imports nothing; its memory and `__heap_base` tell JavaScript where arrays can be put.
+    """
+    check_interface()
+    zig = [sys.executable, "-m", "ziglang"]
+    compiler = [*zig, "cc", "-target", PAGE_TARGET], [*zig, "c++", "-target", PAGE_TARGET]
+    common = ["-fvisibility=hidden", "-msimd128", "-Os", "-flto", "-g0", *(["-Werror"] if strict else [])]
+    exported = [f"-Wl,--export=pretouch_{name}" for name in PAGE_FUNCTIONS]
+    link = [*compiler[0], "-mexec-model=reactor", "-nostartfiles", "-Wl,--no-entry", "-Wl,--export=__heap_base", "-s"]
+    return _link(made, _objects(_jobs(compiler, common, "wasm32")), [*link, *exported], [])
 
 
 def tidy() -> int:
@@ -169,16 +205,35 @@ def tidy() -> int:
     if shutil.which("clang-tidy") is None:
         print("clang-tidy: found none on this machine, nothing is read")
         return 0
-    last = {job[-1]: [flag for flag in job if flag.startswith(("-std", "-D", "-m"))] for job in _jobs(([], []), [])}
+    last = {
+        job[-1]: [flag for flag in job if flag.startswith(("-std", "-D", "-m"))]
+        for job in _jobs(([], []), [], this_target().split("-", 1)[1])
+    }
     with ThreadPoolExecutor(max_workers=int(os.environ.get("JOBS", "2"))) as pool:
         commands = (["clang-tidy", "--quiet", path, "--", *flags] for path, flags in last.items())
         done = list(pool.map(lambda c: subprocess.run(c, stderr=subprocess.DEVNULL, text=True, check=False), commands))
     return sum(one.returncode != 0 for one in done)
 
 
-def _jobs(compilers: tuple[list[str], list[str]], common: list[str]) -> list[list[str]]:
+def _objects(jobs: list[list[str]]) -> list[Path]:
+    """Compile every source, except for those whose object is in the cache, and remove stale objects."""
+    KEPT.mkdir(parents=True, exist_ok=True)
+    with ThreadPoolExecutor(max_workers=int(os.environ.get("JOBS", "2"))) as pool:
+        objects = list(pool.map(_compiled, jobs))
+    _drop_stale(objects)
+    return objects
+
+
+def _link(made: Path, objects: list[Path], link: list[str], libraries: list[str]) -> Path:
+    """Link objects with a command into one file."""
+    made.parent.mkdir(parents=True, exist_ok=True)
+    _run([*link, *map(str, objects), "-o", str(made), *libraries])
+    return made
+
+
+def _jobs(compilers: tuple[list[str], list[str]], common: list[str], machine: str) -> list[list[str]]:
     """Return the command that compiles each source and each of its variants; the source is its last argument."""
-    (cc, cxx), machine = compilers, this_target().split("-", 1)[1]
+    cc, cxx = compilers
     jobs = [[*cc, *LAW.split(), *common, "-c", str(p)] for p in sorted(NATIVE.glob("law/*.c"))]
     for path in sorted(NATIVE.glob("core/*.cpp")):
         if not path.name.startswith("lanes_"):
@@ -193,11 +248,11 @@ def _jobs(compilers: tuple[list[str], list[str]], common: list[str]) -> list[lis
     return jobs
 
 
-def _drop_stale(kept: Path, used: list[Path]) -> None:
+def _drop_stale(used: list[Path]) -> None:
     """Remove objects that no build has used for a week; mark each used object."""
     for path in used:
         path.touch()
-    for path in kept.glob("*.o"):
+    for path in KEPT.glob("*.o"):
         with contextlib.suppress(FileNotFoundError):  # another build may have removed it
             if path.stat().st_mtime < time.time() - STALE:
                 path.unlink()
@@ -215,12 +270,12 @@ def _zig() -> tuple[list[str], list[str]]:
     return [*zig, "cc", "-target", known.triple], [*zig, "c++", "-target", known.triple]
 
 
-def _compiled(job: list[str], kept: Path) -> Path:
+def _compiled(job: list[str]) -> Path:
     """Compile one source, unless its object is in the cache."""
     digest = hashlib.sha256("\0".join(job).encode())
     for path in [Path(job[-1]), *sorted(NATIVE.glob("*/*.h")), *sorted(NATIVE.glob("*/*.hpp"))]:
         digest.update(path.read_bytes())
-    made = kept / f"{Path(job[-1]).stem}-{digest.hexdigest()[:20]}.o"
+    made = KEPT / f"{Path(job[-1]).stem}-{digest.hexdigest()[:20]}.o"
     if not made.exists():
         partial = made.with_suffix(f".{os.getpid()}")
         _run([*job, "-o", str(partial)])
@@ -239,10 +294,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--sanitize", action="store_true", help="check addresses and undefined behavior")
     parser.add_argument("--strict", action="store_true", help="take a warning for an error")
+    parser.add_argument("--page", action="store_true", help="build WebAssembly for the page of pretouch studio")
     parser.add_argument("--tidy", action="store_true", help="let clang-tidy read the sources, and build nothing")
     wanted, root = parser.parse_args(), NATIVE.parent
     if wanted.tidy:
         sys.exit(tidy() and 1)
+    if wanted.page:
+        if not has_zig():
+            parser.error(f'the page needs zig: python -m pip install "{ZIG}"')
+        print(build_page_core(page_core_path(root), strict=wanted.strict).relative_to(root))
+        return
     own = library_path(root)
     made = root / "build/native/sanitized" / own.name if wanted.sanitize else own
     print(build(made, strict=wanted.strict, sanitize=wanted.sanitize).relative_to(root))

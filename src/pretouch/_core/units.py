@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from fractions import Fraction
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from .errors import UnitError
 
@@ -105,6 +105,19 @@ def parse_unit(text: str) -> Unit:
     if not 0 < unit.factor < math.inf:
         raise UnitError(f"{text!r} is not a valid unit: its conversion factor to SI units would be zero or infinite")
     return unit
+
+
+def unit_tables() -> dict[str, dict[str, Any]]:
+    """Return the known units and prefixes as a JSON object, for programs in other languages that parse quantities.
+
+    Returns:
+        `prefixable` and `units`: factor to SI and exponents of m, kg, s, V and counts, by name; `prefixes`: factors.
+    """
+    return {
+        "prefixable": {name: [*unit] for name, unit in _BASE.items()},
+        "units": {name: [*unit] for name, unit in {**_BASE, "kg": Unit(1.0, (0, 1, 0, 0, 0)), **_PLAIN}.items()},
+        "prefixes": dict(_PREFIX),
+    }
 
 
 def _tokens(text: str) -> list[str]:

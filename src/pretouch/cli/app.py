@@ -15,6 +15,7 @@ from .fit import fit
 from .project import project
 from .record import record
 from .replay import replay
+from .studio import studio
 from .sweep import sweep
 from .terminal import guard_output
 from .verbs import design, pareto, reproduce, robust, simulate, verify
@@ -55,6 +56,7 @@ _EXAMPLES: Final[
         'replay loop.toml approaches.csv --topic reading --reference "distance" --calibration pairs.csv',
         "what-did-my-sensor-see.md",
     ),
+    studio: ("studio loop.toml", "studio --output try-it.html", "studio.md"),
     project: ("project arm.xml", "project arm.xml --json", "robots.md"),
     reproduce: ("reproduce", "reproduce table-2 figure-4", "letter.md"),
 }

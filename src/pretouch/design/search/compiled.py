@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from ctypes import byref, c_int
 from typing import Any, Final
 
@@ -18,6 +19,7 @@ from pretouch.motion.request import choose_method
 from pretouch.sensors import SensorModel
 from pretouch.sensors.model import cache_by_curve
 
+from ..constraints import Constraint
 from ..impact import ElasticImpact, ImpactModel
 from ..later_contact import falls
 from ..objectives import Objective
@@ -69,7 +71,7 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
         UNCERTAIN, which needs another search. None if there is no encounter, or if the compiled search does not
         support the problem, such as a user-defined objective, evaluator or impact model.
     """
-    rows, limits = supported_terms(problem), _limits(problem)
+    rows, limits = supported_terms(problem), limit_rows(problem, problem.task.limits)
     size = math.prod(problem.task.scenario.shape)
     if rows is None or limits is None:
         return None
@@ -118,9 +120,9 @@ def supported_terms(problem: GainProblem) -> list[tuple[float, float, float, flo
     return rows
 
 
-def _limits(problem: GainProblem) -> list[tuple[float, float, float]] | None:
-    """Return the limits of the task for the compiled search; None if that search cannot compute one of them."""
-    found = [(_row(c.quantity, problem.task.impact), c.limit) for c in problem.task.limits]
+def limit_rows(problem: GainProblem, limits: Iterable[Constraint]) -> list[tuple[float, float, float]] | None:
+    """Return limits in the form of the compiled search; None if that search cannot compute one of them."""
+    found = [(_row(c.quantity, problem.task.impact), c.limit) for c in limits]
     rows = [(row[0], row[1] / limit, row[2]) for row, limit in found if row is not None]
     return rows if len(rows) == len(found) else None
 

@@ -1,0 +1,247 @@
+"""Answer the requests of the page: what a scenario contains, fits, uncertain encounters and simulated runs."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError, PretouchError
+from pretouch._core.files import plain
+
+from .curves import describe_curve
+from .workspace import Workspace, change_text
+
+if TYPE_CHECKING:
+    from pretouch.calibration import Calibration, SensorFit
+    from pretouch.design import Task
+
+_SECTIONS: Final = (
+    *("sensor", "admittance", "obstacle", "plant", "reference", "objective", "gain", "law", "constraints"),
+)
+"""The sections whose values the page shows."""
+
+_MODELS: Final = ("inverse-power", "exponential-1", "exponential-2")
+_LIMITS: Final = {"excursion", "relative_velocity", "acceleration", "virtual_force"}
+_SAMPLES: Final = 300
+_POINTS: Final = 160
+_MOST: Final = 4000  # readings that are drawn
+
+
+def describe_scenario(workspace: Workspace, text: str) -> dict[str, Any]:
+    """Read a scenario file, and return its values as texts with units, and what the page cannot compute itself.
+
+    Args:
+        workspace: the opened files.
+        text: the scenario file (TOML).
+
+    Returns:
+        `fields` by `section.key`; `fixed`, the described sensor curve and rows of objective and limits; `notes` on what
+        the page does not show.
+    """
+    from pretouch.config import load_scenario  # noqa: PLC0415 - only when a file is read
+
+    task = load_scenario(workspace.write_scenario(text))
+    document = tomllib.loads(text)
+    fields = dict(_texts(document))
+    fixed, notes = _fixed(task, document)
+    if task.drag_effect is not None and "law.ratio" not in fields:
+        from pretouch.design import design_drag  # noqa: PLC0415
+
+        contact = design_drag(task).result.contact
+        fields["law.ratio"] = f"{contact.relative_velocity / task.scenario.relative_velocity:.6g}"
+        notes.append("law: the page chooses a drag by its ratio; this ratio has the effect that the file requires")
+    sections = {name: name in document for name in ("uncertainty", "chain", "controller")}
+    return {"fields": fields, "fixed": fixed, "notes": notes, "sections": sections}
+
+
+def _texts(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield the values of the sections that the page shows, as texts or lists of texts."""
+    for section in _SECTIONS:
+        for key, value in document.get(section, {}).items():
+            if isinstance(value, list) and not any(isinstance(part, dict) for part in value):
+                yield f"{section}.{key}", [str(part) for part in value]
+            elif isinstance(value, str | int | float) and not isinstance(value, bool):
+                yield f"{section}.{key}", str(value)
+
+
+def _fixed(task: Task, document: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Return what Python has computed of a scenario because the page does not, and notes on what is not shown."""
+    from pretouch.design.problem import GainProblem  # noqa: PLC0415
+    from pretouch.design.search import GainAxis  # noqa: PLC0415
+    from pretouch.design.search.compiled import limit_rows, supported_terms  # noqa: PLC0415
+
+    fixed: dict[str, Any] = {}
+    notes: list[str] = []
+    if document["sensor"].get("model") not in _MODELS or "calibration" in document["sensor"]:
+        fixed["sensor"] = describe_curve(task.sensor, float(task.scenario.distance))
+    if task.scenario.obstacle.course:
+        notes.append("obstacle: the page ignores the course of the object; simulate it on the loop")
+    if task.drag_effect is not None or task.bounds is None:
+        return fixed, notes
+    problem = GainProblem(task=task, axis=GainAxis.between(task.bounds, task.law.number))
+    objective = document["objective"]
+    if objective.get("kind") not in {"excursion", "time"} or "force_scale" in objective:
+        terms = supported_terms(problem)
+        if terms is None:
+            notes.append("objective: the search of the page cannot compute it; run pretouch design")
+        fixed["terms"] = [[float(x) for x in row] for row in terms or ()]
+    others = [c for c in task.limits if c.name not in _LIMITS]
+    rows = limit_rows(problem, others)
+    if rows is None:
+        notes.append("constraints: the search of the page cannot compute some of them; run pretouch design")
+    fixed["limits"] = [[float(x) for x in row] for row in rows or ()]
+    return fixed, notes
+
+
+def change_scenario(text: str, changes: dict[str, Any]) -> dict[str, Any]:
+    """Return a scenario file in which some keys have new values; comments stay."""
+    return {"text": change_text(text, changes)}
+
+
+def read_readings(workspace: Workspace, name: str) -> dict[str, Any]:
+    """Return the readings of an uploaded calibration file, and the fit with the window that pretouch finds."""
+    from pretouch.calibration import read_calibration  # noqa: PLC0415 - SciPy, only when needed
+
+    calibration = read_calibration(workspace.file(name))
+    some = np.linspace(0, len(calibration.distances) - 1, min(len(calibration.distances), _MOST)).astype(int)
+    return {
+        "name": name,
+        "unit": calibration.unit,
+        "distances": calibration.distances[some].tolist(),
+        "outputs": calibration.outputs[some].tolist(),
+        "fit": fit_readings(workspace, name, None),
+    }
+
+
+def fit_readings(workspace: Workspace, name: str, window: tuple[float, float] | None) -> dict[str, Any]:
+    """Fit the best sensor curve to the readings inside a window [m], or to all for the window that pretouch finds."""
+    from pretouch.calibration import rank_models, read_calibration  # noqa: PLC0415
+
+    calibration = read_calibration(workspace.file(name))
+    if window is not None:
+        calibration = _cut(calibration, *window)
+    report = rank_models(calibration, ("inverse-power", "exponential-1", "exponential-2"))
+    if report.best is None:
+        return {"verdict": report.verdict, "reasons": list(report.reasons)}
+    return _fit_as_dict(report.best, report.verdict)
+
+
+def _cut(calibration: Calibration, near: float, far: float) -> Calibration:
+    """Return the readings at distances inside a window [m]; readings without an object stay."""
+    from pretouch.calibration import Calibration as Readings  # noqa: PLC0415
+
+    inside = (calibration.distances >= near - 1e-12) & (calibration.distances <= far + 1e-12)
+    if np.unique(calibration.distances[inside]).size < 3:
+        raise InvalidInputError(
+            f"window: found {np.unique(calibration.distances[inside]).size} distances from {1e3 * near:.4g} mm to "
+            f"{1e3 * far:.4g} mm, expected at least 3; make the window wider"
+        )
+    return Readings(
+        distances=calibration.distances[inside],
+        outputs=calibration.outputs[inside],
+        unit=calibration.unit,
+        no_object=calibration.no_object,
+    )
+
+
+def _fit_as_dict(fit: SensorFit, verdict: str) -> dict[str, Any]:
+    """Return what the page draws of a fit, and the fields of a scenario with this curve."""
+    sensor, window = fit.sensor, fit.window
+    drawn = np.linspace(window.l_min, window.l_max, _POINTS)
+    fields = {f"sensor.{name}": f"{value!r} {unit}".strip() for name, value, unit in _parameters(fit)}
+    largest = f"{sensor.valid_range[1]!r} m"
+    return {
+        "verdict": verdict,
+        "model": fit.model,
+        "window": [window.l_min, window.l_max],
+        "start_reason": window.start_reason,
+        "end_reason": window.end_reason,
+        "offset": {"value": fit.offset.value, "low": fit.offset.low, "high": fit.offset.high, "kind": fit.offset.kind},
+        "slope": {"value": fit.middle_slope.value, "low": fit.middle_slope.low, "high": fit.middle_slope.high},
+        "rmse": fit.rmse_log_output,
+        "curve": [drawn.tolist(), (fit.offset.value + np.asarray(sensor.output(drawn))).tolist()],
+        "residuals": [fit.distances.tolist(), fit.residuals.tolist()],
+        "warnings": list(fit.warnings),
+        "fields": {"sensor.model": fit.model, **fields, "sensor.maximum_distance": largest},
+        "starts_at": window.l_min,
+    }
+
+
+def _parameters(fit: SensorFit) -> Iterator[tuple[str, float, str]]:
+    for name, value in fit.sensor.parameters.items():
+        yield name, float(value), fit.sensor.parameter_units[name]
+
+
+def sample_cloud(workspace: Workspace, text: str, gain: float) -> dict[str, Any]:
+    """Solve encounters with random uncertain inputs, for one gain.
+
+    Returns:
+        Contact speed [m/s] and largest excursion [m] of each, and the share that meets each limit.
+
+    Raises:
+        InvalidInputError: the scenario has no uncertain inputs.
+    """
+    from pretouch.config import load_scenario  # noqa: PLC0415
+    from pretouch.uncertainty import sample_inputs  # noqa: PLC0415
+    from pretouch.uncertainty.ensemble import make_ensemble  # noqa: PLC0415
+
+    task = load_scenario(workspace.write_scenario(text))
+    if not task.uncertainty:
+        raise InvalidInputError(
+            "uncertainty: the scenario has no uncertain inputs; add a section [uncertainty] with, for example, "
+            'obstacle.velocity = { normal = ["-0.3 m/s", "0.1 m/s"], between = ["-0.6 m/s", "-0.05 m/s"] }'
+        )
+    values = sample_inputs(task.uncertainty, _SAMPLES, seed=task.robust.seed)
+    ensemble = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
+    result = ensemble.contacts(gain)
+    reached = np.asarray(result.reached)
+    speeds = np.where(reached, np.abs(np.asarray(result.end.relative_velocity)), math.nan)
+    excursions = np.where(reached, np.asarray(result.end.largest_excursion), math.nan)
+    shares = {"contact": float(reached.mean())}
+    for limit in task.limits:
+        column = {"excursion": excursions, "relative_velocity": speeds}.get(limit.name)
+        if column is not None:
+            shares[limit.name] = float((column <= limit.limit).mean())
+    content: dict[str, Any] = plain({"speed": speeds, "excursion": excursions, "shares": shares, "count": _SAMPLES})
+    return content
+
+
+def simulate_run(workspace: Workspace, text: str, gain: float | None, seed: int | None = None) -> dict[str, Any]:
+    """Simulate one encounter on the loop with sensor noise, and return its motion."""
+    from dataclasses import replace  # noqa: PLC0415
+
+    from pretouch.config import load_scenario  # noqa: PLC0415
+    from pretouch.verification import simulate_encounter  # noqa: PLC0415
+
+    task = load_scenario(workspace.write_scenario(text))
+    if task.loop is None:
+        raise InvalidInputError(
+            "loop: the scenario describes no loop; add the sections [chain] and [controller], such as those of "
+            "examples/loop.toml"
+        )
+    loop = task.loop if seed is None else replace(task.loop, seed=seed)
+    encounter = simulate_encounter(task.replace(loop=loop, gain=task.gain if gain is None else gain))
+    trace, reference = encounter.trace, task.scenario.reference
+    end = trace.contacts[0, 0] if len(trace.contacts) else trace.time[-1]
+    before = np.flatnonzero(trace.time <= end)
+    some = before[np.unique(np.linspace(0, len(before) - 1, min(len(before), 4 * _POINTS)).astype(int))]
+    own = reference.position + (reference.velocity + reference.acceleration * trace.time / 2) * trace.time
+    columns = {
+        "time": trace.time,
+        "distance": trace.distance,
+        "relative_velocity": np.gradient(trace.distance, trace.time),
+        "displacement": trace.position - own,
+        "virtual_force": trace.virtual_force,
+    }
+    content: dict[str, Any] = plain({name: np.asarray(values)[some] for name, values in columns.items()})
+    return {**content, "headline": encounter.headline, "warnings": list(encounter.warnings)}
+
+
+def message_of(error: PretouchError, folder: Path) -> str:
+    """Return the message of an error for the page, without the names of temporary files."""
+    return str(error).replace(f"{folder}/", "").replace("upload-", "")

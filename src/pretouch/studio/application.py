@@ -1,0 +1,258 @@
+"""The web application of the studio: the page, and what the page asks of Python.
+
+The application serves one user on one machine. Every request needs the token of this start, the name of this machine as
+host, and, from a page, the origin of this server: so no other page, and no other name that resolves to this machine,
+reaches it.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Awaitable, Callable
+from typing import Any, Final
+
+from pretouch._core.errors import InvalidInputError, PretouchError, require
+from pretouch._core.files import as_json
+
+from .answers import (
+    change_scenario,
+    describe_scenario,
+    fit_readings,
+    message_of,
+    read_readings,
+    sample_cloud,
+    simulate_run,
+)
+from .jobs import Jobs
+from .page_file import page_text
+from .workspace import Workspace
+
+MOST_BYTES: Final = 10_000_000
+"""Largest request: a calibration of a few hundred thousand readings."""
+
+_MOST_TEXT: Final = 1_000_000
+_HEADERS: Final = {
+    "Cache-Control": "no-store",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+
+
+class _RefusedRequestError(Exception):
+    """A request that is refused before it is read.
+
+    Args:
+        status: the status of HTTP.
+        message: the reason.
+    """
+
+    def __init__(self, status: int, message: str) -> None:
+        super().__init__(message)
+        self.status, self.message = status, message
+
+
+class Application:
+    """The application of one start.
+
+    Args:
+        workspace: the opened files.
+        token: the secret of this start.
+        port: the port of the server.
+    """
+
+    def __init__(self, workspace: Workspace, token: str, port: int) -> None:
+        self.workspace, self.token = workspace, token
+        self.jobs = Jobs(workspace.folder)
+        self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
+        self._answers: dict[str, Callable[[_Asked], dict[str, Any]]] = {
+            "describe": lambda a: describe_scenario(workspace, a.text),
+            "change": lambda a: change_scenario(a.text, a.of("changes", dict)),
+            "save": lambda a: {"saved": workspace.save(a.text)},
+            "fit": lambda a: fit_readings(workspace, a.of("name", str), a.window),
+            "cloud": lambda a: sample_cloud(workspace, a.text, a.of("gain", float)),
+            "simulate": lambda a: simulate_run(workspace, a.text, a.gain, a.seed),
+            "jobs": lambda a: {"job": self.jobs.start(a.of("verb", str), workspace.write_scenario(a.text), a.gain)},
+        }
+
+    def asgi(self) -> Any:
+        """Return the application for an ASGI server."""
+        applications = require("starlette.applications", extra="studio")
+        routing = require("starlette.routing", extra="studio")
+        gzip = require("starlette.middleware.gzip", extra="studio")
+        route = routing.Route
+        routes = [
+            route("/", self._page),
+            route("/api/{name}", self._answer, methods=["POST"]),
+            route("/api/jobs/{name}", self._job, methods=["GET", "DELETE"]),
+            route("/api/jobs/{name}/{file}", self._job_file),
+        ]
+        application = applications.Starlette(routes=routes)
+        application.add_middleware(gzip.GZipMiddleware, minimum_size=2000)
+        return application
+
+    def close(self) -> None:
+        """End all jobs, and remove the temporary files."""
+        self.jobs.close()
+        self.workspace.close()
+
+    def _check(self, request: Any, token: str) -> None:
+        """Refuse a request with a foreign host or origin, or without the token."""
+        host = request.headers.get("host", "")
+        if host not in self._hosts:
+            raise _RefusedRequestError(421, "host: this server answers only as 127.0.0.1 or localhost")
+        origin = request.headers.get("origin")
+        if origin is not None and origin != f"http://{host}":
+            raise _RefusedRequestError(403, "origin: this server answers only its own page")
+        if not secrets.compare_digest(token.encode(), self.token.encode()):
+            raise _RefusedRequestError(403, "token: open the address that pretouch studio has printed at this start")
+
+    async def _guarded(self, request: Any, token: str, work: Callable[[], Awaitable[Any]]) -> Any:
+        """Return the response to a checked request, or the reason why there is none."""
+        responses = require("starlette.responses", extra="studio")
+        try:
+            self._check(request, token)
+            response = await work()
+        except _RefusedRequestError as refused:
+            response = responses.JSONResponse({"message": refused.message}, refused.status)
+        except PretouchError as error:
+            message = message_of(error, self.workspace.folder)
+            response = responses.JSONResponse({"message": message}, 422)
+        response.headers.update(_HEADERS)
+        return response
+
+    async def _page(self, request: Any) -> Any:
+        responses = require("starlette.responses", extra="studio")
+
+        async def page() -> Any:
+            nonce = secrets.token_urlsafe(16)
+            opened = self.workspace.opened
+            server = {
+                "token": self.token,
+                "name": "" if opened is None else str(opened.resolve()),
+                "title": "studio" if opened is None else opened.name,
+                "text": self.workspace.text,
+                "file": None if opened is None else opened.name,
+                "limit": MOST_BYTES,
+            }
+            policy = (
+                f"default-src 'none'; script-src 'nonce-{nonce}' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; "
+                "img-src data: blob:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+            )
+            return responses.HTMLResponse(page_text(server, nonce=nonce), headers={"Content-Security-Policy": policy})
+
+        return await self._guarded(request, request.query_params.get("token", ""), page)
+
+    async def _answer(self, request: Any) -> Any:
+        concurrency = require("starlette.concurrency", extra="studio")
+        responses = require("starlette.responses", extra="studio")
+
+        async def answer() -> Any:
+            name = request.path_params["name"]
+            content = await _body(request, MOST_BYTES if name == "calibration" else _MOST_TEXT)
+            result = await concurrency.run_in_threadpool(self._compute, name, content, request.headers)
+            return responses.Response(as_json(result), media_type="application/json")
+
+        return await self._guarded(request, request.headers.get("x-pretouch-token", ""), answer)
+
+    def _compute(self, name: str, content: bytes, headers: Any) -> dict[str, Any]:
+        """Compute the answer to a request of the page."""
+        workspace = self.workspace
+        if name == "calibration":
+            from urllib.parse import unquote  # noqa: PLC0415
+
+            return read_readings(workspace, workspace.add_file(unquote(headers.get("x-name", "")), content))
+        try:
+            asked = json.loads(content)
+            asked = asked if isinstance(asked, dict) else {}
+        except ValueError:
+            raise InvalidInputError("request: found no JSON object, expected one from the page") from None
+        if name not in self._answers:
+            raise InvalidInputError(f"request: found {name!r}, expected one of {', '.join(self._answers)}")
+        return self._answers[name](_Asked(asked))
+
+    async def _job(self, request: Any) -> Any:
+        responses = require("starlette.responses", extra="studio")
+
+        async def job() -> Any:
+            name = request.path_params["name"]
+            if request.method == "DELETE":
+                concurrency = require("starlette.concurrency", extra="studio")
+                await concurrency.run_in_threadpool(self.jobs.cancel, name)
+            return responses.Response(as_json(self.jobs.get(name).as_dict()), media_type="application/json")
+
+        return await self._guarded(request, request.headers.get("x-pretouch-token", ""), job)
+
+    async def _job_file(self, request: Any) -> Any:
+        responses = require("starlette.responses", extra="studio")
+
+        async def file() -> Any:
+            job, name = self.jobs.get(request.path_params["name"]), request.path_params["file"]
+            if name not in {"report.html", "export.zip"} or not (job.folder / name).exists():
+                raise InvalidInputError("file: this computation has written no such file")
+            return responses.FileResponse(job.folder / name)
+
+        return await self._guarded(request, request.headers.get("x-pretouch-token", ""), file)
+
+
+class _Asked:
+    """The arguments of a request, which are checked when they are read.
+
+    Args:
+        values: the JSON object of the request.
+    """
+
+    def __init__(self, values: dict[str, Any]) -> None:
+        self._values = values
+
+    def of(self, name: str, kind: type) -> Any:
+        """Return an argument of a type; an integer serves as a number."""
+        value = self._values.get(name)
+        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if not isinstance(value, kind):
+            raise InvalidInputError(f"{name}: found {type(value).__name__}, expected {kind.__name__}")
+        return value
+
+    @property
+    def text(self) -> str:
+        """The scenario file."""
+        return str(self.of("text", str))
+
+    @property
+    def gain(self) -> float | None:
+        """The number of the law; None for that of the scenario, or the designed one."""
+        return None if self._values.get("gain") is None else float(self.of("gain", float))
+
+    @property
+    def seed(self) -> int | None:
+        """The seed of the noise; None for that of the scenario."""
+        return None if self._values.get("seed") is None else int(self.of("seed", int))
+
+    @property
+    def window(self) -> tuple[float, float] | None:
+        """Two distances [m]; None for the window that pretouch finds."""
+        if self._values.get("window") is None:
+            return None
+        ends = self.of("window", list)
+        if len(ends) != 2 or not all(isinstance(end, int | float) for end in ends):
+            raise InvalidInputError("window: expected two distances in meters")
+        return float(ends[0]), float(ends[1])
+
+
+async def _body(request: Any, most: int) -> bytes:
+    """Return the body of a request, unless it is too large."""
+    message = f"upload: more than {most / 1e6:g} MB; reduce the file, for example by averaging repeated readings"
+    declared = request.headers.get("content-length", "0")
+    if declared.isdigit() and int(declared) > most:
+        raise _RefusedRequestError(413, message)
+    parts, size = [], 0
+    async for part in request.stream():
+        size += len(part)
+        if size > most:
+            raise _RefusedRequestError(413, message)
+        parts.append(part)
+    return b"".join(parts)

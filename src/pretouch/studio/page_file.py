@@ -1,0 +1,146 @@
+"""Put the page and the live figures together from their modules, as single files that work without a server.
+
+A document that is opened from a file cannot load JavaScript modules, so that the modules are joined to one script. Each
+module imports by name from modules before it, and no two modules define the same name: joining only removes the words
+`import` and `export`.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from string import Template
+from typing import Any, Final
+
+from pretouch._core.errors import BrokenCoreError
+from pretouch._core.units import unit_tables
+
+_FOLDER: Final = Path(__file__).with_name("page")
+_FIGURES: Final = ("core", "model", "charts", "encounter", "live", "figures")
+_PAGE: Final = ("core", "model", "charts", "encounter", "live", "app", "start")
+_STUDIO: Final = (*_PAGE[:-1], "server", "start")
+_IMPORT: Final = re.compile(r"^import\s[^;]*;\n", re.MULTILINE)
+_EXPORT: Final = re.compile(r"^export (?=async|class|const|function|let)", re.MULTILINE)
+_POLICY: Final = (
+    '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
+    "script-src 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; img-src data:\">"
+)
+
+
+def page_text(server: Mapping[str, Any] | None = None, *, nonce: str | None = None) -> str:
+    """Return the page as one HTML document, which makes no request to any address except its own server.
+
+    Args:
+        server: what the page needs to reach its server; None for a page without one.
+        nonce: the nonce of the scripts, if the server allows only these.
+
+    Returns:
+        The document.
+    """
+    data = _data() if server is None else {**_data(), "server": server}
+    content = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+    allowed = "" if nonce is None else f' nonce="{nonce}"'
+    data_of_page = "JSON.parse(document.getElementById('pretouch-data').textContent)"
+    run = f"start({data_of_page}{'' if server is None else ', connect'});"
+    modules = _PAGE if server is None else _STUDIO
+    scripts = (
+        f'<script type="application/json" id="pretouch-data">{content}</script>\n'
+        f"<script{allowed}>{_library()}</script>\n<script{allowed}>{_joined(modules, run)}</script>"
+    )
+    page = Template((_FOLDER / "page.html").read_text(encoding="utf-8"))
+    title = "pretouch: try it" if server is None else f"{server['title']} - pretouch studio"
+    policy = _POLICY if server is None else ""
+    return page.substitute(title=_escaped(title), style=_page_style(), scripts=scripts, policy=policy)
+
+
+def figures_text() -> str:
+    """Return a script that mounts all live figures of a document, for example `<div data-pretouch-figure="gain">`.
+
+    The script is no module, so that it works in documents that are opened from a file.
+
+    Returns:
+        The script.
+    """
+    style = json.dumps(_figure_style())
+    add = f"const style = document.createElement('style'); style.textContent = {style}; document.head.prepend(style);"
+    run = f"{add} start({json.dumps(_data(), separators=(',', ':'))});"
+    wait = f"const begin = () => {{ {run} }};\n"
+    wait += "if (document.readyState === 'loading') addEventListener('DOMContentLoaded', begin); else begin();"
+    text = f"{_library()}\n{_joined(_FIGURES, wait)}\n"
+    return text.encode("ascii", "backslashreplace").decode()  # right in documents of every encoding
+
+
+def _joined(names: Sequence[str], run: str) -> str:
+    """Join modules to one script, which then runs a statement."""
+    modules = [(_FOLDER / f"{name}.js").read_text(encoding="utf-8") for name in names]
+    bare = "\n".join(_EXPORT.sub("", _IMPORT.sub("", text)) for text in modules)
+    return f'"use strict";\n(() => {{\n{_tight(bare)}\n{run}\n}})();'
+
+
+def _tight(text: str) -> str:
+    """Remove indentation and whole lines of comments, which browsers need not load."""
+    lines = [
+        line.strip() for line in re.sub(r"^\s*/\*\*.*?\*/\n", "", text, flags=re.MULTILINE | re.DOTALL).split("\n")
+    ]
+    return "\n".join(line for line in lines if line and not line.startswith("//"))
+
+
+def _library() -> str:
+    return (_FOLDER / "vendor/uPlot.iife.min.js").read_text(encoding="utf-8")
+
+
+def _page_style() -> str:
+    light, dark = _colors()
+    roots = (
+        f":root {{ color-scheme: light dark; {light} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}"
+    )
+    return "\n".join([_read("vendor/uPlot.min.css"), roots, _read("figures.css"), _read("style.css")])
+
+
+def _figure_style() -> str:
+    """Return the style of figures in another document; Furo's themes, too, choose between light and dark."""
+    light, dark = _colors()
+    own = ".pretouch-figure"
+    return "\n".join(
+        [
+            _read("vendor/uPlot.min.css"),
+            f"{own} {{ {light} }}",
+            f'@media (prefers-color-scheme: dark) {{ body:not([data-theme="light"]) {own} {{ {dark} }} }}',
+            f'body[data-theme="dark"] {own} {{ {dark} }}',
+            re.sub(r"^(?=\.(?!pretouch))", f"{own} ", _read("figures.css"), flags=re.MULTILINE),
+        ]
+    )
+
+
+def _colors() -> list[str]:
+    """Return the declarations of the colors, light and dark."""
+    found = re.findall(r"\{ (.*?) \}", _read("colors.css"), flags=re.DOTALL)
+    return [re.sub(r"\s+", " ", part) for part in found]
+
+
+def _read(name: str) -> str:
+    return re.sub(r"\n\s*", "\n", (_FOLDER / name).read_text(encoding="utf-8"))
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;")
+
+
+@lru_cache(maxsize=1)
+def _data() -> dict[str, Any]:
+    """Return the compiled core, compressed and as text, and the units."""
+    path = _FOLDER / "core.wasm"
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise BrokenCoreError(
+            f"the page of pretouch studio cannot be used, because the file {path.name} in the folder {path.parent} is "
+            "missing. Install a released wheel of pretouch; in a source tree, run: make page"
+        ) from None
+    packed = gzip.compress(content, compresslevel=9, mtime=0)
+    return {"core": base64.b64encode(packed).decode(), "units": unit_tables()}

@@ -1,0 +1,74 @@
+"""Start the server of the studio on this machine, and open its page."""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+import signal
+import socket
+import sys
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pretouch._core.errors import InvalidInputError, require
+
+from .application import Application
+from .page_file import page_text
+from .workspace import Workspace
+
+
+def serve_studio(
+    file: Path | None = None,
+    *,
+    port: int = 0,
+    open_browser: bool = True,
+    announce: Callable[[str], object] = print,
+) -> None:
+    """Serve the studio on 127.0.0.1 until it is interrupted.
+
+    Args:
+        file: a scenario file (TOML); None to start with the example of the letter.
+        port: the port; 0 for a free one.
+        open_browser: whether to open the page in the browser.
+        announce: function of the address, which contains the token of this start.
+    """
+    uvicorn = require("uvicorn", extra="studio")
+    require("starlette", extra="studio")
+    require("tomlkit", extra="studio")
+    page_text()  # without the compiled core of the page, say so before anything starts
+    if file is not None:
+        from pretouch.config.document import read_document  # noqa: PLC0415 - only with a file
+
+        read_document(file)  # one sentence for a file that is missing or no TOML
+    listener = _listener(port)
+    application = Application(Workspace(file), secrets.token_urlsafe(24), listener.getsockname()[1])
+    address = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={application.token}"
+    announce(address)
+    if open_browser:
+        webbrowser.open(address)
+    settings = uvicorn.Config(
+        application.asgi(), log_level="error", access_log=False, server_header=False, timeout_graceful_shutdown=1
+    )
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # so that a stopped server, too, removes its files
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            uvicorn.Server(settings).run(sockets=[listener])
+    finally:
+        application.close()
+
+
+def _listener(port: int) -> Any:
+    """Return a socket that listens on 127.0.0.1, which no other machine reaches."""
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(("127.0.0.1", port))
+        listener.listen()  # a browser that is quicker than the server waits
+    except OSError as error:
+        listener.close()
+        raise InvalidInputError(
+            f"port: {port} cannot be used ({error.strerror or error}); choose another one, or leave out --port"
+        ) from None
+    return listener

@@ -1,0 +1,257 @@
+"""The server of the studio: what it answers, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+import tomllib
+import zipfile
+from io import BytesIO
+from pathlib import Path
+
+import pytest
+
+import pretouch as pt
+from page_core import built_core
+from pretouch._core.errors import InvalidInputError
+from pretouch.studio.page_file import figures_text, page_text
+from pretouch.studio.workspace import Workspace, change_text
+from studio_server import running_studio
+
+pytest.importorskip("starlette")
+pytest.importorskip("uvicorn")
+pytest.importorskip("tomlkit")
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("studio")
+    for name in ("loop.toml", "sensor.csv"):
+        shutil.copy(EXAMPLES / name, folder)
+    with running_studio(folder / "loop.toml") as server:
+        yield server
+
+
+@pytest.fixture
+def scenario():
+    return (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
+
+
+# ---- who is answered ----
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({"host": "evil.example"}, 421),
+        ({"host": "127.0.0.1"}, 421),
+        ({"Origin": "http://evil.example"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"X-Pretouch-Token": "x"}, 403),
+        ({"X-Pretouch-Token": ""}, 403),
+    ],
+    ids=["foreign host", "host without port", "foreign origin", "origin null", "wrong token", "no token"],
+)
+def test_a_foreign_request_is_refused(studio, scenario, changes, status):
+    found, _, content = studio.ask("POST", "/api/describe", {"text": scenario}, **changes)
+    assert found == status
+    assert b"fields" not in content
+
+
+def test_the_page_needs_the_token(studio):
+    assert studio.ask("GET", "/")[0] == 403
+    assert studio.ask("GET", "/?token=wrong")[0] == 403
+    status, headers, content = studio.ask("GET", f"/?token={studio.token}")
+    assert status == 200
+    assert b"loop.toml" in content
+    assert "default-src 'none'" in headers["content-security-policy"]
+    assert studio.ask("GET", f"/?token={studio.token}", host=f"rebound.example:{studio.port}")[0] == 421
+
+
+def test_a_large_upload_is_refused_while_it_is_sent(studio):
+    declared = studio.ask("POST", "/api/calibration", b"0,1\n" * 13_000_000, **{"X-Name": "large.csv"})
+    assert declared[0] == 413
+    assert b"10 MB" in declared[2]
+    assert studio.ask("POST", "/api/describe", {"text": "#" * 2_000_000})[0] == 413
+
+
+@pytest.mark.parametrize(
+    "name", ["/etc/passwd", "../sensor.csv", "sensor.csv"], ids=["absolute", "upward", "next to the file"]
+)
+def test_a_scenario_of_the_page_names_only_opened_files(studio, name):
+    text = f'[sensor]\ncalibration = "{name}"\n[robot]\nmodel = "{name}"\n'
+    for request in ("describe", "simulate", "save"):
+        answer = studio.answer(request, {"text": text})
+        assert answer["status"] == 422
+        assert "not been opened" in answer["message"]
+
+
+def test_an_uploaded_name_is_no_path(tmp_path):
+    workspace = Workspace()
+    try:
+        name = workspace.add_file("../../evil\\..\\a b.csv", b"1,2\n")
+        assert name == "a_b.csv"
+        assert workspace.file(name).parent == workspace.folder
+        with pytest.raises(InvalidInputError):
+            workspace.file("../a_b.csv")
+    finally:
+        workspace.close()
+    assert not workspace.folder.exists()
+
+
+@pytest.mark.parametrize("body", [b"", b"[1]", b"{", b'{"text": 3}', b"\xff"])
+def test_a_malformed_request_is_a_message(studio, body):
+    status, _, content = studio.ask("POST", "/api/describe", body)
+    assert status == 422
+    assert json.loads(content)["message"]
+
+
+# ---- what is answered ----
+
+
+def test_a_scenario_is_described_with_its_own_texts(studio, scenario):
+    answer = studio.answer("describe", {"text": scenario})
+    assert answer["fields"]["obstacle.position"] == "42.2 mm"
+    assert answer["fields"]["gain.bounds"] == ["-10 N*s", "-0.01 N*s"]
+    assert "sensor" not in answer["fixed"]
+
+
+def test_a_mistake_names_its_key_and_no_temporary_file(studio, scenario):
+    answer = studio.answer("describe", {"text": scenario.replace('"42.2 mm"', '"42.2 kg"')})
+    assert answer["status"] == 422
+    assert "position" in answer["message"]
+    assert "pretouch-studio-" not in answer["message"]
+
+
+def test_changes_keep_comments_and_everything_else(scenario):
+    changed = change_text(
+        scenario, {"obstacle.velocity": "-0.4 m/s", "plant.velocity": "0 m/s", "sensor.exponent": "3"}
+    )
+    before, after = scenario.splitlines(), changed.splitlines()
+    assert {line for line in before if line not in after} == {'velocity = "-0.3 m/s"', "exponent = 3.32"}
+    assert changed.count("#") == scenario.count("#")
+    document = tomllib.loads(changed)
+    assert document["obstacle"]["velocity"] == "-0.4 m/s"
+    assert document["sensor"]["exponent"] == 3
+    assert document["plant"] == {"velocity": "0 m/s"}
+    assert tomllib.loads(change_text(changed, {"plant.velocity": None})).get("plant") is None
+
+
+def test_a_file_is_saved_where_it_was_opened(tmp_path, scenario):
+    file = tmp_path / "own.toml"
+    file.write_text(scenario, encoding="utf-8")
+    with running_studio(file) as server:
+        text = change_text(scenario, {"obstacle.velocity": "-0.5 m/s"})
+        assert server.answer("save", {"text": text})["saved"] == "own.toml"
+        assert server.answer("save", {"text": "not TOML ="})["status"] == 422
+    assert file.read_text(encoding="utf-8") == text
+    assert pt.load_scenario(file).scenario.obstacle.velocity == -0.5
+
+
+def test_a_fit_follows_the_window(studio):
+    content = (EXAMPLES / "sensor.csv").read_bytes()
+    status, _, found = studio.ask("POST", "/api/calibration", content, **{"X-Name": "own.csv"})
+    data = json.loads(found)
+    report = pt.rank_models(pt.read_calibration(EXAMPLES / "sensor.csv"))
+    assert status == 200
+    assert data["fit"]["slope"]["value"] == pytest.approx(report.best.middle_slope.value, rel=1e-9)
+    assert data["fit"]["offset"]["value"] == pytest.approx(report.best.offset.value, rel=1e-9)
+    narrow = studio.answer("fit", {"name": "own.csv", "window": [0.01, 0.04]})
+    assert narrow["window"][0] >= 0.01
+    assert narrow["window"][1] <= 0.04
+    assert narrow["slope"]["value"] < data["fit"]["slope"]["value"]  # steeper nearer to the sensor
+    assert studio.answer("fit", {"name": "own.csv", "window": [0.01, 0.011]})["status"] == 422
+    assert studio.answer("fit", {"name": "other.csv", "window": None})["status"] == 422
+
+
+def test_a_bad_calibration_is_a_message(studio):
+    status, _, content = studio.ask("POST", "/api/calibration", b"\x00\x01\xff no table", **{"X-Name": "bad.csv"})
+    assert status == 422
+    assert json.loads(content)["message"]
+
+
+def test_a_simulated_run_and_a_cloud_are_those_of_python(studio, scenario):
+    run = studio.answer("simulate", {"text": scenario, "gain": -0.8, "seed": 3})
+    assert run["distance"][0] == pytest.approx(0.0422)
+    assert min(run["distance"]) < 0.002
+    cloud = studio.answer("cloud", {"text": scenario, "gain": -0.8})
+    assert len(cloud["speed"]) == cloud["count"]
+    assert 0.5 < cloud["shares"]["relative_velocity"] < 1
+    missing = studio.answer("cloud", {"text": scenario.replace("[uncertainty]", "[verify2]"), "gain": -0.8})
+    assert missing["status"] == 422
+
+
+def finish(studio, job, seconds=240):
+    for _ in range(seconds * 5):
+        answer = studio.answer(f"jobs/{job}", method="GET")
+        if answer["state"] != "running":
+            return answer
+        time.sleep(0.2)
+    raise AssertionError("the computation does not end")
+
+
+def test_a_computation_runs_beside_and_writes_its_report(studio, scenario):
+    text = scenario.replace("runs = 500", "runs = 60")
+    job = studio.answer("jobs", {"verb": "verify", "text": text, "gain": -0.86})["job"]
+    assert studio.answer("describe", {"text": scenario})["status"] == 200  # while it runs
+    answer = finish(studio, job)
+    assert answer["state"] == "done"
+    assert answer["json"]["gain"] == -0.86
+    status, _, report = studio.ask("GET", f"/api/jobs/{job}/report.html")
+    assert status == 200
+    assert b"<svg" in report
+    assert studio.ask("GET", f"/api/jobs/{job}/..%2f..%2fpasswd")[0] in {404, 422}
+
+
+def test_a_computation_is_canceled(studio, scenario):
+    text = scenario.replace("runs = 500", "runs = 100000")
+    job = studio.answer("jobs", {"verb": "verify", "text": text, "gain": -0.86})["job"]
+    assert studio.answer(f"jobs/{job}", method="DELETE")["state"] == "canceled"
+    assert studio.answer("jobs/none", method="GET")["status"] == 422
+    assert studio.answer("jobs", {"verb": "rm", "text": scenario})["status"] == 422
+
+
+def test_an_export_brings_the_law_in_c(studio, scenario):
+    text = scenario.replace("runs = 500", "runs = 60")
+    job = studio.answer("jobs", {"verb": "export", "text": text, "gain": -0.9})["job"]
+    answer = finish(studio, job)
+    assert answer["state"] == "done", answer
+    assert answer["json"]["written"]
+    _, _, content = studio.ask("GET", f"/api/jobs/{job}/export.zip")
+    names = zipfile.ZipFile(BytesIO(content)).namelist()
+    assert any(name.endswith("pretouch_law.c") for name in names)
+
+
+# ---- the page as a file ----
+
+
+def test_the_page_asks_for_nothing_outside():
+    built_core()
+    for text in (page_text(), figures_text()):
+        assert "<script src" not in text
+        addresses = {part.split("/")[2] for part in text.split('"') if part.startswith(("http://", "https://"))}
+        assert addresses <= {"www.w3.org"}
+    assert len(page_text()) <= 250_000
+
+
+def test_the_page_is_written_to_a_file(tmp_path):
+    built_core()
+    target = tmp_path / "try.html"
+    command = [sys.executable, "-m", "pretouch", "studio", "--output", str(target)]
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 0
+    assert target.read_text(encoding="utf-8") == page_text()
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 2
+
+
+def test_a_file_that_is_missing_is_one_sentence(tmp_path):
+    built_core()
+    command = [sys.executable, "-m", "pretouch", "studio", str(tmp_path / "none.toml"), "--no-browser"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "none.toml" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -10,8 +10,11 @@ from typing import Annotated, Final
 
 import typer
 
+from .compare import compare
+from .doctor import doctor
 from .export import export
 from .fit import fit
+from .init import init
 from .project import project
 from .record import record
 from .replay import replay
@@ -29,6 +32,7 @@ app = typer.Typer(
 _EXAMPLES: Final[
     dict[Callable[..., None], tuple[str, str, str]]
 ] = {  # in the order of the help: two commands for each verb, and the page of the documentation
+    init: ("init", 'init sensor.csv --speed "0.4 m/s" --output finger.toml', "start.md"),
     record: (
         "record sensor.csv --port /dev/ttyUSB0",
         'record fingertip.toml --i2c VCNL4040 --distances "0, 2, 5, 10, 20, 40 mm"',
@@ -45,6 +49,7 @@ _EXAMPLES: Final[
     robust: ("robust robust.toml", "robust robust.toml --samples 1024 --seed 1", "robust.md"),
     simulate: ("simulate loop.toml", 'simulate loop.toml --gain "-0.86 N*s" --seed 2', "simulation.md"),
     verify: ("verify loop.toml", 'verify loop.toml --gain "-0.86 N*s" --runs 2000', "verification.md"),
+    compare: ("compare damper.toml drag.toml", "compare loop.toml --parts --runs 200", "how-to/which-part.md"),
     export: (
         'export c loop.toml --gain "-0.86 N*s" --output law',
         "export c loop.toml --unverified --output draft",
@@ -56,6 +61,7 @@ _EXAMPLES: Final[
         "what-did-my-sensor-see.md",
     ),
     project: ("project arm.xml", "project arm.xml --json", "robots.md"),
+    doctor: ("doctor", "doctor --json", "start.md"),
     reproduce: ("reproduce", "reproduce table-2 figure-4", "letter.md"),
 }
 

@@ -1,6 +1,7 @@
 """Provide functions that plot results under short names, such as `plots.motion(design)`."""
 
 from .calibration_figures import calibration
+from .candidate_figures import candidates
 from .design_figures import sensitivity, trade_off
 from .drag_figures import drag
 from .motion_figures import motion, sampled_motion
@@ -15,6 +16,7 @@ from .verdict_gains import verdict_gain, verdict_stability
 __all__ = [
     "admittance",
     "calibration",
+    "candidates",
     "drag",
     "motion",
     "outcome",

@@ -43,8 +43,8 @@ demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
 
 check: $(STAMP)
-	$(BIN)/ruff format --check src tests benchmarks examples native hatch_build.py
-	$(BIN)/ruff check src tests benchmarks examples native hatch_build.py
+	$(BIN)/ruff format --check src tests benchmarks examples native docs hatch_build.py
+	$(BIN)/ruff check src tests benchmarks examples native docs hatch_build.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo --no-cache
 

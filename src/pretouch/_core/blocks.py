@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Final, TypeAlias
 from .units import format_quantity
 from .values import Value
 from .vocabulary import QUANTITIES, Entry
+from .warning_codes import split_code
 
 LINK: Final = re.compile(r"\[([^\[\]]+)\]\(#([a-z0-9-]+)\)")
 """A link inside a page: `[words](#anchor)`."""
@@ -278,8 +279,13 @@ def page_as_text(page: Page) -> str:
     """
     parts = ["\n".join([page.headline, *page.reservations])]
     if page.warnings:
-        parts.append("\n".join(f"warning: {plain_text(text)}" for text in page.warnings))
+        parts.append("\n".join(f"{_label(text)}: {plain_text(split_code(text)[1])}" for text in page.warnings))
     return "\n\n".join([*parts, *_parts(page.blocks)])
+
+
+def _label(text: str) -> str:
+    """Return the word that announces a warning, with its code."""
+    return f"warning {split_code(text)[0]}".strip()
 
 
 def _parts(blocks: Iterable[Block]) -> Iterator[str]:

@@ -49,8 +49,8 @@ def _doctor(*, json: bool) -> None:
     if json:
         document = {"status": "works" if works else "broken", "python": platform.python_version(), "core": core}
         print_text(as_json({**document, "packages": packages, "missing_of_extras": extras, "programs": programs}))
-        end(good=works)
-    print_text("\n".join(_lines(core, packages, extras, programs)))
+    else:
+        print_text("\n".join(_lines(core, packages, extras, programs)))
     end(good=works)
 
 

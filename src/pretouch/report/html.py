@@ -22,7 +22,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import refuse_input, sign, write_text
 
 from . import plots
-from .blocks_html import page_as_excerpt, page_as_html
+from .blocks_html import explained, page_as_excerpt, page_as_html
 from .style import draw_svg
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def page_html(page: Page) -> str:
     """Return a report page as HTML, with the versions of the software and a signature line."""
     shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
     title = f"{page.kind}{'' if page.kind.endswith('?') else ':'} {page.source}" if page.source else page.kind
-    body = page_as_html(page, _draw)
+    body = page_as_html(explained(page), _draw)
     versions = ", ".join(f"{name} {number}" for name, number in _versions())
     return sign(shell.substitute(title=escape(title), body=body, made=escape(versions)))
 

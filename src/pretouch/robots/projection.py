@@ -15,6 +15,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite_or_none, positive
 from pretouch._core.units import to_si
 from pretouch._core.values import Value
+from pretouch._core.warning_codes import caution
 from pretouch.design import Constraint, Task
 from pretouch.motion import Scenario
 
@@ -280,16 +281,22 @@ def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
 def _warnings(model: Model, drivetrain: Drivetrain, conditioning: float, limited: bool) -> Iterator[str]:
     """Yield sentences on properties of posture and model that matter for a design."""
     if conditioning < POOR:
-        yield (
+        yield caution(
+            "PT501",
             f"The posture is close to a singularity: along the axis, the drives move {conditioning**-2:.0f} times the "
-            "mass of the easiest direction. Expect larger deviations from the prediction; choose another posture."
+            "mass of the easiest direction. Expect larger deviations from the prediction; choose another posture.",
         )
     if not limited:
-        yield "The model does not limit the forces of all actuators, so that acceleration and force have no limit."
+        yield caution(
+            "PT502",
+            "The model does not limit the forces of all actuators, so that acceleration and force have no limit.",
+        )
     passive = [
         joint_label(model, int(j))
         for j in dict.fromkeys(np.asarray(model.dof_jntid)[drivetrain.base].tolist())
         if model.body_parentid[model.jnt_bodyid[j]] != 0
     ]
     if passive:
-        yield f"No actuator moves the following joints, which are treated as free: {', '.join(passive)}."
+        yield caution(
+            "PT503", f"No actuator moves the following joints, which are treated as free: {', '.join(passive)}."
+        )

@@ -332,6 +332,18 @@ class InNotebooks:
     page: ClassVar[str]
     """Module and function that make the page, such as `pretouch.design.page:gain_page`."""
 
+    def plot(self) -> Any:
+        """Draw the main figure of this result, the one that its report shows first.
+
+        The functions in `pretouch.plots` draw all other figures.
+
+        Returns:
+            A Matplotlib figure. A result without a figure, for example without contact, raises a
+            ResultUnavailableError.
+        """
+        draw: Callable[[Page], Any] = import_module("pretouch.report.html").lead_figure
+        return draw(page_of(self))
+
     def _repr_html_(self) -> str | None:
         excerpt: Callable[[Page], str] = import_module("pretouch.report.html").excerpt_html
         return excerpt(page_of(self))

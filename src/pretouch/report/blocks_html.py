@@ -79,6 +79,20 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
     return "\n".join([*parts, *contents, *folded])
 
 
+def lead_picture(page: Page) -> Picture | None:
+    """Return the figure that a report page shows first, or else its first figure; None if it has none."""
+    return _without_lead(page.blocks, page.lead)[0] or next(_pictures(page.blocks), None)
+
+
+def _pictures(blocks: Iterable[Block]) -> Iterator[Picture]:
+    """Yield the figures among blocks, including those inside sections."""
+    for block in blocks:
+        if isinstance(block, Picture):
+            yield block
+        elif isinstance(block, PageSection):
+            yield from _pictures(block.blocks)
+
+
 def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, list[Block]]:
     """Return the figure with a given name, and the blocks of the page without this figure."""
     # Sections that the figure leaves empty are removed as well.

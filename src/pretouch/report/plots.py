@@ -4,6 +4,7 @@ from .calibration_figures import calibration
 from .candidate_figures import candidates
 from .design_figures import sensitivity, trade_off
 from .drag_figures import drag
+from .fit_figures import sensor_fit
 from .motion_figures import motion, sampled_motion
 from .pareto_figures import admittance, pareto
 from .replay_figures import replay
@@ -26,6 +27,7 @@ __all__ = [
     "robust",
     "sampled_motion",
     "sensitivity",
+    "sensor_fit",
     "simulation",
     "sweep",
     "trade_off",

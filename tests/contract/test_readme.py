@@ -15,8 +15,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-ROBUST = (ROOT / "docs" / "robust.md").read_text(encoding="utf-8")
-VERIFICATION = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
+ROBUST = (ROOT / "docs" / "how-to/robust.md").read_text(encoding="utf-8")
+VERIFICATION = (ROOT / "docs" / "explanation/verification.md").read_text(encoding="utf-8")
 SESSIONS = [s for page in (README, ROBUST, VERIFICATION) for s in re.findall(r"```console\n(.*?)```", page, re.DOTALL)]
 
 
@@ -50,7 +50,7 @@ def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, page: str) -> 
     assert runner.summarize().failed == 0
 
 
-@pytest.mark.parametrize("page", ["design.md", "gradients.md", "verification.md"])
+@pytest.mark.parametrize("page", ["explanation/design.md", "explanation/gradients.md", "explanation/verification.md"])
 def test_the_examples_of_a_page_run(page: str) -> None:
     """Block by block, later ones with the names of earlier ones."""
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -65,7 +65,16 @@ def test_the_examples_of_a_page_run(page: str) -> None:
     assert runner.summarize().failed == 0
 
 
-@pytest.mark.parametrize("page", ["simulation.md", "control.md", "drag.md", "own-law.md", "extending.md"])
+@pytest.mark.parametrize(
+    "page",
+    [
+        "explanation/simulation.md",
+        "explanation/control.md",
+        "explanation/drag.md",
+        "how-to/own-law.md",
+        "how-to/extending.md",
+    ],
+)
 def test_the_programs_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All blocks of a page, one after the other, as a reader would try them: later ones use names of earlier ones."""
     monkeypatch.chdir(tmp_path)  # some of them write figures and pages

@@ -30,7 +30,9 @@ ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
 
 
 def test_a_quick_loop_without_noise_holds_as_predicted() -> None:
-    """The loop differs by an error of the first order in T: 0.72 T in time (docs/simulation.md), T in what follows."""
+    """The loop differs by an error of the first order in T: 0.72 T in time (docs/explanation/simulation.md), T in
+    what follows.
+    """
     period = 1e-4
     found = verdict(QUICK, constraints=[velocity_limit(0.1)], runs=5)
     assert found.status is HOLDS

@@ -58,7 +58,7 @@ _ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtrac
 def load_scenario(path: str | os.PathLike[str]) -> Task:
     """Read a scenario file (TOML) and return the task that the file describes.
 
-    docs/scenario-file.md lists the sections and keys of a scenario file.
+    docs/reference/scenario-file.md lists the sections and keys of a scenario file.
 
     If [sensor] names a calibration file, the sensor curve is fitted here. Its path is relative to the scenario file.
 

@@ -317,7 +317,7 @@ def test_what_a_controller_reports_is_said_in_words() -> None:
     dropping = loop_of(dropout=0.3)
     found = verdict(dropping, gain=-0.7463, runs=20, changes=False)
     assert any("the expected sensor reading was missing" in text for text in found.warnings)
-    broken = "A broken sensor cable makes the robot jump toward the object: set largest_rate"
+    broken = "PT404: A broken sensor cable makes the robot jump toward the object: set largest_rate"
     assert any(text.startswith(broken) for text in found.warnings)
     checked = loop_of(conditioning={"largest_rate": 100.0})
     assert not any("cable" in text for text in verdict(checked, gain=-0.7463, runs=2, changes=False).warnings)

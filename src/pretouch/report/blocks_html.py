@@ -150,7 +150,7 @@ def _explanation(code: str) -> PageSection:
 
 def _with_links(text: str) -> str:
     """Return a warning as HTML, in which its codes are links to their explanations on the page."""
-    return re.sub(r"\b(PT\d{3}): ", lambda m: f'<a href="#{m[1].lower()}">{m[1]}</a>: ', _inline(text))
+    return re.sub(r"\b(PT\d{3}): ", lambda m: f'<a href="#{m[1].lower()}">{m[1]}:</a> ', _inline(text))
 
 
 def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], level: int = 2) -> Iterator[str]:

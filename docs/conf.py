@@ -22,7 +22,10 @@ extensions = [
     "api_pages",
     "live_figures",
 ]
-exclude_patterns = ["_ext", "gallery/*.py", "gallery/README.*", "**.ipynb_checkpoints", "make_pages.py"]
+exclude_patterns = [
+    *("_ext", "gallery", "make_pages.py", "**.ipynb_checkpoints"),
+    *(f"auto_gallery/*.{ending}" for ending in ("ipynb", "py", "zip", "json", "md5")),
+]
 nitpicky = True
 # types in signatures that have no page: Python, NumPy, Matplotlib and internal classes
 nitpick_ignore_regex = [

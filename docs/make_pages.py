@@ -60,7 +60,7 @@ def warning_index() -> str:
         codes = [code for code in WARNING_CODES.values() if code.code.startswith(start)]
         lines += [f"| [{code.code}]({code.code}.md) | {code.title} |" for code in codes]
         lines.append("")
-    return "\n".join(lines)
+    return "\n".join([*lines, "```{toctree}", ":hidden:", "", *WARNING_CODES, "```", ""])
 
 
 def warning_page(code: WarningCode) -> str:

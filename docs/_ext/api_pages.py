@@ -17,6 +17,7 @@ MODULES = (
     *("pretouch.recording", "pretouch.export", "pretouch.letter", "pretouch.plots", "pretouch.report"),
     *("pretouch.fields", "pretouch.errors"),
 )
+_EXCLUDED = "page, kind, number, degree, status"  # fields that the Args of the class describe
 INDEX = """\
 # Python API
 
@@ -60,7 +61,7 @@ def page_of(module: ModuleType, done: set[int]) -> str:
         title = f"{name}"
         lines += [title, "-" * len(title), "", f".. auto{kind}:: {module.__name__}.{name}"]
         if kind == "class":
-            lines += ["   :members:", "   :exclude-members: page"]
+            lines += ["   :members:", f"   :exclude-members: {_EXCLUDED}"]
         lines.append("")
     return "\n".join(lines)
 

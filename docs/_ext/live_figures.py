@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from docutils import nodes
 from docutils.parsers.rst import directives
+from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -40,6 +41,7 @@ class LiveFigure(SphinxDirective):
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the directive."""
+    """Register the directive, and show CSV files as plain text."""
+    app.add_lexer("csv", TextLexer)
     app.add_directive("live-figure", LiveFigure)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

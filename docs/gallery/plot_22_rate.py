@@ -14,7 +14,7 @@ from pretouch.simulation import LoopTiming, gain_limit
 task = pt.load_scenario("../../examples/approach.toml")
 rates = np.geomspace(20.0, 1000.0, 30)
 limits = [
-    -gain_limit(task.sensor, task.scenario.admittance, LoopTiming(rate=rate), distance=0.0).gain for rate in rates
+    -gain_limit(task.sensor, task.scenario.admittance, LoopTiming(rate=rate), distance=0.0).strongest for rate in rates
 ]
 panel_figure(
     Panel(

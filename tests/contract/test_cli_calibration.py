@@ -162,8 +162,8 @@ def test_a_motion_that_leaves_the_data_names_the_calibration(run):
     assert code == 1
     assert out.startswith(
         "PT203: The object recedes at the start. For an approach, give the obstacle a negative velocity. "
-        "PT202: Not supported by data: the motion leaves the calibrated distances before contact. The calibration supports "
-        "the fitted "
+        "PT202: Not supported by data: the motion leaves the calibrated distances before contact. The calibration "
+        "supports the fitted "
     )
 
 

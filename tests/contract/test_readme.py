@@ -17,7 +17,9 @@ ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 ROBUST = (ROOT / "docs" / "how-to/robust.md").read_text(encoding="utf-8")
 VERIFICATION = (ROOT / "docs" / "explanation/verification.md").read_text(encoding="utf-8")
-SESSIONS = [s for page in (README, ROBUST, VERIFICATION) for s in re.findall(r"```console\n(.*?)```", page, re.DOTALL)]
+FEATURES = (ROOT / "docs" / "explanation/features.md").read_text(encoding="utf-8")
+PAGES = (README, FEATURES, ROBUST, VERIFICATION)
+SESSIONS = [s for page in PAGES for s in re.findall(r"```console\n(.*?)```", page, re.DOTALL)]
 
 
 @pytest.mark.parametrize("session", SESSIONS, ids=[s.splitlines()[0] for s in SESSIONS])
@@ -41,7 +43,7 @@ def test_there_are_sessions_to_check() -> None:
     assert len(SESSIONS) == 6
 
 
-@pytest.mark.parametrize("page", [README, ROBUST], ids=["README", "robust"])
+@pytest.mark.parametrize("page", [README, FEATURES, ROBUST], ids=["README", "features", "robust"])
 def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, page: str) -> None:
     monkeypatch.chdir(ROOT)
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
@@ -117,6 +119,11 @@ def test_the_numbers_about_the_drag_are_those_of_the_example() -> None:
         for v, w in ((drag.drag, "virtual-drag"), (gain.gain, "virtual-damper"))
     ]
     assert [round(v, 3) for v in speeds] == [-0.085, -0.065]
+
+
+def test_the_readme_is_short_and_shows_the_drag_after_the_first_success() -> None:
+    assert len(README.splitlines()) <= 120
+    assert README.index("pretouch design examples") < README.index("virtual drag")
 
 
 def test_every_make_target_of_the_readme_exists() -> None:

@@ -60,6 +60,9 @@ def problems(site: Path) -> list[str]:
                 found.append(f"{name}: {address} leads nowhere")
             elif parts.fragment and target in pages and unquote(parts.fragment) not in pages[target].ids:
                 found.append(f"{name}: {address} has no such section")
+    for path, page in pages.items():
+        if path.name.startswith("plot_") and not any("sphx_glr_plot" in source for source in page.fetched):
+            found.append(f"{path.relative_to(site.resolve())}: has no figure")
     for path in site.rglob("*.css"):
         outside = _OUTSIDE.findall(path.read_text(encoding="utf-8"))
         found += [f"{path.relative_to(site)}: fetches {address}" for address in outside]

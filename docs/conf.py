@@ -23,7 +23,7 @@ extensions = [
     "live_figures",
 ]
 exclude_patterns = [
-    *("_ext", "gallery", "make_pages.py", "**.ipynb_checkpoints"),
+    *("**/sg_execution_times.*", "sg_execution_times.*", "_ext", "gallery", "make_pages.py", "**.ipynb_checkpoints"),
     *(f"auto_gallery/*.{ending}" for ending in ("ipynb", "py", "zip", "json", "md5")),
 ]
 nitpicky = True
@@ -58,13 +58,15 @@ sphinx_gallery_conf = {
     "examples_dirs": "gallery",
     "gallery_dirs": "auto_gallery",
     "filename_pattern": r"/plot_",
-    "image_scrapers": ("matplotlib",),
+    "image_scrapers": ("figure_scraper.save_figure",),
     "show_memory": False,
+    "write_computation_times": False,
+    "reset_modules": (),
     "show_signature": False,
     "download_all_examples": False,
     "remove_config_comments": True,
     "within_subsection_order": "FileNameSortKey",
-    "capture_repr": ("__str__",),
+    "capture_repr": (),
     "abort_on_example_error": True,
     "plot_gallery": "True",
 }

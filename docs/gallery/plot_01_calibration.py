@@ -8,4 +8,4 @@ Fit sensor curves to readings, and show readings, log signal, slope and residual
 import pretouch as pt
 
 report = pt.rank_models(pt.read_calibration("../../examples/sensor.csv"))
-pt.plots.calibration(report)
+figure = pt.plots.calibration(report)

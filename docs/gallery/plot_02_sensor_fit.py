@@ -8,4 +8,4 @@ The fitted points, the curve and the residuals of one model.
 import pretouch as pt
 
 report = pt.rank_models(pt.read_calibration("../../examples/sensor.csv"))
-pt.plots.sensor_fit(report.best)
+figure = pt.plots.sensor_fit(report.best)

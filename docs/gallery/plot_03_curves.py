@@ -17,7 +17,7 @@ curves = {
     "exponential, second order": pt.ExponentialSecondOrder(scale=0.488, rate=-75.0, curvature=400.0),
     "Mittag-Leffler": pt.MittagLeffler(scale=0.488, rate=-80.0, order=0.85),
 }
-panel_figure(
+figure = panel_figure(
     Panel(
         x_label="distance l [mm]",
         y_label="sensor output ξ [V]",

@@ -13,7 +13,7 @@ from pretouch.report import Curve, Panel, panel_figure
 curve = pt.InversePower(scale=0.533, distance_offset=0.0419, exponent=3.32)
 l = np.linspace(0.0, 0.1, 200)
 xi, g = curve.output(l), curve.log_slope(l)
-panel_figure(
+figure = panel_figure(
     Panel(
         x_label="distance l [mm]",
         y_label="slope that the controller sees [1/m]",

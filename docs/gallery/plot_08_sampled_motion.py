@@ -9,4 +9,4 @@ import pretouch as pt
 
 task = pt.load_scenario("../../examples/approach.toml")
 motion = pt.solve_motion(task.scenario, task.sensor, -0.5)
-pt.plots.sampled_motion(motion)
+figure = pt.plots.sampled_motion(motion)

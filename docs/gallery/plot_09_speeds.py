@@ -20,4 +20,4 @@ for name, pick in (("contact speed [m/s]", "relative_velocity"), ("retreat [m]",
         contact = pt.find_contact(many, task.sensor, gain).contact
         curves.append(Curve(x=v, y=-getattr(contact, pick), label=f"{gain} N s"))
     panels.append(Panel(x_label="approach speed [m/s]", y_label=name, curves=curves))
-panel_figure(*panels, columns=2)
+figure = panel_figure(*panels, columns=2)

@@ -9,4 +9,4 @@ import pretouch as pt
 
 task = pt.load_scenario("../../examples/approach.toml")
 drag = pt.design_drag(task.replace(drag_effect=pt.DragEffect(ratio=0.15)))
-pt.plots.drag(drag)
+figure = pt.plots.drag(drag)

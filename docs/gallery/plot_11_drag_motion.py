@@ -19,7 +19,7 @@ share = {
     "damper for 0.3 m/s": pt.find_contact(many, task.sensor, gain.gain).contact,
     "drag": pt.find_contact(many, task.sensor, drag.drag, law="virtual-drag").contact,
 }
-panel_figure(
+figure = panel_figure(
     Panel(
         x_label="approach speed [m/s]",
         y_label="share of the speed that is left [%]",

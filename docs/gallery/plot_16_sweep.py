@@ -14,4 +14,4 @@ grid = pt.sweep(
     task,
     {"obstacle.velocity": np.linspace(-0.6, -0.1, 16), "obstacle.position": np.linspace(0.03, 0.06, 12)},
 )
-pt.plots.sweep(grid)
+figure = pt.plots.sweep(grid)

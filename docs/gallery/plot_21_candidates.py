@@ -10,4 +10,4 @@ from pretouch.config.parts import load_with_parts
 from pretouch.verification import compare_candidates
 
 tasks = load_with_parts("../../examples/drag.toml")
-pt.plots.candidates(compare_candidates(tasks, runs=100))
+figure = pt.plots.candidates(compare_candidates(tasks, runs=100))

@@ -16,7 +16,7 @@ rates = np.geomspace(20.0, 1000.0, 30)
 limits = [
     -gain_limit(task.sensor, task.scenario.admittance, LoopTiming(rate=rate), distance=0.0).strongest for rate in rates
 ]
-panel_figure(
+figure = panel_figure(
     Panel(
         x_label="sensor rate [Hz]",
         y_label="strongest stable gain, |D_p| [N s]",

@@ -11,4 +11,4 @@ from pretouch.recording.reading import read_recordings
 
 task = pt.load_scenario("../../examples/loop.toml")
 reading, truth = read_recordings("../../examples/approaches.csv", ("reading", "contact"))
-pt.plots.replay(replay(task.replace(gain=-0.86), reading, truth=truth))
+figure = pt.plots.replay(replay(task.replace(gain=-0.86), reading, truth=truth))

@@ -7,4 +7,4 @@ Figure 4 of the letter, recomputed. `pretouch reproduce` writes the report of al
 
 import pretouch as pt
 
-pt.letter.reproduce(["figure-4"]).plot()
+figure = pt.letter.reproduce(["figure-4"]).plot()

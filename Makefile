@@ -20,7 +20,9 @@ SEED ?=
 MUTANTS ?= 200
 ONLY ?=
 
-.PHONY: help page demo check test sanitize fuzz mutants benchmark clean
+DOCS := $(VENV)/.docs
+
+.PHONY: help page demo check test docs sanitize fuzz mutants benchmark clean
 
 help:
 	@echo "make demo       fit a sensor, design gains, check the letter, write reports to demo-output/"
@@ -30,6 +32,7 @@ help:
 	@echo "make sanitize   the tests of the compiled core with checks of addresses and undefined behavior"
 	@echo "make fuzz       random properties, encounters and files, for hours; what it finds becomes a test"
 	@echo "make mutants    change random lines of a copy, and list the changes that no test notices; for hours"
+	@echo "make docs       the documentation site, in build/site/index.html"
 	@echo "make benchmark  what benchmarks/ measures, on this machine"
 	@echo "make clean      remove what make made"
 
@@ -49,8 +52,8 @@ demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
 
 check: $(STAMP)
-	$(BIN)/ruff format --check src tests benchmarks examples native hatch_build.py
-	$(BIN)/ruff check src tests benchmarks examples native hatch_build.py
+	$(BIN)/ruff format --check src tests benchmarks examples native docs hatch_build.py
+	$(BIN)/ruff check src tests benchmarks examples native docs hatch_build.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo --no-cache
 
@@ -73,6 +76,15 @@ fuzz: $(STAMP)
 # tried on the tests that reach the changed line; stopped and started again, it goes on where it was
 mutants: $(STAMP)
 	PYTHONPATH=tests $(BIN)/python -m mutants --count $(MUTANTS) --only "$(ONLY)" $(if $(SEED),--seed $(SEED))
+
+$(DOCS): $(STAMP)
+	@$(BIN)/python .ci/pip_progress.py install -c constraints.txt -e '.[docs]'
+	@touch $@
+
+# builds offline; a warning, a broken link or a failing example is an error
+docs: $(DOCS)
+	$(BIN)/sphinx-build -q -W --keep-going -n -b html docs build/site
+	$(BIN)/python docs/check_site.py build/site
 
 benchmark: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 import pretouch as pt
 from pretouch.motion import CustomLaw, LawNumber
 
-SLOW = 1.0  # the rate of ln xi below which the law of docs/own-law.md ignores an approach [1/s]
+SLOW = 1.0  # the rate of ln xi below which the law of docs/how-to/own-law.md ignores an approach [1/s]
 NUMBER = LawNumber("gain", "D_z", "N*s", -1)
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 SPEED, START = -0.3, 0.0422

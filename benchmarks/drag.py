@@ -382,7 +382,7 @@ def sections(quick: bool) -> Iterator[tuple[str, Lines]]:
     yield "share of the speed that is left at 1 kHz, over rho", ratios(size)
     yield "processor times next to NumPy", Lines(*drag_times.lines(quick))
     count = 2_000 if quick else 100_000
-    yield f"bounds of docs/drag.md over {count:,} encounters", Lines(*bounds.measure(count))
+    yield f"bounds of docs/explanation/drag.md over {count:,} encounters", Lines(*bounds.measure(count))
     yield "beside MuJoCo", witnessed(WITNESSED[-1:] if quick else WITNESSED)
 
 

@@ -159,7 +159,7 @@ def designs(count: int) -> list[str]:
 
 
 def example() -> list[str]:
-    """Run the worked example of docs/sweeps.md; return a row with the time of each of its sweeps."""
+    """Run the worked example of docs/how-to/sweeps.md; return a row with the time of each of its sweeps."""
     task = pt.load_scenario(Path(__file__).parents[1] / "examples" / "approach.toml")
     speeds = np.linspace(-1.0, -0.01, 100)
     rng = np.random.default_rng(20261121)

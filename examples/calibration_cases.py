@@ -1,4 +1,4 @@
-"""Calibration cases of docs/good-calibration.md: one reflective sensor, measured well and with each common mistake.
+"""Calibration cases for the page on good calibrations: one reflective sensor, measured well and with each mistake.
 
 The sensor follows an inverse power (l_0 = 30 mm, n = 3; 9000 counts at contact) with an offset of 600 counts. A reading
 has a noise of 6 counts and a jitter of 0.3 % of the signal. Every case is generated from a seed, so its true curve is

@@ -1,4 +1,4 @@
-"""Draw the plots of docs/good-calibration.md into a folder: python examples/calibration_pictures.py docs/images."""
+"""Draw the plots of good calibrations into a folder: python examples/calibration_pictures.py docs/images."""
 
 from __future__ import annotations
 

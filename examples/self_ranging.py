@@ -5,7 +5,7 @@
 For an inverse power curve, y = xi^(-1/n) = theta (l + l_0) is linear in the distance l, with one unknown theta for
 the reflectance. The robot's own retreat is known, so theta is observable, and a linear Kalman filter estimates
 distance and speed. The drag is the one for a constant deceleration over that distance, limited to the range between
-two constant drags. So the guarantee of the weak one holds, however wrong the estimate is (docs/drag.md). An
+two constant drags. So the guarantee of the weak one holds, however wrong the estimate is (docs/explanation/drag.md). An
 exponential curve is refused: there a brighter object looks like a nearer one at every distance, so the distance is
 not observable.
 

@@ -1,7 +1,7 @@
 /* The sampled controller of the letter's Fig. 1. Once per period T it turns the readings of a proximity sensor into a
  * reference of the robot's own controller. Simulations and tests run this source, and a robot can run it unchanged:
- * C99, no allocation, no globals, no libm functions except log, sqrt, fabs and floor. docs/control.md explains each
- * block; its table lists the blocks in the same order.
+ * C99, no allocation, no globals, no libm functions except log, sqrt, fabs and floor.
+ * docs/explanation/control.md explains each block; its table lists the blocks in the same order.
  *
  *            reading                             contact force, reference
  *               |                                          |

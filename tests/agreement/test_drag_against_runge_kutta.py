@@ -117,7 +117,7 @@ def test_the_prototypes_numbers() -> None:
 @pytest.mark.parametrize("ratio", [0.9, 0.5, 0.15, 0.02, 1e-4])
 @pytest.mark.parametrize("distance", [0.005, 0.0422, 0.4, 5.0])
 def test_closed_forms_by_the_exponential_integral(ratio: float, distance: float) -> None:
-    """Contact, excursion, peak acceleration and the integral of the bound, L(3) and L(5) (docs/drag.md).
+    """Contact, excursion, peak acceleration and the integral of the bound, L(3) and L(5) (docs/explanation/drag.md).
 
     The exponential integral is good to 1e-15 of itself; the excursion is a difference of such, l_d beside it.
     """

@@ -276,7 +276,7 @@ def test_a_million_adversarial_steps_give_the_same_bits_as_the_package(
 def test_outputs_stay_finite_and_within_limits_for_any_sample(
     design: str, precision: str, tmp_path: Path, export: Callable[[str], pt.Task]
 ) -> None:
-    """A million samples here; docs/export/c.md has the number that was run once."""
+    """A million samples here; docs/how-to/export/c.md has the number that was run once."""
     export(design)
     flags = "-DPRETOUCH_FLOAT -Wno-float-conversion" if precision == "float" else ""
     program = adversarial(tmp_path / "law", flags)

@@ -13,7 +13,7 @@ from exported_designs import DESIGNS
 from pretouch.export import export_law
 
 HERE = Path(__file__).parents[1] / "embedded"
-PAGE = (Path(__file__).parents[2] / "docs/export/c.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/how-to/export/c.md").read_text(encoding="utf-8")
 BOARDS = {
     "Cortex-M4F": ("mps2-an386", "cortex-m4", "fpv4-sp-d16"),
     "Cortex-M7": ("mps2-an500", "cortex-m7", "fpv5-d16"),

@@ -182,7 +182,7 @@ def test_a_program_prints_what_it_measures(name: str, options: list[str], printe
 
 
 def test_the_page_names_every_program() -> None:
-    page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "developers/benchmarks.md").read_text(encoding="utf-8")
     programs = {file.stem for file in (ROOT / "benchmarks").glob("*.py") if not file.stem.startswith("_")} | {"peers"}
     assert {name for name in programs if f"python -m benchmarks.{name}`" not in page} == set()
 

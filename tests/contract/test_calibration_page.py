@@ -1,4 +1,6 @@
-"""docs/calibration.md describes the file: its examples are read, and what they come to is what they show."""
+"""docs/explanation/calibration.md describes the file: its examples are read, and what they come to is what they
+show.
+"""
 
 import re
 from pathlib import Path
@@ -8,7 +10,7 @@ import pytest
 
 from pretouch.calibration import read_calibration, read_calibrations
 
-PAGE = (Path(__file__).parents[2] / "docs" / "calibration.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "explanation/calibration.md").read_text(encoding="utf-8")
 LONG, WIDE, EXPORTED = re.findall(r"```csv\n(.*?)```", PAGE, re.DOTALL)
 
 

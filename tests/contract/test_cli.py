@@ -297,7 +297,7 @@ def test_everything_a_result_may_hold_becomes_json():
 
 
 def test_the_reference_names_the_options_that_there_are(run):
-    text = (Path(__file__).parents[2] / "docs" / "cli.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "reference/cli.md").read_text(encoding="utf-8")
     documented = set(re.findall(r"--[a-z][a-z-]+", text)) - {"--help", "--version", "--install-completion"}
     helps = [run(command.callback.__name__, "--help")[1] for command in app.registered_commands]
     offered = {option for text in helps for option in re.findall(r"--[a-z][a-z-]+", text)}

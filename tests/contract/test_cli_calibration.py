@@ -34,7 +34,7 @@ VERBS = {
 CLIPPED = 'calibration = "clipped.csv"\nmodel = "exponential-1"'
 WHOLE = 'calibration = "sensor.csv"\nmodel = "exponential-1"\nmaximum_distance = "60 mm"'
 UNSUPPORTED = (
-    "Not supported by data: this result uses the fitted exponential-1 curve where the calibration has no "
+    "PT202: Not supported by data: this result uses the fitted exponential-1 curve where the calibration has no "
     "usable readings: from "
 )
 
@@ -161,9 +161,9 @@ def test_a_motion_that_leaves_the_data_names_the_calibration(run):
     code, out, _ = run("design", file, "--no-report", "--verbose")
     assert code == 1
     assert out.startswith(
-        "The object recedes at the start. For an approach, give the obstacle a negative velocity. "
-        "Not supported by data: the motion leaves the calibrated distances before contact. The calibration supports "
-        "the fitted "
+        "PT203: The object recedes at the start. For an approach, give the obstacle a negative velocity. "
+        "PT202: Not supported by data: the motion leaves the calibrated distances before contact. The calibration "
+        "supports the fitted "
     )
 
 

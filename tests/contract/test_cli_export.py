@@ -26,7 +26,7 @@ LOOP = ROOT / "examples/loop.toml"
 PARAMETERS = "src/pretouch_controller_parameters.yaml"
 PAGES = {
     path.stem: path.read_text(encoding="utf-8")
-    for path in (ROOT / "docs/export.md", *sorted((ROOT / "docs/export").glob("*.md")))
+    for path in (ROOT / "docs/how-to/export.md", *sorted((ROOT / "docs/how-to/export").glob("*.md")))
 }
 SESSIONS = [
     pytest.param(session, id=f"{name}-{session.split()[1]}")

@@ -32,7 +32,7 @@ if os.name == "nt":
 pytest.importorskip("serial", reason="needs the extra 'record'")
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs/record-a-calibration.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/how-to/record-a-calibration.md").read_text(encoding="utf-8")
 LIST = "0, 3, 7, 12, 18, 26, 36, 52 mm"  # a twentieth of the signal is reached at 51 mm
 STEP, CYCLE = 7919, 10007  # of numbers that look like noise, and show a lost line by another difference
 SCENARIO = """

@@ -24,7 +24,7 @@ from pretouch.verification import simulate_encounter
 
 ROOT = Path(__file__).parents[2]
 LOOP, TABLE = ROOT / "examples/loop.toml", ROOT / "examples/approaches.csv"
-PAGE = (ROOT / "docs/what-did-my-sensor-see.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/how-to/what-did-my-sensor-see.md").read_text(encoding="utf-8")
 GAIN = ["--gain", "-0.86 N*s"]
 
 

@@ -136,7 +136,7 @@ def test_the_help_lists_every_id(run, monkeypatch):
 
 
 def test_the_reference_lists_every_id():
-    text = (Path(__file__).parents[2] / "docs" / "cli.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "reference/cli.md").read_text(encoding="utf-8")
     section = text.partition("## pretouch reproduce")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| `([a-z0-9-]+)` \|", section, re.MULTILINE)
     assert tuple(rows) == pretouch.letter.IDS

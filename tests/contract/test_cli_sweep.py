@@ -240,7 +240,9 @@ def test_the_examples_of_the_page_run_one_after_another(
 ) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8"), re.DOTALL)
+    blocks = re.findall(
+        r"```python\n(.*?)```", (ROOT / "docs" / "how-to/sweeps.md").read_text(encoding="utf-8"), re.DOTALL
+    )
     assert len(blocks) == 3
     names: dict[str, Any] = {}
     for block in blocks:
@@ -253,7 +255,7 @@ def test_the_examples_of_the_page_run_one_after_another(
 
 
 def test_the_command_of_the_page_prints_what_it_shows(run: Any) -> None:
-    text = (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "how-to/sweeps.md").read_text(encoding="utf-8")
     (session,) = re.findall(r"```console\n(.*?)```", text, re.DOTALL)
     command_line, shown, _ = session.split("\n", 2)
     words = [str(ROOT / word) if word.startswith("examples/") else word for word in shlex.split(command_line)[2:]]

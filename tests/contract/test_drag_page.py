@@ -33,7 +33,7 @@ TASK = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, drag_effect=pt.DragEf
 
 
 def excursion(phi: float, distance: float = L_D) -> float:
-    """E of docs/drag.md, by exponential integrals; M = 1 kg."""
+    """E of docs/explanation/drag.md, by exponential integrals; M = 1 kg."""
     c = phi * N**2
     near, far = c / L_0, c / (L_0 + distance)
     return c * np.exp(-far) * (expi(near) - expi(far)) - L_0 * (np.exp(near - far) - 1)
@@ -111,7 +111,7 @@ def test_the_contact_stands_beside_none_and_the_letters_optimum(design: Any, pag
     assert shown(row(page, "time", "The contact")) == near(L_D / V, followed(PHI, 0.0)[1], gain.time)
     ratios = row(page, "relative to the smallest possible excursion")
     runs = ((0.15 * V, excursion(PHI), peaks[1]), (-gain.relative_velocity, -gain.displacement, peaks[2]))
-    least = [e / ((V - w) ** 2 / (2 * a)) for w, e, a in runs]  # (|v| - w)^2 / 2A: docs/trade-offs.md
+    least = [e / ((V - w) ** 2 / (2 * a)) for w, e, a in runs]  # (|v| - w)^2 / 2A: docs/how-to/trade-offs.md
     assert ratios[0] == "\u2013"
     assert [float(cell) for cell in ratios[1:]] == pytest.approx(least, rel=5e-3)  # three digits
 

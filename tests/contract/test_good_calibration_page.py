@@ -1,4 +1,4 @@
-"""docs/good-calibration.md quotes what the program prints of its cases, and shows their pictures."""
+"""docs/how-to/good-calibration.md quotes what the program prints of its cases, and shows their pictures."""
 
 import importlib
 import re
@@ -12,7 +12,7 @@ import pytest
 from figure_checks import assert_legible
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "good-calibration.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to/good-calibration.md").read_text(encoding="utf-8")
 SECTIONS = re.split(r"^## ", PAGE, flags=re.MULTILINE)
 NAMES = re.findall(r"!\[[^\]]+\]\(images/calibration-([a-z-]+)\.png\)", PAGE)
 
@@ -58,7 +58,7 @@ def test_what_a_section_quotes_is_what_is_printed(drawn, name):
 
 
 def test_the_worked_example_of_the_other_page_is_what_is_printed(drawn):
-    page = (ROOT / "docs" / "calibration.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "explanation/calibration.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
     assert plain(example) in plain(str(drawn.report("good")))
 

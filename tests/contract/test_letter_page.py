@@ -82,7 +82,7 @@ def test_a_notebook_shows_counts_and_warnings_without_links() -> None:
     shown = bad()._repr_html_()
     assert "<a " not in shown
     assert "](#" not in shown
-    assert "Warning: Does not hold: finding 7: Column 7" in shown
+    assert "Warning PT901: Does not hold: finding 7: Column 7" in shown
     assert "table-2: The gains of table-2" in shown
 
 

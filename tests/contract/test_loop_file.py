@@ -301,7 +301,7 @@ def test_a_margin_keeps_the_gain_from_the_limit(read):
     limit = problem.loop.stability_limit(problem.scenario, problem.sensor)
     assert limit.strongest == expected.strongest
     assert limit.damping.is_certified
-    assert -0.4 < limit.strongest < -0.3  # docs/simulation.md: -0.33 N s, where the optimum is -0.746 N s
+    assert -0.4 < limit.strongest < -0.3  # docs/explanation/simulation.md: -0.33 N s, where the optimum is -0.746 N s
     assert free.gain < limit.strongest
     held = pt.design_gain(problem)
     assert problem.stable_bounds() == (limit.strongest / 2, -0.01)
@@ -321,7 +321,7 @@ def test_the_loop_of_a_file_runs(read):
 
 
 def test_the_sample_of_the_reference_is_read(read):
-    page = (ROOT / "docs" / "scenario-file.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference/scenario-file.md").read_text(encoding="utf-8")
     (sample,) = re.findall(r"```toml\n(\[chain\].*?)```", page, re.DOTALL)
     asked = read(sample)
     assert (asked.sensor_part.name, asked.verify.runs, asked.stability_margin) == ("VCNL4010", 500, 2.0)

@@ -228,7 +228,7 @@ def test_importing_reports_loads_no_drawing_library() -> None:
 
 
 def test_design_reports_are_sound_for_every_status(design: GainDesign) -> None:
-    words = " ".join(assert_sound(report_html(design)).text)
+    words = assert_sound(report_html(design)).words
     assert "Method and assumptions" in words
     assert {"optimal": "optimal gain found", "infeasible": "infeasible", "no-contact": "no contact"}[
         design.status.value

@@ -38,7 +38,7 @@ def test_an_example_is_projected(path: Path) -> None:
 
 def test_the_programs_of_the_page_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(EXAMPLES.parents[1])
-    blocks = re.findall(r"```python\n(.*?)```", Path("docs/robots.md").read_text(encoding="utf-8"), re.DOTALL)
+    blocks = re.findall(r"```python\n(.*?)```", Path("docs/how-to/robots.md").read_text(encoding="utf-8"), re.DOTALL)
     assert len(blocks) == 4
     for block in blocks:
         exec(block, {})  # noqa: S102 - the page is ours

@@ -15,6 +15,7 @@ from page_checks import EVIL, assert_sound, parse
 from page_rows import line, row, table
 from pretouch._core.errors import OutputExistsError, ResultUnavailableError
 from pretouch._core.files import is_own_unchanged
+from pretouch._core.warning_codes import split_code
 from pretouch.design import Constraint, DesignStatus, SpringImpact, Task, excursion_objective
 from pretouch.design.robust import ConditionalValueAtRisk, Quantile, Required, RobustDesign, design_robust_gain
 from pretouch.design.robust.worst_case import WorstEncounter
@@ -226,11 +227,11 @@ def test_what_fresh_samples_refuse_is_a_warning(one: RobustDesign) -> None:
     assert v is not None
     missed = replace(v.limits[0], held=0.5)
     warned = replace(one, validation=replace(v, limits=(missed,), reached=0.75))
-    assert [text[:30] for text in warned.warnings] == [
+    assert [split_code(text)[1][:30] for text in warned.warnings] == [
         "in 25 % of the fresh encounter",
         "the limit of the relative_velo",
     ]
-    assert all(f"warning: {text}\n" in str(warned) for text in warned.warnings)
+    assert all(f"warning {text}\n" in str(warned) for text in warned.warnings)
     assert line(str(warned), "relative velocity at contact").endswith(" missed")
 
 

@@ -17,8 +17,8 @@ import pytest
 import pretouch as pt
 from page_core import built_core
 from pretouch._core.errors import InvalidInputError
+from pretouch.studio.opened_files import OpenedFiles, change_text
 from pretouch.studio.page_file import figures_text, page_text
-from pretouch.studio.workspace import Workspace, change_text
 from studio_server import running_studio
 
 pytest.importorskip("starlette")
@@ -92,16 +92,16 @@ def test_a_scenario_of_the_page_names_only_opened_files(studio, name):
 
 
 def test_an_uploaded_name_is_no_path(tmp_path):
-    workspace = Workspace()
+    files = OpenedFiles()
     try:
-        name = workspace.add_file("../../evil\\..\\a b.csv", b"1,2\n")
+        name = files.add_file("../../evil\\..\\a b.csv", b"1,2\n")
         assert name == "a_b.csv"
-        assert workspace.file(name).parent == workspace.folder
+        assert files.file(name).parent == files.folder
         with pytest.raises(InvalidInputError):
-            workspace.file("../a_b.csv")
+            files.file("../a_b.csv")
     finally:
-        workspace.close()
-    assert not workspace.folder.exists()
+        files.close()
+    assert not files.folder.exists()
 
 
 @pytest.mark.parametrize("body", [b"", b"[1]", b"{", b'{"text": 3}', b"\xff"])

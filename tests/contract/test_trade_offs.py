@@ -25,7 +25,7 @@ from pretouch._core.vocabulary import QUANTITIES
 from pretouch.report import plots, report_html
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "trade-offs.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to/trade-offs.md").read_text(encoding="utf-8")
 FREE = {"natural_frequency": (3.0, 10.0), "damping_ratio": (0.7, 1.5)}
 
 

@@ -164,8 +164,8 @@ def test_what_only_the_design_finds_out_is_placed_too(write):
 
 
 def documented():
-    """Read the tables of docs/scenario-file.md: section -> key -> (unit, default)."""
-    text = (Path(__file__).parents[2] / "docs" / "scenario-file.md").read_text(encoding="utf-8")
+    """Read the tables of docs/reference/scenario-file.md: section -> key -> (unit, default)."""
+    text = (Path(__file__).parents[2] / "docs" / "reference/scenario-file.md").read_text(encoding="utf-8")
     found = {}
     for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
         if match := re.match(r"\[(\w+)\]", part):
@@ -201,7 +201,7 @@ def test_the_reference_gives_every_unit_and_default(section):
 
 
 def test_the_example_of_the_reference_is_read(write):
-    text = (Path(__file__).parents[2] / "docs" / "scenario-file.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "reference/scenario-file.md").read_text(encoding="utf-8")
     example = re.search(r"```toml\n(.*?)```", text, flags=re.DOTALL).group(1)
     assert load_scenario(write(example)).bounds == (-10.0, -0.01)
 

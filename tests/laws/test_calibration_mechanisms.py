@@ -43,7 +43,9 @@ def binomial_below(hits, trials, chance):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_sensor_read_by_the_recipe_is_usable(seed):
-    """The recipe of docs/good-calibration.md: 16 distances by equal falls to 3 %, five readings, ten of nothing."""
+    """The recipe of docs/how-to/good-calibration.md: 16 distances by equal falls to 3 %, five readings, ten of
+    nothing.
+    """
     rng = np.random.default_rng(seed)
     length = float(np.exp(rng.uniform(np.log(0.006), np.log(0.04))))
     curve = ideal_curve(rng, FAMILIES[seed % len(FAMILIES)], length)

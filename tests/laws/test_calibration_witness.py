@@ -112,7 +112,7 @@ def test_a_curve_that_is_extended_over_saturated_readings_is_contradicted_first(
         assert left.is_refuted
         counted = f"on {left.witness.harder_count} of {left.witness.curves} sensor curves that fit the readings"
         harder = f"{counted}, contact is harder than without mitigation"
-        assert left.headline.startswith(f"Not supported by the readings: {harder}")
+        assert left.headline.startswith(f"PT201: Not supported by the readings: {harder}")
         assert (told["status"], told["status_on_fitted_curve"]) == ("not-supported", "optimal")
         assert "status: not supported by the readings" in report_html(design, calibration=report)
     distance = np.unique(calibration.distances)
@@ -157,7 +157,7 @@ bounds = ["-20 N*s", "-0.001 N*s"]
     assert ended.value.code == 1
     told = " ".join(capsys.readouterr().out.split())
     assert re.match(
-        r"Not supported by the readings: on [1-9]\d* of 100 sensor curves that fit the readings, "
+        r"PT201: Not supported by the readings: on [1-9]\d* of 100 sensor curves that fit the readings, "
         r"contact is harder than without mitigation",
         told,
     )

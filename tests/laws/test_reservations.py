@@ -140,7 +140,7 @@ def test_a_motion_that_leaves_the_curve_is_said_to() -> None:
     assert found.leaves_range
     assert not found.recedes
     assert found.headline.startswith(
-        "Not supported by data: the motion leaves the calibrated distances before contact. "
+        "PT202: Not supported by data: the motion leaves the calibrated distances before contact. "
     )
     assert "recedes" not in found.headline
 
@@ -154,7 +154,7 @@ def test_an_object_that_recedes_is_named_before_anything_else(gain: Any, velocit
     scene = encounter(obstacle=pt.Obstacle(position=0.04, velocity=velocity))
     found = reservations_of(report(near, 0.03), Answer(scene, replace(sensor, maximum_distance=0.2), gain))
     assert found.recedes
-    assert found.headline.startswith("The object recedes at the start. ")
+    assert found.headline.startswith("PT203: The object recedes at the start. ")
     assert "Not supported by data: " in found.headline
 
 
@@ -162,8 +162,8 @@ def test_a_receding_object_asks_for_an_approach() -> None:
     sensor = report(0.008, 0.06).best.sensor
     scene = encounter(obstacle=pt.Obstacle(position=0.04, velocity=0.1))
     headline = reservations_of(report(0.008, 0.06), Answer(scene, sensor, -0.75)).headline
-    start = "The object recedes at the start. For an approach, give the obstacle a negative velocity. "
-    assert headline.startswith(f"{start}Not supported by data: ")
+    start = "PT203: The object recedes at the start. For an approach, give the obstacle a negative velocity. "
+    assert headline.startswith(f"{start}PT202: Not supported by data: ")
 
 
 def test_a_contact_harder_than_without_mitigation_is_compared_with_it() -> None:

@@ -73,7 +73,8 @@ def test_differences_are_of_the_loop_against_the_prediction() -> None:
     assert row.predicted is not None
     assert row.difference == row.loop - row.predicted
     assert row.relative_difference == pytest.approx(row.loop / row.predicted - 1)  # both approach
-    # the loop is late by one period: its error is of the first order in T, 0.7 T in time (docs/simulation.md)
+    # the loop is late by one period: its error is of the first order in T, 0.7 T in time
+    # (docs/explanation/simulation.md)
     assert abs(row.relative_difference) < 0.02
 
 

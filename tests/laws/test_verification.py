@@ -30,7 +30,9 @@ ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
 
 
 def test_a_quick_loop_without_noise_holds_as_predicted() -> None:
-    """The loop differs by an error of the first order in T: 0.72 T in time (docs/simulation.md), T in what follows."""
+    """The loop differs by an error of the first order in T: 0.72 T in time (docs/explanation/simulation.md), T in
+    what follows.
+    """
     period = 1e-4
     found = verdict(QUICK, constraints=[velocity_limit(0.1)], runs=5)
     assert found.status is HOLDS
@@ -315,7 +317,7 @@ def test_what_a_controller_reports_is_said_in_words() -> None:
     dropping = loop_of(dropout=0.3)
     found = verdict(dropping, gain=-0.7463, runs=20, changes=False)
     assert any("the expected sensor reading was missing" in text for text in found.warnings)
-    broken = "A broken sensor cable makes the robot jump toward the object: set largest_rate"
+    broken = "PT404: A broken sensor cable makes the robot jump toward the object: set largest_rate"
     assert any(text.startswith(broken) for text in found.warnings)
     checked = loop_of(conditioning={"largest_rate": 100.0})
     assert not any("cable" in text for text in verdict(checked, gain=-0.7463, runs=2, changes=False).warnings)

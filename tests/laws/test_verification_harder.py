@@ -207,7 +207,7 @@ def test_a_loop_without_effect_does_not_hold() -> None:
     assert verdict(QUICK, gain=0.0, runs=1, changes=False).status is pt.VerdictStatus.DOES_NOT_HOLD
     one = pt.simulate_encounter(task)
     assert one.warnings[-1].startswith(
-        "The gain has no effect in this run: the contact speed is 0.5 m/s with the gain, "
+        "PT415: The gain has no effect in this run: the contact speed is 0.5 m/s with the gain, "
     )
 
 
@@ -242,9 +242,9 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
 
 def test_simulate_warns_first_of_a_gain_that_makes_contact_harder() -> None:
     found = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=0.3))
-    assert found.warnings[0] == "D_p = 0.3 N s makes the robot chase the object: mitigating gains are negative."
+    assert found.warnings[0] == "PT403: D_p = 0.3 N s makes the robot chase the object: mitigating gains are negative."
     assert found.warnings[1].startswith(
-        "With this gain, contact is harder than without mitigation: the contact speed is 0.81"
+        "PT403: With this gain, contact is harder than without mitigation: the contact speed is 0.81"
     )
     shown = str(found).split("\n\n")
     assert "makes the robot chase the object" in shown[1]
@@ -270,7 +270,8 @@ def test_simulate_warns_of_a_loop_that_is_unstable_or_nearly_and_of_a_force_far_
     force = wild.comparison("largest_virtual_force")
     assert abs(force.loop) > 1.5 * abs(force.predicted)
     assert any(
-        text.startswith(f"The virtual force reaches {force.loop:.3g} N on the simulated loop") for text in wild.warnings
+        text.startswith(f"PT414: The virtual force reaches {force.loop:.3g} N on the simulated loop")
+        for text in wild.warnings
     )
 
 
@@ -287,7 +288,7 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     result, free = found.mitigated, found.unmitigated
     assert result is not None
     assert free is not None
-    said = [text for text in found.warnings if text.startswith("After the impact, ")]
+    said = [text for text in found.warnings if text.startswith("PT407: After the impact, ")]
     difference = np.asarray(result.peak_force - free.peak_force)
     grows = difference.mean() > 2 * difference.std(ddof=1) / np.sqrt(20)
     assert grows == bool(said)
@@ -297,7 +298,7 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     assert "the driven obstacle and the robot's drive push with a force of up to " in said[0]
     light = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, obstacle_mass=0.2))
     other = verdict(light, gain=-0.7463, runs=20, changes=False)
-    assert not any(text.startswith("After the impact") for text in other.warnings)
+    assert not any(text.startswith("PT407: After the impact") for text in other.warnings)
 
 
 def test_a_run_with_a_sensor_curve_of_its_own_meets_the_noise_of_its_number() -> None:

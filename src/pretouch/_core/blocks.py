@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Final, TypeAlias
 from .units import format_quantity
 from .values import Value
 from .vocabulary import QUANTITIES, Entry
+from .warning_codes import split_code
 
 LINK: Final = re.compile(r"\[([^\[\]]+)\]\(#([a-z0-9-]+)\)")
 """A link inside a page: `[words](#anchor)`."""
@@ -278,8 +279,13 @@ def page_as_text(page: Page) -> str:
     """
     parts = ["\n".join([page.headline, *page.reservations])]
     if page.warnings:
-        parts.append("\n".join(f"warning: {plain_text(text)}" for text in page.warnings))
+        parts.append("\n".join(f"{_label(text)}: {plain_text(split_code(text)[1])}" for text in page.warnings))
     return "\n\n".join([*parts, *_parts(page.blocks)])
+
+
+def _label(text: str) -> str:
+    """Return the word that announces a warning, with its code."""
+    return f"warning {split_code(text)[0]}".strip()
 
 
 def _parts(blocks: Iterable[Block]) -> Iterator[str]:
@@ -325,6 +331,18 @@ class InNotebooks:
 
     page: ClassVar[str]
     """Module and function that make the page, such as `pretouch.design.page:gain_page`."""
+
+    def plot(self) -> Any:
+        """Draw the main figure of this result, the one that its report shows first.
+
+        The functions in `pretouch.plots` draw all other figures.
+
+        Returns:
+            A Matplotlib figure. A result without a figure, for example without contact, raises a
+            ResultUnavailableError.
+        """
+        draw: Callable[[Page], Any] = import_module("pretouch.report.html").lead_figure
+        return draw(page_of(self))
 
     def _repr_html_(self) -> str | None:
         excerpt: Callable[[Page], str] = import_module("pretouch.report.html").excerpt_html

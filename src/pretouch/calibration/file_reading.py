@@ -42,7 +42,8 @@ def read_calibration(
     distance, `0 mm,5 mm,inf`. The delimiter is a comma, semicolon, tab or blanks; decimal commas are understood unless
     the delimiter is a comma. Repeats are rows. A distance `inf`, `none`, `no object` or an empty one marks readings
     without an object. Empty and NaN outputs are counted and dropped. Lines that start with `#`, blank lines and text
-    above the header are skipped. Other columns are labels. docs/calibration.md describes the format in full.
+    above the header are skipped. Other columns are labels. docs/explanation/calibration.md describes the format in
+    full.
 
     Args:
         path: the file.

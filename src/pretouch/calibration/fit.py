@@ -11,6 +11,7 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.warning_codes import caution
 from pretouch.sensors import Family, SensorModel, Table, sensor_curves
 from pretouch.sensors.conformance import refuse_invalid_curve
 from pretouch.sensors.model import is_built_in
@@ -122,13 +123,14 @@ def estimates(
             "The offset was fitted, not measured. If the offset is wrong by one standard error, the slope "
             f"changes by {100 * shift:.2g} %.",
         )
+    unidentifiable = family.identifiability_remarks(parameters, middle, runaway=runaway)
     return {
         "parameters": parameters,
         "covariance": covariance,
         "middle_slope": middle,
         "slope_shift": shift,
-        "unidentifiable": family.identifiability_remarks(parameters, middle, runaway=runaway),
-        "warnings": warnings,
+        "unidentifiable": tuple(caution("PT111", text) for text in unidentifiable),
+        "warnings": tuple(caution("PT111" if text in unidentifiable else "PT112", text) for text in warnings),
     }
 
 
@@ -373,7 +375,11 @@ def _fit_table(
         "middle_slope": Estimate(value=slope, standard_error=error, low=slope - reach, high=slope + reach, unit="1/m"),
         "aicc": None,
         "cross_validation": root_mean_square(np.log(xi[1:-1]) - without) if without else None,
-        "warnings": ("A table passes through the readings with their noise; only cross-validation can judge it.",),
+        "warnings": (
+            caution(
+                "PT112", "A table passes through the readings with their noise; only cross-validation can judge it."
+            ),
+        ),
     }
 
 

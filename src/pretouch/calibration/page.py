@@ -87,7 +87,13 @@ def fit_page(fit: SensorFit) -> Page:
     """Create the report on the fit of a single sensor model."""
     low, high = (format_quantity(d, "m") for d in fit.sensor.valid_range)
     headline = f"{fit.model}, {len(fit.distances)} distances, valid from {low} to {high}"
-    return Page(kind="Sensor fit", headline=headline, blocks=_parameters(fit, None))
+    picture = Picture(
+        figure="sensor_fit",
+        of=fit,
+        name="Fitted points, curve and residuals over the distance",
+        caption="Circles: averaged readings that were fitted. Line: the fitted curve.",
+    )
+    return Page(kind="Sensor fit", headline=headline, blocks=(*_parameters(fit, None), picture), lead="sensor_fit")
 
 
 def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:

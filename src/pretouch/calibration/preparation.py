@@ -10,6 +10,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import caution
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, reading_noise
 from .ceilings import CeilingFits, fit_under_ceilings
@@ -198,9 +199,10 @@ def _steep_end(
 
 def _reports_distance(calibration: Calibration) -> str:
     """Return an error message for a sensor that outputs a distance instead of a signal strength."""
-    return (
+    return caution(
+        "PT113",
         f"The sensor output is a distance in {calibration.unit}, and not a signal that falls with the distance, "
-        "so no curve is fitted. Enter a sensor curve by hand, and set chain.measures_distance = true."
+        "so no curve is fitted. Enter a sensor curve by hand, and set chain.measures_distance = true.",
     )
 
 
@@ -208,10 +210,11 @@ def _rising(calibration: Calibration) -> str:
     """Return an error message for a sensor whose output rises with distance."""
     top = float(max([calibration.outputs.max(), *calibration.no_object]))
     highest = f"{top:g} {calibration.unit}".rstrip()
-    return (
+    return caution(
+        "PT113",
         "The sensor output rises with the distance, but the signal of a proximity sensor falls. If the sensor "
         "reports a distance, enter its curve by hand and set chain.measures_distance = true. If the electronics "
-        f"invert the signal, replace each reading by {highest} minus the reading."
+        f"invert the signal, replace each reading by {highest} minus the reading.",
     )
 
 
@@ -278,17 +281,23 @@ def _why_no_signal(
     error = float(np.hypot(*noise.of_means(tail.count[[0, -1]], np.maximum([near, far], 0.0))))
     if count >= _FEWEST_POINTS and chance > _FALL_LEVEL and near - far < _CLEAR_FALL * error:
         reasons.append(
-            f"The sensor output does not fall significantly with the distance (rank test, p = {chance:.2g}): "
-            "check that the sensor is powered and faces the object, and that the object is in its range."
+            caution(
+                "PT110",
+                f"The sensor output does not fall significantly with the distance (rank test, p = {chance:.2g}): "
+                "check that the sensor is powered and faces the object, and that the object is in its range.",
+            )
         )
     if count < _FEWEST_POINTS:
         far = format_quantity(window.distances[-1], "m") if count else "none"
         floor = f"{window.floor:.4g} {unit}".rstrip()
         reasons.append(
-            f"Only {count} distance{(' is' if count == 1 else 's are')} above the signal floor of {floor}, "
-            f"but a curve needs {_FEWEST_POINTS} distances. The last distance is {far}, the offset is "
-            f"{offset.in_words('')}, and the noise of one reading is {noise.output:.2g}: measure in finer "
-            "steps near the sensor, repeat readings, and record the output with no object."
+            caution(
+                "PT110",
+                f"Only {count} distance{(' is' if count == 1 else 's are')} above the signal floor of {floor}, "
+                f"but a curve needs {_FEWEST_POINTS} distances. The last distance is {far}, the offset is "
+                f"{offset.in_words('')}, and the noise of one reading is {noise.output:.2g}: measure in finer "
+                "steps near the sensor, repeat readings, and record the output with no object.",
+            )
         )
     return tuple(reasons)
 

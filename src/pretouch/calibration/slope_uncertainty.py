@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import caution
 
 from .averaging import slope_weights
 from .preparation import Prepared
@@ -67,17 +68,23 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
         size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
         near, far = (format_quantity(float(d), "m", 3) for d in slope.distances[[0, -1]])
         warnings.append(
-            f"The uncertainty of the sensor slope g is {size} at {format_quantity(slope.worst_at, 'm', 3)}, but "
-            f"a design needs at most {100 * _ALLOWED:.0f} % from {near} to {far}, where most of the virtual "
-            f"force acts: {remedy}."
+            caution(
+                "PT107",
+                f"The uncertainty of the sensor slope g is {size} at {format_quantity(slope.worst_at, 'm', 3)}, but "
+                f"a design needs at most {100 * _ALLOWED:.0f} % from {near} to {far}, where most of the virtual "
+                f"force acts: {remedy}.",
+            )
         )
     gap = _largest_gap(prepared, best, float(slope.distances[-1]))
     if gap is not None:
         share, near, far = gap[0], *(format_quantity(d, "m", 3) for d in gap[1:])
         warnings.append(
-            f"Between the distances {near} and {far}, the readings are {100 * abs(share):.0f} % "
-            f"{('flatter' if share > 0 else 'steeper')} than the best model, {best.model}, so the true "
-            "curve has another shape. The table model follows the true shape."
+            caution(
+                "PT108",
+                f"Between the distances {near} and {far}, the readings are {100 * abs(share):.0f} % "
+                f"{('flatter' if share > 0 else 'steeper')} than the best model, {best.model}, so the true "
+                "curve has another shape. The table model follows the true shape.",
+            )
         )
     return warnings
 

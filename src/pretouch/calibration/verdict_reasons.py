@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import caution
 
 from .averaging import average
 from .data import Calibration
@@ -86,25 +87,29 @@ def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUnc
     dropped = calibration.source.dropped if calibration.source else 0
     once = "Every distance was read once, so the noise is estimated from deviations from the curve"
     unknowns = (len(fits[0].parameters) or 3) + (fits[0].offset.kind == "fitted") if fits else 0
-    few = (
+    few = caution(
+        "PT101",
         f"The usable range from {low} to {high} contains only {count} different distances, but the curve has "
-        f"{unknowns} unknown parameters: measure at 8 or more distances in this range."
+        f"{unknowns} unknown parameters: measure at 8 or more distances in this range.",
     )
     lacking = count < _FEW_POINTS or count - unknowns < _MORE_THAN_UNKNOWNS
     reasons = [few] if lacking else []
     if used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
-        reasons.append(f"{once}: read each distance 3 times or more.")
+        reasons.append(caution("PT102", f"{once}: read each distance 3 times or more."))
     reasons += _offset_reservations(prepared)
     if bad > 1 + count // 10:
         reasons.append(
-            f"The readings at {bad} distances are inconsistent with every curve through the other readings; "
-            "measure again at these distances."
+            caution(
+                "PT104",
+                f"The readings at {bad} distances are inconsistent with every curve through the other readings; "
+                "measure again at these distances.",
+            )
         )
     if fall < _SMALL_FALL:
         falls = f"the output falls only by a factor of {math.exp(fall):.2g}"
-        reasons.append(f"From {low} to {high} {falls}: measure over a wider range.")
+        reasons.append(caution("PT105", f"From {low} to {high} {falls}: measure over a wider range."))
     if dropped > 0.2 * (dropped + len(calibration.outputs)):
-        reasons.append(f"{dropped} rows have no output: check the recording.")
+        reasons.append(caution("PT106", f"{dropped} rows have no output: check the recording."))
     if fits:
         reasons += slope_reservations(prepared, fits[0], slope)
         reasons += _misfits(prepared, fits)
@@ -121,18 +126,21 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     lowest = float(curve.output[at])
     named = f"{offset.kind} offset of {_level(prepared.calibration, offset.value)}"
     if offset.value < 0 and offset.high < 0 and min([lowest, *prepared.calibration.no_object]) >= 0:
-        reasons.append(f"The {named} is negative, but no reading is: {record}.")
+        reasons.append(caution("PT103", f"The {named} is negative, but no reading is: {record}."))
     if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
         reading = _level(prepared.calibration, lowest)
         reasons.append(
-            f"The {named} is larger than some readings, such as {reading}, so these readings contain no "
-            f"signal: {record}."
+            caution(
+                "PT103",
+                f"The {named} is larger than some readings, such as {reading}, so these readings contain no "
+                f"signal: {record}.",
+            )
         )
     if offset.kind == "fitted" and prepared.flattens:
         similar = (
             "The offset was fitted, and the output flattens near the sensor; both change the curve in similar ways"
         )
-        reasons.append(f"{similar}: {record}.")
+        reasons.append(caution("PT103", f"{similar}: {record}."))
     if prepared.free is None or prepared.free.doubt(offset) <= _DOUBT[offset.kind]:
         return reasons
     free_offset = prepared.free.offset("fitted")
@@ -145,7 +153,7 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
         f"offset of {fitted}, so the controller subtracts too much and the virtual force becomes too strong at "
         "large distances"
     )
-    return [*reasons, f"{contradiction}: {record}, or fit the offset."]
+    return [*reasons, caution("PT103", f"{contradiction}: {record}, or fit the offset.")]
 
 
 def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
@@ -154,7 +162,10 @@ def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
         return []
     table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""
     return [
-        f"Averaged readings deviate from the best model, {fits[0].model}, by {100 * prepared.noise.misfit:.0f} % "
-        "of the signal (RMS), which noise does not explain: check how the distances were set. Over one step of "
-        f"distance, the virtual force has about the same error.{table}"
+        caution(
+            "PT109",
+            f"Averaged readings deviate from the best model, {fits[0].model}, by {100 * prepared.noise.misfit:.0f} % "
+            "of the signal (RMS), which noise does not explain: check how the distances were set. Over one step of "
+            f"distance, the virtual force has about the same error.{table}",
+        )
     ]

@@ -10,8 +10,11 @@ from typing import Annotated, Final
 
 import typer
 
+from .compare import compare
+from .doctor import doctor
 from .export import export
 from .fit import fit
+from .init import init
 from .project import project
 from .record import record
 from .replay import replay
@@ -30,35 +33,38 @@ app = typer.Typer(
 _EXAMPLES: Final[
     dict[Callable[..., None], tuple[str, str, str]]
 ] = {  # in the order of the help: two commands for each verb, and the page of the documentation
+    init: ("init", 'init sensor.csv --speed "0.4 m/s" --output finger.toml', "start.md"),
     record: (
         "record sensor.csv --port /dev/ttyUSB0",
         'record fingertip.toml --i2c VCNL4040 --distances "0, 2, 5, 10, 20, 40 mm"',
-        "record-a-calibration.md",
+        "how-to/record-a-calibration.md",
     ),
-    fit: ("fit sensor.csv", 'fit sensor.csv --offset "61 counts" --model inverse-power', "calibration.md"),
-    design: ("design approach.toml", "design approach.toml --json", "design.md"),
+    fit: ("fit sensor.csv", 'fit sensor.csv --offset "61 counts" --model inverse-power', "explanation/calibration.md"),
+    design: ("design approach.toml", "design approach.toml --json", "explanation/design.md"),
     sweep: (
         'sweep approach.toml --axis "obstacle.velocity=-1 m/s:-0.1 m/s:50"',
         "sweep approach.toml --axis gain=-1:-0.1:20 --output gains.nc",
-        "sweeps.md",
+        "how-to/sweeps.md",
     ),
-    pareto: ("pareto tradeoff.toml", "pareto tradeoff.toml --verbose --no-report", "trade-offs.md"),
-    robust: ("robust robust.toml", "robust robust.toml --samples 1024 --seed 1", "robust.md"),
-    simulate: ("simulate loop.toml", 'simulate loop.toml --gain "-0.86 N*s" --seed 2', "simulation.md"),
-    verify: ("verify loop.toml", 'verify loop.toml --gain "-0.86 N*s" --runs 2000', "verification.md"),
+    pareto: ("pareto tradeoff.toml", "pareto tradeoff.toml --verbose --no-report", "how-to/trade-offs.md"),
+    robust: ("robust robust.toml", "robust robust.toml --samples 1024 --seed 1", "how-to/robust.md"),
+    simulate: ("simulate loop.toml", 'simulate loop.toml --gain "-0.86 N*s" --seed 2', "explanation/simulation.md"),
+    verify: ("verify loop.toml", 'verify loop.toml --gain "-0.86 N*s" --runs 2000', "explanation/verification.md"),
+    compare: ("compare damper.toml drag.toml", "compare loop.toml --parts --runs 200", "how-to/which-part.md"),
     export: (
         'export c loop.toml --gain "-0.86 N*s" --output law',
         "export c loop.toml --unverified --output draft",
-        "export.md",
+        "how-to/export.md",
     ),
     replay: (
         "replay loop.toml approaches.csv --topic reading --truth contact",
         'replay loop.toml approaches.csv --topic reading --reference "distance" --calibration pairs.csv',
-        "what-did-my-sensor-see.md",
+        "how-to/what-did-my-sensor-see.md",
     ),
-    studio: ("studio loop.toml", "studio --output try-it.html", "studio.md"),
-    project: ("project arm.xml", "project arm.xml --json", "robots.md"),
-    reproduce: ("reproduce", "reproduce table-2 figure-4", "letter.md"),
+    studio: ("studio loop.toml", "studio --output try-it.html", "how-to/studio.md"),
+    project: ("project arm.xml", "project arm.xml --json", "how-to/robots.md"),
+    doctor: ("doctor", "doctor --json", "start.md"),
+    reproduce: ("reproduce", "reproduce table-2 figure-4", "explanation/letter.md"),
 }
 
 

@@ -58,7 +58,7 @@ _ROUNDING: Final = 1e-9  # relative error of a distance after adding and subtrac
 def load_scenario(path: str | os.PathLike[str]) -> Task:
     """Read a scenario file (TOML) and return the task that the file describes.
 
-    docs/scenario-file.md lists the sections and keys of a scenario file.
+    docs/reference/scenario-file.md lists the sections and keys of a scenario file.
 
     If [sensor] names a calibration file, the sensor curve is fitted here. Its path is relative to the scenario file.
 
@@ -99,9 +99,14 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
         ...     task = load_scenario(file)
         >>> task.scenario.distance, task.bounds
         (0.0422, (-10.0, -0.01))
-    """
+    """  # noqa: DOC502 - raised by the functions below
     content, text, data = read_document(path)
-    source = ScenarioSource(path=Path(path), text=text, sha256=hashlib.sha256(content).hexdigest())
+    return load_document(Path(path), text, hashlib.sha256(content).hexdigest(), data)
+
+
+def load_document(path: Path, text: str, sha256: str, data: Mapping[str, Any]) -> Task:
+    """Return the task that the parsed contents of a scenario file describe; `text` is for messages and reports."""
+    source = ScenarioSource(path=path, text=text, sha256=sha256)
     builder = _Builder(source, data)
     task = _task(builder)
     if task is None:

@@ -1,6 +1,6 @@
 """Define which sections and keys a scenario file may have, and the unit of each key.
 
-Messages and the test of docs/scenario-file.md use this schema.
+Messages and the test of docs/reference/scenario-file.md use this schema.
 """
 
 from __future__ import annotations

@@ -103,8 +103,8 @@ class Law(SteppedLaw, Protocol):
 
     A custom law is a dataclass with these six members and one function. In Python the function is
     `state, output = step(parameters, state, sample)`: it calls `observe`, computes the force of the law, and calls
-    `drive`; parameters and state are `Parts`. It may also be compiled, see `CompiledStep`. docs/own-law.md builds one,
-    from a force to a verdict.
+    `drive`; parameters and state are `Parts`. It may also be compiled, see `CompiledStep`. docs/how-to/own-law.md
+    builds one, from a force to a verdict.
 
     A law may smooth ln xi before it computes an impulse. This may equal, near an operating point, one low-pass that
     weights every new reading by 1 - exp(-T/tau), with the sensor's period T. Then the law reports tau [s] as the

@@ -14,6 +14,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.files import plain
 from pretouch._core.numbers import float_or_array
 from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import caution
 from pretouch.motion import DAMPER, ContactResult, ContactStatus
 from pretouch.motion.evaluator import NoisyEvaluator
 
@@ -202,32 +203,40 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     yield from _about_contact(design, scanned)
     yield from design.problem.task.warnings
     if design.certificate is not None and design.certificate.at == "bound":
-        yield (
+        yield caution(
+            "PT301",
             f"the optimal {design.number.name} lies on its bound {design.number.text(design.gain or 0.0)}; "
-            "a wider range may contain a better value"
+            "a wider range may contain a better value",
         )
     if design.certificate is not None and design.certificate.at == "edge of contact":
-        yield "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed"
+        yield caution(
+            "PT302", "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed"
+        )
     if design.method == "uniform-motion":
-        yield (
+        yield caution(
+            "PT303",
             "the uniform motion L(16)-(19) does not start from the given state, which shifts the optimal gain by about "
-            "10 %: compare with method 'integration'"
+            "10 %: compare with method 'integration'",
         )
     if _depends_on_noise(design):
-        yield (
+        yield caution(
+            "PT304",
             "the gain is optimal for one run with its noise, and another run has another optimum: use "
-            "design_robust_gain with the same evaluate, which averages over runs"
+            "design_robust_gain with the same evaluate, which averages over runs",
         )
     n = design.number
     if design.gain is not None and n.sign * design.gain < 0:
         sign = "positive" if design.gain > 0 else "negative"
-        yield f"the optimal {n.name} is {sign}, so the virtual force moves the robot toward the object"
+        yield caution(
+            "PT305", f"the optimal {n.name} is {sign}, so the virtual force moves the robot toward the object"
+        )
     if design.result is not None:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:
-            yield (
+            yield caution(
+                "PT306",
                 "the results are less accurate than usual: the impulse balance of the computed motion has a relative "
-                f"error of {residual:.0e} (usually at most {_RESIDUAL:.0e})"
+                f"error of {residual:.0e} (usually at most {_RESIDUAL:.0e})",
             )
 
 
@@ -257,12 +266,13 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
                 "distance behind the contact surface, and set its recess to this distance"
             )
         nearest = float(np.asarray(scanned.closest_distance)[status == kind].min())
-        yield (
+        yield caution(
+            "PT307",
             f"for {share}, the encounter ended without contact{cause}. {kind.meaning} The smallest "
-            f"distance was {format_quantity(nearest, 'm')}."
+            f"distance was {format_quantity(nearest, 'm')}.",
         )
     if design.gain is not None and not design.no_mitigation.reached.all():
-        yield "without mitigation the encounter does not end in contact"
+        yield caution("PT308", "without mitigation the encounter does not end in contact")
 
 
 @check_arguments

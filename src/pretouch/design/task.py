@@ -62,7 +62,8 @@ class Task(ExplainsNames, InNotebooks, Value):
         scenario: the encounter; for `design_gain` also an array of encounters, each of which gets its own gain. The
             virtual mass is always kept, and so are natural frequency and damping ratio unless they are free.
         sensor: the sensor curve, over the distance from the contact surface.
-        objective: the objective to minimize: an Objective, or a user-defined object or function (docs/design.md).
+        objective: the objective to minimize: an Objective, or a user-defined object or function
+            (docs/explanation/design.md).
         bounds: smallest and largest gain of a design, in the unit of the law's number, such as N s; mitigating gains
             D_p are negative.
         constraints: limits that the encounter must keep, at most one per quantity, in any order. A `Constraint` must

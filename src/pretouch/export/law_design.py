@@ -100,7 +100,7 @@ def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> L
         raise InvalidInputError(
             f"law: found {type(loop.law.law).__name__}, but only the virtual damper and the virtual drag exist in C; "
             "write the step of a custom law in C yourself, between pretouch_observe and pretouch_drive "
-            "(docs/own-law.md)"
+            "(docs/how-to/own-law.md)"
         )
     verdict = verify_gain(task, changes=False) if verify else None
     gain = chosen_gain(task) if verdict is None else verdict.gain

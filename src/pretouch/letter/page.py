@@ -8,6 +8,7 @@ from typing import Final
 from pretouch._core.blocks import Cell, Code, Download, Listing, Page, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.files import as_json
 from pretouch._core.units import pretty_unit
+from pretouch._core.warning_codes import caution
 from pretouch.motion.page_sections import method_section
 
 from .experiment import Finding, LetterReport, Reproduction
@@ -96,11 +97,11 @@ def _failures(report: LetterReport) -> Iterator[str]:
     for f in report.findings:
         if not f.holds:
             steps = "; ".join(f"{step.name}: {step}" for step in f.failed)
-            yield f"Does not hold: [finding {f.id}: {_title(f)}](#finding-{f.id}) ({steps})"
+            yield caution("PT901", f"Does not hold: [finding {f.id}: {_title(f)}](#finding-{f.id}) ({steps})")
     for r in report.reproductions:
         for c in r.comparisons:
             if c.unexplained:
-                yield f"Unexplained disagreement: [{r.title}: {c.name}](#part-{r.id})"
+                yield caution("PT902", f"Unexplained disagreement: [{r.title}: {c.name}](#part-{r.id})")
 
 
 def _disagreement(part: Reproduction, c: Printed) -> str:

@@ -52,8 +52,9 @@ class CustomLaw(Value):
         vectorized: whether `force` takes and returns one-dimensional arrays of one length, which is about twice
             as fast. A compiled function, such as a NumPy ufunc made by Numba's `vectorize`, is one of these.
         suspends_admittance: whether the admittance's pull toward the object is switched off while the object
-            approaches, as for a virtual drag (docs/drag.md). Then M x~'' = F - max(K x~ + D x~', 0) for l' < 0. If the
-            pull would cause a new approach as soon as it acts again, the plant keeps the distance, l' = 0.
+            approaches, as for a virtual drag (docs/explanation/drag.md). Then M x~'' = F - max(K x~ + D x~', 0) for
+            l' < 0. If the pull would cause a new approach as soon as it acts again, the plant keeps the distance,
+            l' = 0.
         sampled: function of a value that returns the sampled law, a `pretouch.control.Law`, or None. A scenario file
             that names the law runs it on the loop.
 

@@ -256,8 +256,10 @@ def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
     """Refuse a sensor curve whose output rises with distance, because the drag would then act on receding objects."""
     distance = np.linspace(low, high, _PROBES)
     slope = np.asarray(sensor.log_slope(distance))
-    if not (np.isfinite(slope) & (slope <= 0)).all():
-        wrong = float(distance[~(slope <= 0)][0])
+    # the slope of a table on a level part is zero up to rounding, of either sign
+    falls = slope <= _ROUNDING * np.abs(slope).max(initial=0.0, where=np.isfinite(slope))
+    if not (np.isfinite(slope) & falls).all():
+        wrong = float(distance[~(np.isfinite(slope) & falls)][0])
         raise InvalidInputError(
             f"sensor: the slope of the curve is {float(sensor.log_slope(wrong)):g} 1/m at {wrong:g} m, but must "
             "not be positive, because the virtual drag interprets a rising output as an approach; end the curve "

@@ -190,7 +190,7 @@ class Damper:
 class Drag:
     """The virtual drag in continuous time: a force that slows an approach and does not act on receding objects.
 
-    The force is F = -phi s'^2 while s = ln xi grows, and 0 otherwise (docs/drag.md).
+    The force is F = -phi s'^2 while s = ln xi grows, and 0 otherwise (docs/explanation/drag.md).
 
     The admittance's pull toward the object is switched off during an approach: M x~'' = F - max(K x~ + D x~', 0). From
     rest at the reference, or behind it, the motion is M l'' = M a_o + phi g^2 l'^2, solved by quadrature for any curve.

@@ -1,7 +1,7 @@
 """Name the distances that are missing for a good calibration.
 
-The rule is the recipe of docs/good-calibration.md: from contact outward, the signal falls by about a fifth from one
-distance to the next, until it is a twentieth of the signal at the nearest distance.
+The rule is the recipe of docs/how-to/good-calibration.md: from contact outward, the signal falls by about a fifth
+from one distance to the next, until it is a twentieth of the signal at the nearest distance.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from pretouch._core.errors import InvalidInputError, SourceError
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
+from pretouch._core.warning_codes import caution
 
 from .record_distances import DistancePlan, RecordDisplay
 from .record_file import RecordFile
@@ -131,7 +132,7 @@ def recording_page(recording: RecordedCalibration) -> Page:
         status="enough" if judgment.is_enough else "not enough",
         good=judgment.is_enough,
         key_figures=tuple(figures),
-        warnings=recording.notes,
+        warnings=tuple(caution("PT602", note) for note in recording.notes),
         next_step=resume or f"pretouch fit {recording.path}",
         blocks=(PageSection(title="Files", blocks=(PageTable(rows=rows, brief=True),)),),
     )

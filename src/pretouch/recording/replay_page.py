@@ -11,6 +11,7 @@ import numpy as np
 
 from pretouch._core.blocks import Cell, Code, Measured, Page, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import caution
 from pretouch.control import Status
 from pretouch.control.components import format_output
 
@@ -113,35 +114,40 @@ def _findings(replay: Replay) -> Iterator[str]:
 def _warnings(replay: Replay) -> Iterator[str]:
     """Yield the warnings, the most important ones first."""
     timing, noise, chain = replay.timing, replay.noise, replay.loop.chain
-    yield from replay.notes
+    yield from (caution("PT601", note) for note in replay.notes)
     yield from _fault_warnings(replay)
     floor, xi = replay.controller.conditioning.floor, _largest_output(replay)
     if not replay.detections and replay.usable and xi is not None:
-        yield (
+        yield caution(
+            "PT605",
             f"No reading was above the floor: the largest sensor output was {xi:.4g}, and the floor is "
-            f"{format_output(floor)}. Check that the topic has the unit of the scenario, and that an object came near."
+            f"{format_output(floor)}. Check that the topic has the unit of the scenario, and that an object came near.",
         )
     if timing.rate > 0 and timing.mean_rate / timing.held < _SLOWER * chain.rate:
-        yield (
+        yield caution(
+            "PT606",
             "The sensor is slower than the scenario says, so the verification does not hold for it. Put the section "
-            "[chain] of this recording into the scenario file, and run pretouch verify."
+            "[chain] of this recording into the scenario file, and run pretouch verify.",
         )
     if replay.recording.kind == "reading" and noise.noise is not None:
         if noise.noise > _NOISIER * chain.noise and chain.noise > 0:
-            yield (
+            yield caution(
+                "PT607",
                 f"The noise of {noise.noise:.3g} is {noise.noise / chain.noise:.2g} times that of the scenario, so the "
-                "verification is too optimistic."
+                "verification is too optimistic.",
             )
         needed = _quiet_floor(replay, noise.noise)
         if floor < needed:
-            yield (
+            yield caution(
+                "PT607",
                 f"The floor of {floor:.4g} is only {floor / noise.noise:.2g} standard deviations of the noise, so "
-                f"noise alone can be detected as an object more than once per hour. Raise it to at least {needed:.3g}."
+                f"noise alone can be detected as an object more than once per hour. Raise it to at least {needed:.3g}.",
             )
         if noise.offset is not None and abs(noise.offset - replay.controller.conditioning.offset) > floor / 2:
-            yield (
+            yield caution(
+                "PT608",
                 f"Without an object, the median reading is {noise.offset:.5g}, but the controller subtracts "
-                f"{replay.controller.conditioning.offset:.5g}; set offset in [controller] to the median."
+                f"{replay.controller.conditioning.offset:.5g}; set offset in [controller] to the median.",
             )
 
 
@@ -166,22 +172,27 @@ def _fault_warnings(replay: Replay) -> Iterator[str]:
     }
     for name, text in texts.items():
         if counts[name]:
-            yield f"{counts[name]:,} of {total:,} readings {text}."
+            yield caution("PT603", f"{counts[name]:,} of {total:,} readings {text}.")
     if replay.noise.clipped and not counts["saturated"] and replay.recording.kind == "reading":
-        yield (
+        yield caution(
+            "PT603",
             f"The readings stay at their largest value, {replay.noise.largest:.6g}, several times in a row, which "
-            "looks like saturation; set saturation in [controller] to this value."
+            "looks like saturation; set saturation in [controller] to this value.",
         )
     if timing.late:
-        yield f"{timing.late:,} readings have earlier times than readings before them; the law ignores them as too old."
+        yield caution(
+            "PT604",
+            f"{timing.late:,} readings have earlier times than readings before them; the law ignores them as too old.",
+        )
     if timing.repeated_stamps:
-        yield (
+        yield caution(
+            "PT604",
             f"{timing.repeated_stamps:,} readings have the time of the reading before; the law uses only the last one "
-            "of each time."
+            "of each time.",
         )
     replaced = counts["replaced"] - timing.repeated_stamps - timing.late
     if replaced > _FEW * total:
-        yield f"{replaced:,} readings were replaced by a newer one before the controller's next step."
+        yield caution("PT604", f"{replaced:,} readings were replaced by a newer one before the controller's next step.")
 
 
 def _largest_output(replay: Replay) -> float | None:

@@ -28,6 +28,10 @@ from pretouch._core.blocks import (
     tables_of,
 )
 from pretouch._core.units import format_quantity, pretty_unit
+from pretouch._core.warning_codes import WARNING_CODES, codes_in, page_of_code
+
+_PAGE_LINK: Final = re.compile(r"\[([^\]]+)\]\([^)#]+\)")
+"""A link to another page of the documentation, which a report does not have."""
 
 QUIET: Final = ' class="note"'
 
@@ -45,7 +49,7 @@ def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
     lead, _ = _without_lead(page.blocks, page.lead)
     figure = "" if lead is None else draw(lead)
     table = next((table for table in tables_of(page.blocks) if table.brief), None)
-    warnings = "".join(f"<p>Warning: {_inline(text)}</p>" for text in page.warnings)
+    warnings = "".join(f"<p>Warning {_inline(text)}</p>" for text in page.warnings)
     excerpt = f"<p><b>{escape(page.headline)}</b></p>{warnings}{figure}{'' if table is None else _table(table)}"
     return re.sub(r'<a href="#[^"]*">(.*?)</a>', r"\1", excerpt)
 
@@ -75,6 +79,20 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
     return "\n".join([*parts, *contents, *folded])
 
 
+def lead_picture(page: Page) -> Picture | None:
+    """Return the figure that a report page shows first, or else its first figure; None if it has none."""
+    return _without_lead(page.blocks, page.lead)[0] or next(_pictures(page.blocks), None)
+
+
+def _pictures(blocks: Iterable[Block]) -> Iterator[Picture]:
+    """Yield the figures among blocks, including those inside sections."""
+    for block in blocks:
+        if isinstance(block, Picture):
+            yield block
+        elif isinstance(block, PageSection):
+            yield from _pictures(block.blocks)
+
+
 def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, list[Block]]:
     """Return the figure with a given name, and the blocks of the page without this figure."""
     # Sections that the figure leaves empty are removed as well.
@@ -95,7 +113,7 @@ def _without_lead(blocks: Iterable[Block], name: str) -> tuple[Picture | None, l
 def page_top(page: Page, figure: str = "") -> str:
     """Return the top of a report page as HTML: status, result, figure, key figures and warnings."""
     parts = [f'<p class="state{"" if page.good else " bad"}">{escape(page.status)}</p>'] if page.status else []
-    parts += [f'<p class="warning">{_inline(text)}</p>' for text in page.reservations]
+    parts += [f'<p class="warning">{_with_links(text)}</p>' for text in page.reservations]
     parts.append(f'<p class="answer">{escape(page.headline)}</p>')
     if figure:
         parts.append(figure)
@@ -104,10 +122,35 @@ def page_top(page: Page, figure: str = "") -> str:
         parts.append("\n".join(['<ul class="tiles">', *tiles, "</ul>"]))
     if page.findings:
         parts.append("\n".join(["<ul>", *(f"<li>{_inline(text)}</li>" for text in page.findings), "</ul>"]))
-    parts += [f'<p class="warning">{_inline(text)}</p>' for text in page.warnings]
+    parts += [f'<p class="warning">{_with_links(text)}</p>' for text in page.warnings]
     if page.next_step:
         parts.append(f'<p class="next"><b>Next:</b> {_inline(page.next_step)}.</p>')
     return "\n".join(parts)
+
+
+def explained(page: Page) -> Page:
+    """Return a page with a section that explains the codes of its warnings."""
+    codes = codes_in((*page.reservations, *page.warnings))
+    if not codes:
+        return page
+    return page.with_blocks(PageSection(title="What the warnings mean", blocks=tuple(map(_explanation, codes))))
+
+
+def _explanation(code: str) -> PageSection:
+    """Return the section that explains one code."""
+    entry = WARNING_CODES[code]
+    rows = (
+        ("meaning", entry.meaning),
+        ("why it matters", entry.why),
+        ("what to do", _PAGE_LINK.sub(r"\1", entry.remedy)),
+    )
+    table = PageTable(rows=rows, note=f"Page: `{page_of_code(code)}`.", wraps=True)
+    return PageSection(title=f"{code}: {entry.title}", blocks=(table,), anchor=code.lower())
+
+
+def _with_links(text: str) -> str:
+    """Return a warning as HTML, in which its codes are links to their explanations on the page."""
+    return re.sub(r"\b(PT\d{3}): ", lambda m: f'<a href="#{m[1].lower()}">{m[1]}:</a> ', _inline(text))
 
 
 def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], level: int = 2) -> Iterator[str]:

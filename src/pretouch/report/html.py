@@ -18,14 +18,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Code, Described, Page, PageSection, Paragraph, Picture, page_of
-from pretouch._core.errors import InvalidInputError
+from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.files import refuse_input, sign, write_text
 
 from . import plots
-from .blocks_html import page_as_excerpt, page_as_html
+from .blocks_html import explained, lead_picture, page_as_excerpt, page_as_html
 from .style import draw_svg
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from pretouch.calibration import CalibrationReport
 
 
@@ -92,9 +94,22 @@ def page_html(page: Page) -> str:
     """Return a report page as HTML, with the versions of the software and a signature line."""
     shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
     title = f"{page.kind}{'' if page.kind.endswith('?') else ':'} {page.source}" if page.source else page.kind
-    body = page_as_html(page, _draw)
+    body = page_as_html(explained(page), _draw)
     versions = ", ".join(f"{name} {number}" for name, number in _versions())
     return sign(shell.substitute(title=escape(title), body=body, made=escape(versions)))
+
+
+def lead_figure(page: Page) -> Figure:
+    """Return the figure that a report page shows first, as a Matplotlib figure.
+
+    Raises:
+        ResultUnavailableError: the page has no figure.
+    """
+    picture = lead_picture(page)
+    if picture is None:
+        raise ResultUnavailableError(f"plot: this result ({page.status or page.kind}) has no figure")
+    figure: Figure = _figure(picture)
+    return figure
 
 
 def excerpt_html(page: Page) -> str:

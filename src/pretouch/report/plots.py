@@ -1,8 +1,10 @@
 """Provide functions that plot results under short names, such as `plots.motion(design)`."""
 
 from .calibration_figures import calibration
+from .candidate_figures import candidates
 from .design_figures import sensitivity, trade_off
 from .drag_figures import drag
+from .fit_figures import sensor_fit
 from .motion_figures import motion, sampled_motion
 from .pareto_figures import admittance, pareto
 from .replay_figures import replay
@@ -16,6 +18,7 @@ from .verdict_gains import verdict_gain, verdict_stability
 __all__ = [
     "admittance",
     "calibration",
+    "candidates",
     "drag",
     "motion",
     "outcome",
@@ -26,6 +29,7 @@ __all__ = [
     "robust",
     "sampled_motion",
     "sensitivity",
+    "sensor_fit",
     "simulation",
     "sweep",
     "trade_off",

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from pretouch._core.blocks import Cell, Measured, Page, PageTable
 from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import with_context
 
 from .drives import AxisLimits
 from .projection import Projection
@@ -61,7 +62,7 @@ def table_page(table: ProjectionTable) -> Page:
     text = f"{omitted} of {len(table.rows)} axes are left out, because the site cannot move along them."
     head = ("site", "posture", "axis", "mass", "retreat", "ahead", "acceleration", "speed", "force", "conditioning")
     warnings = dict.fromkeys(
-        f"{row.site}, {row.posture}, {row.axis}: {warning}" for row, p in rows for warning in p.warnings
+        with_context(f"{row.site}, {row.posture}, {row.axis}", warning) for row, p in rows for warning in p.warnings
     )
     return Page(
         kind="Robot model",

@@ -15,6 +15,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite_or_none, positive
 from pretouch._core.units import format_quantity, to_si
 from pretouch._core.values import Value
+from pretouch._core.warning_codes import caution
 from pretouch.design import Constraint, Task
 from pretouch.motion import Scenario
 
@@ -290,25 +291,32 @@ def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
 def _warnings(model: Model, drivetrain: Drivetrain, motion: AxisMotion, retreat: float, limited: bool) -> Iterator[str]:
     """Yield sentences on properties of posture and model that matter for a design."""
     if motion.conditioning < POOR:
-        yield (
+        yield caution(
+            "PT501",
             f"The posture is close to a singularity: along the axis, the drives move {motion.conditioning**-2:.0f} "
             "times the mass of the easiest direction. The robot follows the prediction only within the acceleration "
-            "that its drives leave; choose another posture if a design needs more."
+            "that its drives leave; choose another posture if a design needs more.",
         )
     rates = ((TURN, motion.turning), (SIDEWAYS, motion.sideways))
     straight = min((limit / rate for limit, rate in rates if rate > 0), default=math.inf)
     if straight < retreat:
-        yield (
+        yield caution(
+            "PT504",
             f"The sensor leaves its axis: per 100 mm of motion it turns by {math.degrees(motion.turning) / 10:.2g} deg "
             f"and moves sideways by {format_quantity(motion.sideways / 10, 'm', 2)}. After an excursion of "
-            f"{format_quantity(straight, 'm', 2)}, contact speeds may deviate by 3 % and more; simulate the robot."
+            f"{format_quantity(straight, 'm', 2)}, contact speeds may deviate by 3 % and more; simulate the robot.",
         )
     if not limited:
-        yield "The model does not limit the forces of all actuators, so that acceleration and force have no limit."
+        yield caution(
+            "PT502",
+            "The model does not limit the forces of all actuators, so that acceleration and force have no limit.",
+        )
     passive = [
         joint_label(model, int(j))
         for j in dict.fromkeys(np.asarray(model.dof_jntid)[drivetrain.base].tolist())
         if model.body_parentid[model.jnt_bodyid[j]] != 0
     ]
     if passive:
-        yield f"No actuator moves the following joints, which are treated as free: {', '.join(passive)}."
+        yield caution(
+            "PT503", f"No actuator moves the following joints, which are treated as free: {', '.join(passive)}."
+        )

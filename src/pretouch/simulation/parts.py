@@ -25,6 +25,8 @@ class SensorPart:
         chain: its chain at its highest rate, with outputs in `unit`.
         unit: unit of its output xi: V, counts, or empty if it reports a distance.
         range: distances at which it is used [m].
+        signal: a distance [m] and the output that an object causes there [unit], which set the scale of a sensor curve;
+            None for a part that reports a distance.
         source: the source of the facts.
         facts: values stated in the source.
         assumptions: values that the source does not state, assumed here.
@@ -34,6 +36,7 @@ class SensorPart:
     chain: SensorChain
     unit: str
     range: tuple[float, float]
+    signal: tuple[float, float] | None
     source: str
     facts: tuple[str, ...]
     assumptions: tuple[str, ...]
@@ -44,7 +47,8 @@ def sensor_part(name: str) -> SensorPart:
     """Return a commercial sensor, given its name.
 
     Args:
-        name: a key of PARTS: "RPR-220", "VCNL4010", "VCNL4040", "VL53L5CX-4x4" or "VL53L5CX-8x8".
+        name: a key of PARTS: "RPR-220", "VCNL4010", "VCNL4040", "APDS-9960", "VL53L0X", "VL53L1X", "VL53L5CX-4x4" or
+            "VL53L5CX-8x8".
 
     Returns:
         The part: its chain, its range, their source and the assumptions.
@@ -63,6 +67,20 @@ def sensor_part(name: str) -> SensorPart:
 
 _READ: Final = 9 * 5 / 400e3  # [s], nine clocks per byte at 400 kHz: address, register, address again, two data bytes
 _counts: Final = partial(SensorChain, delay=_READ, lowest=0.0, highest=65535.0, resolution=1.0)
+
+
+def _ranging(rate: float) -> SensorChain:
+    """Return the chain of a time-of-flight sensor that ranges continuously at a rate [Hz]."""
+    return SensorChain(
+        rate=rate,
+        exposure=1 / rate,
+        delay=0.004,
+        measures_distance=True,
+        distance_noise=0.005,
+        distance_resolution=0.001,
+    )
+
+
 _TIME_OF_FLIGHT: Final = (
     "a reading averages over its whole period, as in continuous ranging",
     "4 ms from the end of a frame until its data are read: about 300 bytes at 1 MHz and the driver",
@@ -80,6 +98,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                 ),
                 unit="V",
                 range=(0.0, 0.0422),
+                signal=(0.0, 0.488),
                 source="the letter, Section IV-B: three ROHM RPR-220 on a dSPACE MicroLabBox",
                 facts=(
                     "read at 10 kHz",
@@ -89,6 +108,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                 ),
                 assumptions=(
                     "noise of 2 mV before the filters: the letter does not state it",
+                    "0.488 V at contact: the curve of the letter's Table I",
                     "an analog input of 16 bits over +-10 V",
                     "10 us of response, typical of such phototransistors with a small load",
                 ),
@@ -98,12 +118,14 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                 chain=_counts(rate=250.0, exposure=170e-6, noise=10.0),
                 unit="counts",
                 range=(0.001, 0.2),
+                signal=(0.2, 30.0),
                 source="Vishay data sheet of the VCNL4010, register 2 (proximity rate)",
                 facts=("1.95 to 250 readings per second", "16 bits", "up to 200 mm"),
                 assumptions=(
                     "170 us for a reading",
                     "two bytes read at 400 kHz as soon as they are ready, without waiting for a poll",
                     "noise of 10 counts without an object; no share that grows with xi",
+                    "30 counts at 200 mm, three standard deviations of the noise",
                 ),
             ),
             SensorPart(
@@ -111,27 +133,53 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                 chain=_counts(rate=200.0, exposure=125e-6, noise=2.0),
                 unit="counts",
                 range=(0.0, 0.2),
+                signal=(0.2, 6.0),
                 source="Vishay data sheet 84274 (Rev. 1.4) of the VCNL4040",
                 facts=("emitter duty 1/40 to 1/320", "12 or 16 bits", "0 to 200 mm on a white card"),
                 assumptions=(
                     "a pulse of 125 us at the duty 1/40: a reading every 5 ms",
                     "two bytes read at 400 kHz as soon as they are ready",
                     "noise of 2 counts without an object; no share that grows with xi",
+                    "6 counts at 200 mm, three standard deviations of the noise",
+                ),
+            ),
+            SensorPart(
+                name="APDS-9960",
+                chain=SensorChain(
+                    rate=100.0, exposure=1e-3, delay=_READ, noise=1.0, lowest=0.0, highest=255.0, resolution=1.0
+                ),
+                unit="counts",
+                range=(0.0, 0.1),
+                signal=(0.1, 3.0),
+                source="Broadcom data sheet AV02-4191EN of the APDS-9960",
+                facts=("8 bits", "1 to 64 pulses of 4 to 32 us for a reading"),
+                assumptions=(
+                    "100 readings per second, as in examples/firmware/apds9960",
+                    "1 ms for a reading; two bytes read at 400 kHz as soon as they are ready",
+                    "noise of 1 count without an object; no share that grows with xi",
+                    "3 counts at 100 mm, three standard deviations of the noise",
                 ),
             ),
             *(
                 SensorPart(
+                    name=name,
+                    chain=_ranging(50.0),
+                    unit="",
+                    range=(0.02, farthest),
+                    signal=None,
+                    source=f"ST data sheet of the {name}: range and shortest timing budget",
+                    facts=("a reading every 20 ms with the shortest timing budget", f"up to {farthest:g} m"),
+                    assumptions=_TIME_OF_FLIGHT,
+                )
+                for name, farthest in (("VL53L0X", 2.0), ("VL53L1X", 4.0))
+            ),
+            *(
+                SensorPart(
                     name=f"VL53L5CX-{zones}",
-                    chain=SensorChain(
-                        rate=rate,
-                        exposure=1 / rate,
-                        delay=0.004,
-                        measures_distance=True,
-                        distance_noise=0.005,
-                        distance_resolution=0.001,
-                    ),
+                    chain=_ranging(rate),
                     unit="",
                     range=(0.02, 4.0),
+                    signal=None,
                     source="ST driver documentation of the VL53L5CX: highest ranging frequency of each resolution",
                     facts=(f"{zones} zones at up to {rate:g} Hz", "distances in mm", "20 mm to 4 m"),
                     assumptions=_TIME_OF_FLIGHT,

@@ -14,7 +14,7 @@ from pretouch._core.errors import InvalidInputError, PretouchError
 from pretouch._core.files import plain
 
 from .curves import describe_curve
-from .workspace import Workspace, change_text
+from .opened_files import OpenedFiles, change_text
 
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, SensorFit
@@ -32,11 +32,11 @@ _POINTS: Final = 160
 _MOST: Final = 4000  # readings that are drawn
 
 
-def describe_scenario(workspace: Workspace, text: str) -> dict[str, Any]:
+def describe_scenario(files: OpenedFiles, text: str) -> dict[str, Any]:
     """Read a scenario file, and return its values as texts with units, and what the page cannot compute itself.
 
     Args:
-        workspace: the opened files.
+        files: the opened files.
         text: the scenario file (TOML).
 
     Returns:
@@ -45,7 +45,7 @@ def describe_scenario(workspace: Workspace, text: str) -> dict[str, Any]:
     """
     from pretouch.config import load_scenario  # noqa: PLC0415 - only when a file is read
 
-    task = load_scenario(workspace.write_scenario(text))
+    task = load_scenario(files.write_scenario(text))
     document = tomllib.loads(text)
     fields = dict(_texts(document))
     fixed, notes = _fixed(task, document)
@@ -103,26 +103,26 @@ def change_scenario(text: str, changes: dict[str, Any]) -> dict[str, Any]:
     return {"text": change_text(text, changes)}
 
 
-def read_readings(workspace: Workspace, name: str) -> dict[str, Any]:
+def read_readings(files: OpenedFiles, name: str) -> dict[str, Any]:
     """Return the readings of an uploaded calibration file, and the fit with the window that pretouch finds."""
     from pretouch.calibration import read_calibration  # noqa: PLC0415 - SciPy, only when needed
 
-    calibration = read_calibration(workspace.file(name))
+    calibration = read_calibration(files.file(name))
     some = np.linspace(0, len(calibration.distances) - 1, min(len(calibration.distances), _MOST)).astype(int)
     return {
         "name": name,
         "unit": calibration.unit,
         "distances": calibration.distances[some].tolist(),
         "outputs": calibration.outputs[some].tolist(),
-        "fit": fit_readings(workspace, name, None),
+        "fit": fit_readings(files, name, None),
     }
 
 
-def fit_readings(workspace: Workspace, name: str, window: tuple[float, float] | None) -> dict[str, Any]:
+def fit_readings(files: OpenedFiles, name: str, window: tuple[float, float] | None) -> dict[str, Any]:
     """Fit the best sensor curve to the readings inside a window [m], or to all for the window that pretouch finds."""
     from pretouch.calibration import rank_models, read_calibration  # noqa: PLC0415
 
-    calibration = read_calibration(workspace.file(name))
+    calibration = read_calibration(files.file(name))
     if window is not None:
         calibration = _cut(calibration, *window)
     report = rank_models(calibration, ("inverse-power", "exponential-1", "exponential-2"))
@@ -177,7 +177,7 @@ def _parameters(fit: SensorFit) -> Iterator[tuple[str, float, str]]:
         yield name, float(value), fit.sensor.parameter_units[name]
 
 
-def sample_cloud(workspace: Workspace, text: str, gain: float) -> dict[str, Any]:
+def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
     """Solve encounters with random uncertain inputs, for one gain.
 
     Returns:
@@ -190,7 +190,7 @@ def sample_cloud(workspace: Workspace, text: str, gain: float) -> dict[str, Any]
     from pretouch.uncertainty import sample_inputs  # noqa: PLC0415
     from pretouch.uncertainty.ensemble import make_ensemble  # noqa: PLC0415
 
-    task = load_scenario(workspace.write_scenario(text))
+    task = load_scenario(files.write_scenario(text))
     if not task.uncertainty:
         raise InvalidInputError(
             "uncertainty: the scenario has no uncertain inputs; add a section [uncertainty] with, for example, "
@@ -211,14 +211,14 @@ def sample_cloud(workspace: Workspace, text: str, gain: float) -> dict[str, Any]
     return content
 
 
-def simulate_run(workspace: Workspace, text: str, gain: float | None, seed: int | None = None) -> dict[str, Any]:
+def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | None = None) -> dict[str, Any]:
     """Simulate one encounter on the loop with sensor noise, and return its motion."""
     from dataclasses import replace  # noqa: PLC0415
 
     from pretouch.config import load_scenario  # noqa: PLC0415
     from pretouch.verification import simulate_encounter  # noqa: PLC0415
 
-    task = load_scenario(workspace.write_scenario(text))
+    task = load_scenario(files.write_scenario(text))
     if task.loop is None:
         raise InvalidInputError(
             "loop: the scenario describes no loop; add the sections [chain] and [controller], such as those of "

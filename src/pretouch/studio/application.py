@@ -25,8 +25,8 @@ from .answers import (
     simulate_run,
 )
 from .jobs import Jobs
+from .opened_files import OpenedFiles
 from .page_file import page_text
-from .workspace import Workspace
 
 MOST_BYTES: Final = 10_000_000
 """Largest request: a calibration of a few hundred thousand readings."""
@@ -59,23 +59,23 @@ class Application:
     """The application of one start.
 
     Args:
-        workspace: the opened files.
+        files: the opened files.
         token: the secret of this start.
         port: the port of the server.
     """
 
-    def __init__(self, workspace: Workspace, token: str, port: int) -> None:
-        self.workspace, self.token = workspace, token
-        self.jobs = Jobs(workspace.folder)
+    def __init__(self, files: OpenedFiles, token: str, port: int) -> None:
+        self.files, self.token = files, token
+        self.jobs = Jobs(files.folder)
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
         self._answers: dict[str, Callable[[_Asked], dict[str, Any]]] = {
-            "describe": lambda a: describe_scenario(workspace, a.text),
+            "describe": lambda a: describe_scenario(files, a.text),
             "change": lambda a: change_scenario(a.text, a.of("changes", dict)),
-            "save": lambda a: {"saved": workspace.save(a.text)},
-            "fit": lambda a: fit_readings(workspace, a.of("name", str), a.window),
-            "cloud": lambda a: sample_cloud(workspace, a.text, a.of("gain", float)),
-            "simulate": lambda a: simulate_run(workspace, a.text, a.gain, a.seed),
-            "jobs": lambda a: {"job": self.jobs.start(a.of("verb", str), workspace.write_scenario(a.text), a.gain)},
+            "save": lambda a: {"saved": files.save(a.text)},
+            "fit": lambda a: fit_readings(files, a.of("name", str), a.window),
+            "cloud": lambda a: sample_cloud(files, a.text, a.of("gain", float)),
+            "simulate": lambda a: simulate_run(files, a.text, a.gain, a.seed),
+            "jobs": lambda a: {"job": self.jobs.start(a.of("verb", str), files.write_scenario(a.text), a.gain)},
         }
 
     def asgi(self) -> Any:
@@ -97,7 +97,7 @@ class Application:
     def close(self) -> None:
         """End all jobs, and remove the temporary files."""
         self.jobs.close()
-        self.workspace.close()
+        self.files.close()
 
     def _check(self, request: Any, token: str) -> None:
         """Refuse a request with a foreign host or origin, or without the token."""
@@ -119,7 +119,7 @@ class Application:
         except _RefusedRequestError as refused:
             response = responses.JSONResponse({"message": refused.message}, refused.status)
         except PretouchError as error:
-            message = message_of(error, self.workspace.folder)
+            message = message_of(error, self.files.folder)
             response = responses.JSONResponse({"message": message}, 422)
         response.headers.update(_HEADERS)
         return response
@@ -129,12 +129,12 @@ class Application:
 
         async def page() -> Any:
             nonce = secrets.token_urlsafe(16)
-            opened = self.workspace.opened
+            opened = self.files.opened
             server = {
                 "token": self.token,
                 "name": "" if opened is None else str(opened.resolve()),
                 "title": "studio" if opened is None else opened.name,
-                "text": self.workspace.text,
+                "text": self.files.text,
                 "file": None if opened is None else opened.name,
                 "limit": MOST_BYTES,
             }
@@ -160,11 +160,11 @@ class Application:
 
     def _compute(self, name: str, content: bytes, headers: Any) -> dict[str, Any]:
         """Compute the answer to a request of the page."""
-        workspace = self.workspace
+        files = self.files
         if name == "calibration":
             from urllib.parse import unquote  # noqa: PLC0415
 
-            return read_readings(workspace, workspace.add_file(unquote(headers.get("x-name", "")), content))
+            return read_readings(files, files.add_file(unquote(headers.get("x-name", "")), content))
         try:
             asked = json.loads(content)
             asked = asked if isinstance(asked, dict) else {}

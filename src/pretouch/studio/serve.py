@@ -15,8 +15,8 @@ from typing import Any
 from pretouch._core.errors import InvalidInputError, require
 
 from .application import Application
+from .opened_files import OpenedFiles
 from .page_file import page_text
-from .workspace import Workspace
 
 
 def serve_studio(
@@ -43,7 +43,7 @@ def serve_studio(
 
         read_document(file)  # one sentence for a file that is missing or no TOML
     listener = _listener(port)
-    application = Application(Workspace(file), secrets.token_urlsafe(24), listener.getsockname()[1])
+    application = Application(OpenedFiles(file), secrets.token_urlsafe(24), listener.getsockname()[1])
     address = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={application.token}"
     announce(address)
     if open_browser:

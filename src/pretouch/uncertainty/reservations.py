@@ -10,6 +10,7 @@ import numpy as np
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
+from pretouch._core.warning_codes import caution
 from pretouch.motion import DAMPER, ContactStatus, ContinuousLaw, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import SensorModel
 from pretouch.sensors.recessed import recess_in_words
@@ -102,7 +103,7 @@ class Reservations(Value):
         if not self.recedes:
             return ""
         remedy = " For an approach, give the obstacle a negative velocity." if self.leaves_range else ""
-        return f"The object recedes at the start.{remedy}"
+        return caution("PT203", f"The object recedes at the start.{remedy}")
 
     @property
     def _measured_span(self) -> tuple[str, str]:
@@ -133,17 +134,19 @@ class Reservations(Value):
         if self.leaves_range:
             remedy = "; ".join(remedies) or "calibrate farther out"
             ending = "" if self.recedes else f" To remove this warning, {remedy}."
-            return (
+            return caution(
+                "PT202",
                 "Not supported by data: the motion leaves the calibrated distances before contact. The "
                 f"calibration supports the fitted {self._model} curve from {near}{nearest} to "
-                f"{far}{farthest}.{self._zero}{ending}"
+                f"{far}{farthest}.{self._zero}{ending}",
             )
         if not parts:
             return None
-        return (
+        return caution(
+            "PT202",
             f"Not supported by data: this result uses the fitted {self._model} curve where "
             f"the calibration has no usable readings: {' and '.join(parts)}.{self._zero}{self._without_force(near)} "
-            f"To remove this warning, {'; '.join(remedies)}."
+            f"To remove this warning, {'; '.join(remedies)}.",
         )
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
+from pretouch._core.warning_codes import caution
 from pretouch.calibration.result import AllowedCurves, DrawnCurve
 from pretouch.motion import DAMPER, ContactResult, ContinuousLaw, Scenario
 from pretouch.motion.many_curves import many_curves
@@ -84,14 +85,16 @@ class WitnessCheck(Value):
         )
         of = f" (the worst of {self.unsupported} of {self.encounters} encounters)" if self.encounters > 1 else ""
         if self.harder_count:
-            return (
+            return caution(
+                "PT201",
                 f"Not supported by the readings: on {self.harder_count} of {self.curves} sensor curves that fit "
                 f"the readings, contact is harder than without mitigation, where the contact speed is {free}. The "
-                f"fitted curve predicts a contact speed of {predicted}{of}."
+                f"fitted curve predicts a contact speed of {predicted}{of}.",
             )
-        return (
+        return caution(
+            "PT201",
             "Not supported by the readings: on other sensor curves that fit the readings, the contact speed is "
-            f"{low} to {high}, but the fitted curve predicts {predicted}{of}."
+            f"{low} to {high}, but the fitted curve predicts {predicted}{of}.",
         )
 
     @property

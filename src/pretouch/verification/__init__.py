@@ -3,6 +3,7 @@
 from pretouch.design.options import VerifyOptions
 
 from .calibration_check import CalibrationCheck
+from .candidates import Candidate, CandidateComparison, compare_candidates
 from .effect import Effect, SensorSpeed, VerdictStatus
 from .encounter import SimulatedEncounter
 from .improvement import LoopChange, LoopCurve, Loss
@@ -12,6 +13,8 @@ from .verify import simulate_encounter, verify_gain
 
 __all__ = [
     "CalibrationCheck",
+    "Candidate",
+    "CandidateComparison",
     "Comparison",
     "Effect",
     "LimitCheck",
@@ -26,6 +29,7 @@ __all__ = [
     "Verdict",
     "VerdictStatus",
     "VerifyOptions",
+    "compare_candidates",
     "simulate_encounter",
     "verify_gain",
 ]

@@ -12,6 +12,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import caution
 from pretouch.control import Controller
 from pretouch.design import Task
 from pretouch.motion import Obstacle, Scenario
@@ -65,15 +66,17 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
     place = f"These values hold at the worst distance, {where}, in 95 % of the runs ({_RESTS} runs, 95 % confidence)."
     quiet = _quiet_floor(task, gain, law, scan, moved)
     if quiet is None:
-        yield (
+        yield caution(
+            "PT406",
             f"{text}. No higher detection threshold (floor of the controller) was found that limits this motion to "
-            f"{still} and still detects objects. Reduce the noise, or use a law with a dead zone. {place}"
+            f"{still} and still detects objects. Reduce the noise, or use a law with a dead zone. {place}",
         )
         return
     sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)
-    yield (
+    yield caution(
+        "PT406",
         f"{text}: a controller floor of {quiet:g} instead of {floor:g} (unit of the readings) keeps this motion "
-        f"within {still}, but objects are then detected only from {sees} on. {place}"
+        f"within {still}, but objects are then detected only from {sees} on. {place}",
     )
 
 

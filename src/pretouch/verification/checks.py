@@ -11,6 +11,7 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import unit_of, words_for
+from pretouch._core.warning_codes import caution
 from pretouch.calibration import CalibrationReport
 from pretouch.control import Controller, Status
 from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
@@ -186,7 +187,7 @@ def cautions_of(
 def _no_ideal_gain(design: GainDesign) -> Iterator[str]:
     if design.gain is None:
         headline = design.headline.removesuffix(".")
-        yield f"The ideal design has no gain ({headline[:1].lower()}{headline[1:]})."
+        yield caution("PT401", f"The ideal design has no gain ({headline[:1].lower()}{headline[1:]}).")
 
 
 def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
@@ -194,10 +195,11 @@ def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
     a, names = scenario.admittance, ("mass", "damping", "stiffness")
     if virtual is None or all(np.allclose(getattr(virtual, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
         return
-    yield (
+    yield caution(
+        "PT402",
         f"The controller and the prediction use different admittances: a virtual mass of {virtual.mass:g} kg, a "
         f"damping of {virtual.damping:g} N s/m and a stiffness of {virtual.stiffness:g} N/m in the controller, "
-        f"but {a.mass:g} kg, {a.damping:g} N s/m and {a.stiffness:g} N/m in the prediction."
+        f"but {a.mass:g} kg, {a.damping:g} N s/m and {a.stiffness:g} N/m in the prediction.",
     )
 
 
@@ -208,17 +210,18 @@ def _recession(loop: ClosedLoop) -> Iterator[str]:
     if loop.continuous is not None and loop.continuous.damping(1.0, -1.0, 1.0) == 0:  # no force if the object recedes
         return
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
-        yield (
+        yield caution(
+            "PT404",
             "A broken sensor cable makes the robot jump toward the object: set largest_rate of the controller, which "
             "ignores such readings. A broken cable reads 0, like an object that recedes suddenly; no run here has this "
-            "fault."
+            "fault.",
         )
 
 
 def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iterator[str]:
     seen, s = np.isfinite(result.detection_time), draws.scenarios
     if not seen.all():
-        yield f"The object was never detected in {_percent(1 - float(seen.mean()))} of the runs."
+        yield caution("PT405", f"The object was never detected in {_percent(1 - float(seen.mean()))} of the runs.")
     free = np.all(s.plant.position == s.reference.position) and np.all(s.plant.velocity == s.reference.velocity)
     if not (seen.any() and free):
         return
@@ -230,9 +233,10 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
     start, late = float(draws.distance[seen].mean()), float(t[seen].mean())
     if distance.mean() < _LATE * start:
         near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
-        yield (
+        yield caution(
+            "PT405",
             f"On average, the object is first detected {format_quantity(late, 's')} after the start, at a "
-            f"distance of {near} instead of {far}, because {_why_late(loop, late)}."
+            f"distance of {near} instead of {far}, because {_why_late(loop, late)}.",
         )
 
 
@@ -263,10 +267,11 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     driven = contact.obstacle_mass == np.inf
     pushing = "the driven obstacle and the robot's drive push" if driven else "the robot's drive pushes"
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
-    yield (
+    yield caution(
+        "PT407",
         f"After the impact, {pushing} with a force of up to {newton[0]} on average, compared with "
         f"{newton[1]} without mitigation. The force of the impact itself reaches {newton[2]}, "
-        f"compared with {newton[3]} without mitigation."
+        f"compared with {newton[3]} without mitigation.",
     )
 
 
@@ -279,7 +284,10 @@ def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
         return
     pushed = "the robot's drive and the obstacle push while the bodies are in contact"
     why = pushed if times > 1 else "the contact loses energy, or the robot yields during it"
-    yield f"The simulated impact force is {times:.3g} times the predicted force of an elastic impact, because {why}."
+    yield caution(
+        "PT408",
+        f"The simulated impact force is {times:.3g} times the predicted force of an elastic impact, because {why}.",
+    )
 
 
 def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
@@ -288,12 +296,13 @@ def _flag_warnings(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
     for flag, text in _FLAGS.items():
         share = float(np.mean((np.asarray(result.flags) & int(flag)) != 0))
         if share > 0:
-            yield f"In {_percent(share)} of the runs {text}."
+            yield caution("PT409", f"In {_percent(share)} of the runs {text}.")
     stale = _stale(result)
     if stale > 0:
-        yield (
+        yield caution(
+            "PT410",
             f"After detection of the object, the expected sensor reading was missing in {_percent(stale)} of the "
-            "controller steps."
+            "controller steps.",
         )
 
 
@@ -315,7 +324,8 @@ def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
     """Yield a warning if the calibration has too few readings for a check of the sensor curve."""
     if report is None or report.best is None or report.curves is not None:
         return
-    yield (
+    yield caution(
+        "PT411",
         f"The calibration has only {len(report.window.distances)} usable distances, which are too few to check "
-        "whether the calibration is good enough: record more distances."
+        "whether the calibration is good enough: record more distances.",
     )

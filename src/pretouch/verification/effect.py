@@ -13,6 +13,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
+from pretouch._core.warning_codes import caution
 from pretouch.control import Controller
 from pretouch.motion import LawNumber
 from pretouch.simulation import ClosedLoop, SimulationResult
@@ -166,12 +167,13 @@ def mean_and_error(values: FloatArray) -> tuple[float, float]:
 
 def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
     """Yield warnings if a gain makes the robot chase the object, or makes contact harder."""
-    yield from (f"{text}." for text in chase_in_words(number, gain))
+    yield from (caution("PT403", f"{text}.") for text in chase_in_words(number, gain))
     speed, before = _speeds(run, free)
     if speed > before * (1 + _SHOWN):
-        yield (
+        yield caution(
+            "PT403",
             f"With this gain, contact is harder than without mitigation: the contact speed is {_text(speed)} "
-            f"instead of {_text(before) if free.touched else 'no contact'}."
+            f"instead of {_text(before) if free.touched else 'no contact'}.",
         )
 
 
@@ -179,9 +181,10 @@ def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, fre
     """Yield a warning if a gain other than 0 has no effect on the contact speed."""
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
-        yield (
+        yield caution(
+            "PT415",
             f"The {number.name} has no effect in this run: the contact speed is {_text(speed)} with the "
-            f"{number.name}, and {_text(before)} without mitigation."
+            f"{number.name}, and {_text(before)} without mitigation.",
         )
 
 

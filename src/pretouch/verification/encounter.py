@@ -25,6 +25,7 @@ from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import words_for
+from pretouch._core.warning_codes import caution
 from pretouch.design.impact import ImpactModel, impact_rows
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Motion, Scenario
 from pretouch.motion.page_sections import RECEDING, inputs_section, method_section
@@ -219,17 +220,19 @@ class SimulatedEncounter(Described, Value):
             return
         number, place = self.law.number, format_quantity(limit.critical_distance, "m", 3)
         if limit.strongest == 0:
-            yield "The loop is unstable with any gain, however weak."
+            yield caution("PT412", "The loop is unstable with any gain, however weak.")
         elif margin < 1:
             strongest = number.text(limit.strongest, 3)
-            yield (
+            yield caution(
+                "PT412",
                 f"The sampled loop is unstable at a distance of {place}, where the strongest stable "
-                f"{number.name} is {strongest}."
+                f"{number.name} is {strongest}.",
             )
         else:
-            yield (
+            yield caution(
+                "PT412",
                 f"The gain margin of the sampled loop is only {margin:.3g} at a distance of {place}; a gain "
-                "margin of 2 is usual."
+                "margin of 2 is usual.",
             )
 
     @property

@@ -13,6 +13,7 @@ from pretouch._core.numbers import finite_or_none
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import unit_of, words_for
+from pretouch._core.warning_codes import caution
 from pretouch.control import Status
 from pretouch.design.impact import ImpactModel
 from pretouch.motion import ContactResult, ContactStatus, Scenario
@@ -339,19 +340,24 @@ def cautions_in_words(
 ) -> Iterator[str]:
     """Yield warnings about detection, controller flags and contacts of a run, most important first."""
     if detection is None:
-        yield "The object was never detected, so there was no virtual force: check floor, offset and sensor range."
+        yield caution(
+            "PT405",
+            "The object was never detected, so there was no virtual force: check floor, offset and sensor range.",
+        )
     elif detection.missed_share is not None and detection.missed_share > _LATE:
-        yield (
+        yield caution(
+            "PT405",
             f"The object is detected late: first at {format_quantity(detection.distance, 'm')}, so "
             f"{100 * detection.missed_share:.2g} % of the change of the log output ln xi until contact had no "
-            f"effect. The prediction assumes detection at {format_quantity(detection.start_distance, 'm')}."
+            f"effect. The prediction assumes detection at {format_quantity(detection.start_distance, 'm')}.",
         )
     approach = run.time if run.touched else run.end_time
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
-            yield (
+            yield caution(
+                "PT409",
                 f"Before contact, {flag.meaning}. This happened first after {_time(flag.since)} and lasted "
-                f"for {_time(flag.approach_duration)} in total."
+                f"for {_time(flag.approach_duration)} in total.",
             )
     if run.contacts > 1:
         hardest = max(contacts, key=lambda contact: -contact.relative_velocity)
@@ -359,11 +365,12 @@ def cautions_in_words(
         which = "the first" if hardest is contacts[0] else which
         listed = len(contacts)
         beyond = f"; only the first {listed} are listed" if run.contacts > listed else ""
-        yield f"There are {run.contacts} contacts; {which} is the fastest{beyond}."
+        yield caution("PT413", f"There are {run.contacts} contacts; {which} is the fastest{beyond}.")
     if grows:
-        yield (
+        yield caution(
+            "PT407",
             f"After the impact, the contact force grows to {_force(run.peak_force)}, because a push or another "
-            "contact is stronger than the first impact."
+            "contact is stronger than the first impact.",
         )
 
 
@@ -371,9 +378,10 @@ def force_in_words(force: QuantityComparison) -> Iterator[str]:
     """Yield a warning if the virtual force in the sampled loop is much larger than predicted."""
     if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
         loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
-        yield (
+        yield caution(
+            "PT414",
             f"The virtual force reaches {loop} on the simulated loop, but only {predicted} is predicted: noise, "
-            "slow readings or a loop close to instability cause such peaks."
+            "slow readings or a loop close to instability cause such peaks.",
         )
 
 

@@ -21,7 +21,7 @@ from pretouch.simulation import GainLimit
 
 from .appraisal import USUAL_MARGIN, LoopOutcomes, LoopProblem, Requirement, foreseen_impact, part_of, status_of
 from .effect import SIGNIFICANT, VerdictStatus, effect_of, mean_and_error
-from .stability import Candidate, Passed, StabilityCheck, candidates_of, limit_of, stability_margin
+from .stability import ChangedLoop, Passed, StabilityCheck, candidates_of, limit_of, stability_margin
 
 _WORTH: Final = 0.01  # smallest relative improvement of the objective that justifies a change
 _FALL: Final = 0.8  # if a change reduces the margin below this share of it, the new margin is reported
@@ -146,7 +146,7 @@ def find_improvements(
         outcomes = verified.outcomes if same else problem.appraise(problem.compared(loop), better)
         best = None if optimum is None else outcomes.objective
         if not same:
-            candidate = Candidate("gain", _redesign(problem.draws.task.law.number, gain, better, margin), loop)
+            candidate = ChangedLoop("gain", _redesign(problem.draws.task.law.number, gain, better, margin), loop)
             changes.append(
                 _evaluate_change(task, candidate, better, verified.outcomes, replace(outcomes, margin=margin))
             )
@@ -160,13 +160,13 @@ def find_improvements(
         if verified.limit is not None:
             after = stability_margin(limit_of(candidate.loop, task.sensor, verified.passed), gain)
         changes.append(_evaluate_change(task, candidate, gain, part, replace(outcomes, margin=after)))
-    same_loop = Candidate("as-it-is", "", loop)
+    same_loop = ChangedLoop("as-it-is", "", loop)
     references = (part, verified.outcomes)[: 2 if runs < task.verify.runs else 1]
     unchanged = tuple(_evaluate_change(task, same_loop, gain, reference, reference) for reference in references)
     return _loss(task, verified, search, best), tuple(sorted(changes, key=_rank)), unchanged
 
 
-def _candidates(problem: LoopProblem, verified: Verified) -> list[Candidate]:
+def _candidates(problem: LoopProblem, verified: Verified) -> list[ChangedLoop]:
     """Return changes of the loop that may make contact softer, sized for the fastest approach and the largest noise."""
     draws, check, free = problem.draws, verified.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
@@ -312,7 +312,7 @@ def _redesign(number: LawNumber, gain: float, loop_gain: float, margin: float | 
 
 
 def _evaluate_change(
-    task: Task, candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes
+    task: Task, candidate: ChangedLoop, gain: float, before: LoopOutcomes, after: LoopOutcomes
 ) -> LoopChange:
     worst, same = _worst_of_both(before, after)
     improvement, error = _improvement(before.objective, after.objective)
@@ -342,7 +342,7 @@ def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requireme
     return worst, next(r for r in after.requirements if r.name == worst.name)
 
 
-def _add_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
+def _add_margin(candidate: ChangedLoop, before: float | None, after: float | None) -> str:
     """Return the recommendation for a change, with a warning if the change clearly reduces the gain margin."""
     if candidate.name == "gain" or before is None or after is None:  # for a gain, the sentence already has the margin
         return candidate.sentence

@@ -229,7 +229,7 @@ def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
     return replace(loop, chain=chain, law=law)
 
 
-class Candidate(NamedTuple):
+class ChangedLoop(NamedTuple):
     """A sampled loop in which one property was changed, with a sentence that recommends this change."""
 
     name: str  # short name of the change
@@ -240,11 +240,11 @@ class Candidate(NamedTuple):
 _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
-def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[Candidate]:
+def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[ChangedLoop]:
     """Return several loops, each with one change, such as a faster sensor or less noise."""
     # |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that of ln xi.
     # `wanted` is the sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough.
-    candidates: list[Candidate] = []
+    candidates: list[ChangedLoop] = []
     rate = _FASTER * loop.chain.rate if wanted is None else rounded_up(wanted)
     changes: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
     for name, sentence, make in (*changes, *_of_controller(loop, quickest, noise)):
@@ -252,7 +252,7 @@ def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float
             changed = make()
         except InvalidInputError:  # a change that does not fit the other parts of the loop is not proposed
             continue
-        candidates.append(Candidate(name, sentence or _rate_in_words(loop, changed), changed))
+        candidates.append(ChangedLoop(name, sentence or _rate_in_words(loop, changed), changed))
     return candidates
 
 

@@ -46,7 +46,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
     Args:
         task: the nominal encounter with the loop, the objective, and the bounds of the ideal design and of the best
             gain on the loop. Optional: the gain (default: designed by the effect of a drag, or the ideal design),
-                constraints, impact (default: the contact of the loop), uncertainty of encounter and sensor, the options
+            constraints, impact (default: the contact of the loop), uncertainty of encounter and sensor, the options
             `verify`, stability margin, calibration, method and horizon.
         changes: whether to search for the best gain on the loop and the change that helps most.
 

@@ -71,9 +71,9 @@ def _comparison(design: GainDesign, run: ContactResult, drag: float, with_drag: 
         columns[f"same contact speed, {DRAG.number.equals(weak)}"] = DRAG.contact(scenario, sensor, weak)
     note = (
         "The virtual drag is another law: F = \u2212\u03c6 s\u2032\u00b2 while s = ln \u03be grows, else 0 "
-        "(docs/drag.md). It is predicted under the same assumptions, with the pull of the admittance suspended while "
-        "the object approaches. Its excursion is the same at every speed; with this gain, the plant may retreat less "
-        "from slow objects."
+        "(docs/explanation/drag.md). It is predicted under the same assumptions, with the pull of the "
+        "admittance suspended while the object approaches. Its excursion is the same at every speed; with this "
+        "gain, the plant may retreat less from slow objects."
     )
     rows = tuple(compared_rows(scenario, design.impact, *columns.values()))
     return PageTable(head=("", *columns), rows=rows, note=note)

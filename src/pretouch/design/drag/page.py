@@ -13,6 +13,7 @@ from pretouch._core.blocks import Cell, Listing, Measured, Page, PageSection, Pa
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.vocabulary import unit_of
+from pretouch._core.warning_codes import caution
 from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
 from pretouch.motion.page_sections import inputs_section, method_section
 
@@ -61,15 +62,21 @@ def drag_page(design: DragDesign) -> Page:
     warnings = [*task.warnings]
     if acceleration:
         warnings.append(
-            "the virtual drag was designed for an object with constant velocity, but this object accelerates "
-            f"{('toward' if acceleration > 0 else 'away from')} the robot at "
-            f"{pretty_unit(format_quantity(abs(acceleration), 'm/s^2'))}"
+            caution(
+                "PT311",
+                "the virtual drag was designed for an object with constant velocity, but this object accelerates "
+                f"{('toward' if acceleration > 0 else 'away from')} the robot at "
+                f"{pretty_unit(format_quantity(abs(acceleration), 'm/s^2'))}",
+            )
         )
     if -float(design.scenario.relative_velocity) > design.largest_speed:
         warnings.append(
-            "the virtual drag was designed for approach speeds up to "
-            f"{format_quantity(design.largest_speed, 'm/s')}, but this object approaches at "
-            f"{format_quantity(-float(design.scenario.relative_velocity), 'm/s')}"
+            caution(
+                "PT311",
+                "the virtual drag was designed for approach speeds up to "
+                f"{format_quantity(design.largest_speed, 'm/s')}, but this object approaches at "
+                f"{format_quantity(-float(design.scenario.relative_velocity), 'm/s')}",
+            )
         )
     return Page(
         kind="Drag of preemptive impact mitigation",

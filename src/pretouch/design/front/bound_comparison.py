@@ -86,7 +86,8 @@ def _only_retreats(trials: Trials, scenario: Scenario, gain: FloatArray, result:
     """Return for each encounter whether the robot never moves toward the obstacle beyond its rest position."""
     # This is proved if the admittance is not under-damped, the gain mitigates and the obstacle does not brake
     # (docs/developers/fast-designs.md: l' < 0 until contact, so the force always pushes away, and the admittance does
-    # not oscillate). With a drag it is a premise of the motion (docs/drag.md). Otherwise the motions are sampled.
+    # not oscillate). With a drag it is a premise of the motion (docs/explanation/drag.md). Otherwise the motions are
+    # sampled.
     a = scenario.admittance
     damped = np.square(a.damping) >= 4 * np.multiply(a.mass, a.stiffness) * (1 - 1e-12)
     task, braked = trials.encounters.task, trials.freedom.scenario.obstacle.acceleration > 0

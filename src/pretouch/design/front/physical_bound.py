@@ -32,7 +32,7 @@ _ROUNDING: Final = 1e-9  # relative rounding error of a time
 #     (A + a) y^2 + 2 w sqrt(A) y + w^2 - (v^2 - 2 a l0) = 0,
 #
 # which for a = 0 is d = (|v| - w)^2 / (2 A). Retreating by A from the start gives the smallest contact speed,
-# w^2 = v^2 - 2 (A + a) l0, or zero. docs/trade-offs.md has the whole derivation, also with a speed limit.
+# w^2 = v^2 - 2 (A + a) l0, or zero. docs/how-to/trade-offs.md has the whole derivation, also with a speed limit.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhysicalBound(Value):
     """The smallest excursion and the smallest contact speed that any controller can reach.

@@ -14,6 +14,7 @@ from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import finite
 from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import caution
 from pretouch.uncertainty import Uncertainty
 from pretouch.uncertainty.ensemble import names_of, share_in_words
 
@@ -329,19 +330,22 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
     if v is None or design.gain is None:
         return
     if v.reached < 1:
-        yield (
+        yield caution(
+            "PT309",
             f"in {100 * (1 - v.reached):.3g} % of the fresh encounters there is no contact, so the "
-            f"{design.measure.label} of the objective excludes these encounters or is infinite"
+            f"{design.measure.label} of the objective excludes these encounters or is infinite",
         )
     for o in v.limits:
         if not v.may_hold(o):
-            yield (
+            yield caution(
+                "PT310",
                 f"the limit of the {o.required.constraint.name} is met in only {share_in_words(o.held)} of the "
                 f"fresh samples, but must be met in {100 * o.required.probability:g} %; use more samples, or "
-                "require a slightly larger probability"
+                "require a slightly larger probability",
             )
     if design.gain in design.bounds:
-        yield (
+        yield caution(
+            "PT301",
             f"the optimal {design.number.name} lies on its bound {design.number.text(design.gain)}; a "
-            "wider range may contain a better value"
+            "wider range may contain a better value",
         )

@@ -1,0 +1,11 @@
+"""
+One fitted model
+================
+
+The fitted points, the curve and the residuals of one model.
+"""
+
+import pretouch as pt
+
+report = pt.rank_models(pt.read_calibration("../../examples/sensor.csv"))
+figure = pt.plots.sensor_fit(report.best)

@@ -1,0 +1,544 @@
+"""Give every warning a code, and explain each code: what it means, why it matters and what to do.
+
+The pages in docs/warnings/ are generated from this table: python docs/make_pages.py.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from .errors import InvalidInputError
+
+_CODED: Final = re.compile(r"(PT\d{3}): ")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WarningCode:
+    """The explanation of one kind of warning.
+
+    Args:
+        code: its code, such as PT101.
+        title: what the warning is about, in a few words.
+        meaning: what it means.
+        why: why it matters.
+        remedy: what to do.
+        example: an example of its text.
+    """
+
+    code: str
+    title: str
+    meaning: str
+    why: str
+    remedy: str
+    example: str
+
+
+def caution(code: str, text: str) -> str:
+    """Return the text of a warning with its code in front.
+
+    Args:
+        code: a key of WARNING_CODES.
+        text: what is wrong, with value and unit.
+
+    Returns:
+        Code and text, such as `PT301: the optimal gain lies on its bound -10 N s`.
+
+    Raises:
+        InvalidInputError: there is no such code.
+    """
+    if code not in WARNING_CODES:
+        raise InvalidInputError(f"code: found {code!r}, expected one of the codes in WARNING_CODES")
+    return f"{code}: {text}"
+
+
+def split_code(text: str) -> tuple[str, str]:
+    """Return the code of a warning and its text; the code is empty if the text has none."""
+    found = _CODED.match(text)
+    return (found[1], text[found.end() :]) if found else ("", text)
+
+
+def with_context(context: str, text: str) -> str:
+    """Return a warning with a context, such as the name of a site, between its code and its text."""
+    code, rest = split_code(text)
+    return f"{code}: {context}: {rest}" if code else f"{context}: {rest}"
+
+
+def codes_in(texts: Iterable[str]) -> tuple[str, ...]:
+    """Return the codes that occur in texts, each once and in order."""
+    return tuple(sorted({code for text in texts for code in _CODED.findall(text) if code in WARNING_CODES}))
+
+
+def page_of_code(code: str) -> str:
+    """Return the path of the page that explains a code, inside the source tree."""
+    return f"docs/warnings/{code}.md"
+
+
+_TABLE: Final = (
+    # --- calibration
+    (
+        "PT101",
+        "Too few distances",
+        "The usable range contains few distances, compared with the number of unknown parameters of the curve.",
+        "A curve through few distances cannot be tested, so an error of its slope goes unnoticed.",
+        "Measure at 8 or more distances in the usable range, several readings each. `pretouch record` proposes them.",
+        "The usable range from 0 mm to 80 mm contains only 5 different distances",
+    ),
+    (
+        "PT102",
+        "Every distance was read once",
+        "There is one reading at each distance, so the noise is estimated from deviations from the curve.",
+        "Noise and an error of the curve cannot be told apart, and all uncertainties are rough.",
+        "Read each distance three times or more, and record at least five readings without an object.",
+        "Every distance was read once, so the noise is estimated from deviations from the curve",
+    ),
+    (
+        "PT103",
+        "The offset contradicts the readings",
+        "The offset is negative, larger than some readings, or does not agree with the readings at large distances.",
+        "The offset does not cancel from the slope. With a wrong offset the virtual force is too weak or too strong.",
+        "Record the output with no object, as rows with the distance `inf`, or let the fit find it: `--offset fit`.",
+        "The declared offset of 90 counts is larger than some readings, such as 61 counts",
+    ),
+    (
+        "PT104",
+        "Several distances are inconsistent",
+        "The readings at several distances do not agree with any curve through the other readings.",
+        "These readings are left out. If they were right, the curve has another shape than the fitted one.",
+        "Measure again at these distances. Check the object, its orientation, and whether it moved.",
+        "The readings at 3 distances are inconsistent with every curve through the other readings",
+    ),
+    (
+        "PT105",
+        "The output hardly falls",
+        "Over the usable range the sensor output falls by a small factor.",
+        "The controller needs the relative change of the output. A small change is easily hidden by noise.",
+        "Measure over a wider range, and start nearer to the sensor.",
+        "From 20 mm to 30 mm the output falls only by a factor of 1.3",
+    ),
+    (
+        "PT106",
+        "Rows without an output",
+        "Many rows of the file have a distance but no output.",
+        "Readings that are missing systematically, for example near contact, change the curve.",
+        "Check the recording and the columns of the file.",
+        "120 rows have no output",
+    ),
+    (
+        "PT107",
+        "The slope is uncertain",
+        "The 95 % uncertainty of the slope g is larger than a design needs, where most of the virtual force acts.",
+        "The virtual force is proportional to the slope. Its relative error is that of the slope.",
+        "Follow the remedy in the message: more distances, more readings, or readings without an object.",
+        "The uncertainty of the sensor slope g is 38 % at 24 mm, but a design needs at most 15 %",
+    ),
+    (
+        "PT108",
+        "The readings have another slope than the curve",
+        "Between two distances, the readings are significantly flatter or steeper than the best curve.",
+        "The true curve has another shape there, so the virtual force differs by the same percentage.",
+        "Use the table model, which follows the readings, or check how the distances were set.",
+        "Between the distances 5 mm and 9 mm, the readings are 20 % flatter than the best model",
+    ),
+    (
+        "PT109",
+        "The curve does not fit as well as the noise allows",
+        "Averaged readings deviate from the best curve by more than their noise explains.",
+        "Averaging does not remove such an error. It acts like an error of the distance.",
+        "Check how the distances were set and whether the object stayed parallel. The table follows the readings.",
+        "Averaged readings deviate from the best model, inverse-power, by 6 % of the signal",
+    ),
+    (
+        "PT110",
+        "There is no usable signal",
+        "The output does not fall with the distance, or too few distances are above the noise.",
+        "Without a signal there is no slope, and no curve is fitted.",
+        "Check power, orientation, range and amplification of the sensor. Measure in finer steps near the sensor.",
+        "The sensor output does not fall significantly with the distance (rank test, p = 0.4)",
+    ),
+    (
+        "PT111",
+        "Parameters that the readings cannot distinguish",
+        "Several combinations of parameters describe the readings equally well.",
+        "The curve and its slope can still be right. The single parameters have no meaning.",
+        "Use the curve, not the single parameters. Measure over a wider range to separate them.",
+        "Scale and exponent cannot be distinguished",
+    ),
+    (
+        "PT112",
+        "A remark on one fitted model",
+        "The fit of this model reached a limit of its parameters, or its offset was fitted and not measured.",
+        "The intervals of such a fit are rough.",
+        "Compare the models in the ranking, and record readings without an object.",
+        "The offset was fitted, not measured. If the offset is wrong by one standard error, the slope changes by 4 %.",
+    ),
+    (
+        "PT113",
+        "The output rises with the distance, or is a distance",
+        "The column is not a signal that falls with the distance.",
+        "The controller interprets a rising output as an approach, so the robot would move the wrong way.",
+        "For a sensor that reports a distance, set `measures_distance = true` in `[chain]`. Invert an inverted signal.",
+        "The sensor output rises with the distance, but the signal of a proximity sensor falls",
+    ),
+    # --- what the calibration says about an answer
+    (
+        "PT201",
+        "The readings allow another contact",
+        "On other sensor curves that fit the same readings, the contact speed is clearly different.",
+        "The answer depends more on the choice of the curve than on the readings.",
+        "Measure at more distances between contact and start, several times at each distance.",
+        "Not supported by the readings: on 12 of 100 sensor curves that fit the readings, contact is harder",
+    ),
+    (
+        "PT202",
+        "The curve is used where there are no readings",
+        "The encounter uses distances, for example near contact, that the calibration does not cover.",
+        "Outside of the readings the curve is an extrapolation, and nothing has tested it.",
+        "Mount the sensor behind the contact surface (`recess`), calibrate these distances, or start nearer.",
+        "Not supported by data: this result uses the fitted curve where the calibration has no usable readings",
+    ),
+    (
+        "PT203",
+        "The object recedes at the start",
+        "The velocity of the obstacle is positive, so it moves away from the robot.",
+        "There is nothing to mitigate.",
+        'Give the obstacle a negative velocity, for example `velocity = "-0.3 m/s"`.',
+        "The object recedes at the start.",
+    ),
+    # --- design
+    (
+        "PT301",
+        "The optimum lies on a bound",
+        "The best gain in the range of `[gain]` is the first or the last one of the range.",
+        "A gain outside of the range may be better.",
+        "Widen `bounds`, unless the bound is a limit of your robot.",
+        "the optimal gain lies on its bound -0.5 N s; a wider range may contain a better value",
+    ),
+    (
+        "PT302",
+        "The optimum lies at the edge of contact",
+        "With a slightly stronger gain, the object does not reach the robot.",
+        "A small error of the sensor decides whether there is a contact.",
+        "Limit the excursion, or use `pretouch robust`, which weighs both cases.",
+        "the optimum lies at the edge of contact: with a slightly stronger gain, the object is missed",
+    ),
+    (
+        "PT303",
+        "The uniform motion is approximate",
+        "The method `uniform-motion`, L(16) to L(19), does not start from the given state.",
+        "The optimal gain shifts by about 10 %.",
+        "Use the method `auto` or `integration`.",
+        "the uniform motion L(16)-(19) does not start from the given state",
+    ),
+    (
+        "PT304",
+        "The optimum depends on the noise of one run",
+        "The gain was optimized on the sampled loop with one draw of the noise.",
+        "Another run has another optimum.",
+        "Use `design_robust_gain` with the same `evaluate`, which averages over runs.",
+        "the gain is optimal for one run with its noise, and another run has another optimum",
+    ),
+    (
+        "PT305",
+        "The gain moves the robot toward the object",
+        "The optimal number of the law has the wrong sign for mitigation.",
+        "The robot chases the object, and the contact is harder.",
+        "Check signs of velocity and bounds: an approach is negative, and a mitigating D_p is negative.",
+        "the optimal gain is positive, so the virtual force moves the robot toward the object",
+    ),
+    (
+        "PT306",
+        "The computed motion is less accurate than usual",
+        "The impulse of the computed virtual force differs from the gain times the change of ln xi.",
+        "Every motion must fulfill this balance. A larger error means that the numbers have fewer correct digits.",
+        "Check the curve for steps and kinks. Please report the scenario if it has none.",
+        "the impulse balance of the computed motion has a relative error of 1e-07",
+    ),
+    (
+        "PT307",
+        "Encounters without contact",
+        "With some gains the object does not reach the robot within the horizon or the range of the curve.",
+        "Such gains have no contact speed, so the objective excludes them.",
+        "Read the reason. Often the sensor curve starts too far out, or the velocity has the wrong sign.",
+        "for 12 of 64 scanned gains, the encounter ended without contact",
+    ),
+    (
+        "PT308",
+        "No contact without mitigation",
+        "With gain 0 the encounter does not end in contact.",
+        "There is no contact speed to compare with.",
+        "Check speed, position and horizon of the encounter.",
+        "without mitigation the encounter does not end in contact",
+    ),
+    (
+        "PT309",
+        "Some random encounters have no contact",
+        "In a share of the fresh random encounters, the object does not reach the robot.",
+        "The risk measure excludes these encounters, or is infinite.",
+        "Truncate the distributions with `between`, or accept that some encounters end without contact.",
+        "in 3 % of the fresh encounters there is no contact",
+    ),
+    (
+        "PT310",
+        "A limit is missed in the validation",
+        "On fresh samples, a limit is met less often than required, beyond what chance explains.",
+        "The samples of the design were too few, so the gain fits them better than other encounters.",
+        "Use more `samples`, or require a slightly larger probability.",
+        "the limit of the excursion is met in only 93 % of the fresh samples, but must be met in 95 %",
+    ),
+    (
+        "PT311",
+        "The drag was designed for another approach",
+        "The object accelerates, or is faster than the speeds for which the drag was designed.",
+        "The ratio of contact speed to approach speed holds for a constant velocity within the designed range.",
+        "Use the bound for accelerated approaches (`contact_speed_bound`), or raise `largest_speed`.",
+        "the virtual drag was designed for approach speeds up to 0.5 m/s, but this object approaches at 0.8 m/s",
+    ),
+    # --- sampled loop
+    (
+        "PT401",
+        "There is no ideal gain",
+        "The design in continuous time finds no gain that meets all limits and ends in contact.",
+        "The verdict is about the gain that you gave, and there is no optimum to compare it with.",
+        "Run `pretouch design`, which names the limits that conflict.",
+        "The ideal design has no gain",
+    ),
+    (
+        "PT402",
+        "Controller and prediction use different admittances",
+        "The virtual mass, damping or stiffness of the controller differ from those of the scenario.",
+        "Simulated and predicted motions differ even with a perfect sensor.",
+        "Use the same admittance in both.",
+        "The controller and the prediction use different admittances",
+    ),
+    (
+        "PT403",
+        "The robot chases the object, or contact is harder",
+        "With this gain the virtual force points toward the object, or the contact speed is higher than without.",
+        "The gain does the opposite of mitigation.",
+        "Check the sign of the gain. Then check noise, delay and stability of the loop.",
+        "D_p = 0.5 N s makes the robot chase the object: mitigating gains are negative.",
+    ),
+    (
+        "PT404",
+        "A broken cable makes the robot jump",
+        "Readings that fall suddenly look like a receding object, and the controller accepts them.",
+        "The virtual damper then pulls the robot toward the object.",
+        "Set `largest_rate` of the controller to the steepest slope times the fastest approach.",
+        "A broken sensor cable makes the robot jump toward the object",
+    ),
+    (
+        "PT405",
+        "The object is detected late, or never",
+        "The first reading above the floor comes late, or no reading is above it.",
+        "What happens before detection has no effect: the excursion is shorter and the contact harder.",
+        "Lower the floor, reduce the noise, or use a faster sensor. See [a slow sensor](../how-to/slow-sensor.md).",
+        "The object was never detected in 4 % of the runs.",
+    ),
+    (
+        "PT406",
+        "Noise moves a robot at rest",
+        "Without any motion of the object, the noise of the readings moves the robot.",
+        "The robot drifts or trembles while it waits near an object.",
+        "Raise the floor to the value in the message, or use the virtual drag, which has a dead zone.",
+        "Sensor noise alone moves a robot at rest by up to 12 mm within 30 s",
+    ),
+    (
+        "PT407",
+        "The robot pushes after the impact",
+        "The contact force after the impact is larger than with no mitigation, or grows beyond the impact itself.",
+        "The drive of the robot, or the admittance, pulls it back while the object is still there.",
+        "Let the controller yield to contact forces (`contact_gain`), or limit the force.",
+        "After the impact, the robot's drive pushes with a force of up to 40 N on average",
+    ),
+    (
+        "PT408",
+        "The simulated impact force differs from the prediction",
+        "The peak force of the impact is not that of an elastic impact of two free bodies.",
+        "A limit of the impact force that was set for the prediction may be missed.",
+        "Use the simulated force. Check stiffness and dissipation of `[contact]`.",
+        "The simulated impact force is 1.4 times the predicted force of an elastic impact",
+    ),
+    (
+        "PT409",
+        "The controller reported a problem",
+        "In some runs the controller set a flag: saturation, invalid or implausible readings, lost sensor, or a limit.",
+        "While a flag is set, the virtual force is weaker than designed, or zero.",
+        "Read which flag it is. Change amplification, `largest_rate`, `timeout` or the limits.",
+        "In 3 % of the runs the sensor was saturated.",
+    ),
+    (
+        "PT410",
+        "Readings are missing",
+        "After detection, an expected reading had not arrived at some controller steps.",
+        "The virtual force fades while a reading is overdue.",
+        "Check `dropout` and the timing of the sensor.",
+        "After detection of the object, the expected sensor reading was missing in 2 % of the controller steps.",
+    ),
+    (
+        "PT411",
+        "The calibration is too small for a check",
+        "The calibration has too few usable distances to draw other curves that fit the readings.",
+        "The verdict cannot test the gain on the curves that the readings allow.",
+        "Record more distances.",
+        "The calibration has only 4 usable distances",
+    ),
+    (
+        "PT412",
+        "The loop is unstable, or close to it",
+        "The gain is beyond the stability limit of the sampled loop at some distance, or its margin is below 2.",
+        "An unstable loop oscillates: the robot bounces in front of the object.",
+        "Weaken the gain, read the sensor faster, or reduce the delay. See [the robot bounces](../how-to/bounces.md).",
+        "The gain margin of the sampled loop is only 1.3 at a distance of 0 mm; a gain margin of 2 is usual.",
+    ),
+    (
+        "PT413",
+        "Several contacts",
+        "The robot and the object touch more than once.",
+        "A later contact can be harder than the first.",
+        "Check the stability and the reference: the admittance pulls the robot back after the first contact.",
+        "There are 3 contacts; the first is the fastest.",
+    ),
+    (
+        "PT414",
+        "The virtual force is much larger than predicted",
+        "Noise, slow readings or a loop close to instability cause peaks of the virtual force.",
+        "The robot jerks, and its drive may saturate.",
+        "Add a median filter, raise the floor, or weaken the gain.",
+        "The virtual force reaches 80 N on the simulated loop, but only 20 N is predicted",
+    ),
+    (
+        "PT415",
+        "The gain has no effect",
+        "The contact speed with the gain equals that without mitigation.",
+        "The robot does not retreat before contact.",
+        "Check that the object is detected, that the robot follows commands, and that the gain is not too weak.",
+        "The gain has no effect in this run",
+    ),
+    # --- robot models
+    (
+        "PT501",
+        "The posture is close to a singularity",
+        "In this direction the joints move a much larger mass than in the easiest direction.",
+        "The robot follows the commanded motion less exactly, so simulation and prediction differ.",
+        "Choose another posture or another axis.",
+        "The posture is close to a singularity: along the axis, the drives move 40 times the mass",
+    ),
+    (
+        "PT502",
+        "The model does not limit the forces",
+        "Some actuators of the robot model have no force range.",
+        "Acceleration and force then have no limit, and a design may ask for more than the robot can do.",
+        "Add `forcerange` to the actuators of the model.",
+        "The model does not limit the forces of all actuators",
+    ),
+    (
+        "PT503",
+        "Joints without an actuator",
+        "Some joints of the robot model have no actuator.",
+        "They are treated as free, which changes the moved mass.",
+        "Add the actuators, or lock the joints.",
+        "No actuator moves the following joints, which are treated as free: wrist",
+    ),
+    (
+        "PT504",
+        "The sensor leaves its axis",
+        "While the robot moves back along the axis, the sensor also turns or moves sideways.",
+        "The prediction is along one axis, so predicted and simulated contact speeds differ.",
+        "Simulate the robot, or choose an axis and a posture in which the sensor moves straight.",
+        "The sensor leaves its axis: per 100 mm of motion it turns by 4.1 deg and moves sideways by 12 mm",
+    ),
+    # --- recordings
+    (
+        "PT601",
+        "A remark on the recording",
+        "The file is truncated, parts of it are missing, or its clock was set back.",
+        "Only the readable part was used.",
+        "Record again if the part that you need is missing.",
+        "bag.mcap is truncated or damaged; only its beginning was read.",
+    ),
+    (
+        "PT602",
+        "A remark on the calibration that was recorded",
+        "Lines could not be read, or the output drifted while it was recorded.",
+        "A drift changes the curve, and skipped lines may hide a wrong column.",
+        "Check sensor and object, and record the distance again.",
+        "10 mm: the output drifted while it was recorded; check sensor and object.",
+    ),
+    (
+        "PT603",
+        "Readings that the law cannot use",
+        "Readings are saturated, not numbers, or nearer than the sensor can measure.",
+        "The law ignores them, so the robot does not react while they last.",
+        "Reduce the amplification, and check the driver of the sensor.",
+        "312 of 5,000 readings are saturated, and the law ignores them",
+    ),
+    (
+        "PT604",
+        "The times of the readings are wrong",
+        "Readings arrive out of order, have equal times, or faster than the controller takes them.",
+        "The law uses the rate of change, so a wrong time is a wrong force.",
+        "Use the time stamps of the sensor, not of the arrival (`--clock header`).",
+        "12 readings have earlier times than readings before them",
+    ),
+    (
+        "PT605",
+        "No reading was above the floor",
+        "The recording contains no detection.",
+        "Unit, offset or floor may be wrong, or no object came near.",
+        "Check that the topic has the unit of the scenario, and that an object came near.",
+        "No reading was above the floor: the largest sensor output was 12, and the floor is 100",
+    ),
+    (
+        "PT606",
+        "The sensor is slower than the scenario says",
+        "The recorded rate is below that of `[chain]`.",
+        "Stability and contact speed depend on the rate, so the verification does not hold.",
+        "Put the measured section `[chain]` into the scenario (`--chain`), and verify again.",
+        "The sensor is slower than the scenario says",
+    ),
+    (
+        "PT607",
+        "The sensor is noisier than the scenario says",
+        "The recorded noise is larger than that of `[chain]`, or too large for the floor.",
+        "Noise alone can be detected as an object, and the verification is too optimistic.",
+        "Put the measured section `[chain]` into the scenario, and raise the floor.",
+        "The noise of 27 is 1.4 times that of the scenario",
+    ),
+    (
+        "PT608",
+        "The offset of the controller is wrong",
+        "Without an object, the median reading differs from the offset that the controller subtracts.",
+        "The rest acts like a signal, and the virtual force becomes too weak or too strong.",
+        "Set `offset` in `[controller]` to the median.",
+        "Without an object, the median reading is 152, but the controller subtracts 120",
+    ),
+    # --- the letter
+    (
+        "PT901",
+        "A finding about the letter is not confirmed",
+        "The recomputation does not confirm one of the documented findings.",
+        "Either the finding or the program is wrong.",
+        "Please report it with the version of pretouch.",
+        "Does not hold: finding 7",
+    ),
+    (
+        "PT902",
+        "A printed number is not explained",
+        "A number of the letter differs from the computed one, and no reason is documented.",
+        "Either the number is a misprint or the program is wrong.",
+        "Please report it with the version of pretouch.",
+        "Unexplained disagreement: Table II",
+    ),
+)
+
+WARNING_CODES: Final[Mapping[str, WarningCode]] = MappingProxyType(
+    {
+        code: WarningCode(code=code, title=title, meaning=meaning, why=why, remedy=remedy, example=example)
+        for code, title, meaning, why, remedy, example in _TABLE
+    }
+)
+"""The explanations of all warnings by their codes."""

@@ -1,0 +1,187 @@
+"""Write the text of a first scenario file, with a comment on every value that the user should check."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
+from pretouch.simulation import SensorPart
+
+_TEXT: Final = """\
+# A first scenario, written by pretouch init. Check every value, and replace what you know better.
+# Keys, units and further sections: docs/reference/scenario-file.md
+
+{sensor}
+[admittance]                      # virtual dynamics: how the controller turns a force into a motion
+mass = "1 kg"                     # virtual, not the mass of the robot
+natural_frequency = "{frequency}"   # how fast the robot returns to its task; critically damped
+
+[obstacle]                        # what approaches; position when the sensor first sees it
+position = "{position}"
+velocity = "-{speed}"            # negative: toward the robot
+
+[objective]                       # what the design minimizes: retreat and contact speed, each relative to its scale
+kind = "excursion"
+position_scale = "{excursion}"
+velocity_scale = "{speed}"
+
+[gain]                            # range of the search; mitigating gains are negative
+bounds = ["{strongest}", "{weakest}"]
+
+{law}[constraints]                     # limits; the design keeps them, and pretouch verify checks them
+excursion = "{excursion}"            # how far the robot can retreat
+{contact_speed}
+[impact]                          # physical properties, for contact forces
+robot_mass = "{robot_mass}"             # reflected mass at the contact point; pretouch project computes it from a model
+effective_modulus = "10 MPa"      # a padded link
+radius = "10 mm"
+
+[uncertainty]                     # pretouch robust and pretouch verify vary these inputs
+obstacle.velocity = {{ normal = ["-{speed}", "{spread}"], between = ["-{fastest}", "-{slowest}"] }}
+
+[chain]                           # the sensor as it runs on the robot
+{chain}
+[controller]
+rate = "1 kHz"
+{controller}
+[robot]                           # how the robot follows commands; replace by your robot
+kind = "impedance"
+mass = "{robot_mass}"
+stiffness = "4 kN/m"
+damping = "250 N*s/m"
+bandwidth = "80 Hz"
+
+[loop]
+horizon = "5 s"
+stability_margin = 2.0            # the gain can double before the loop oscillates
+
+[verify]
+runs = 500
+"""
+_CALIBRATED: Final = """\
+[sensor]                          # the curve is fitted to your calibration whenever the file is read
+calibration = "{calibration}"
+{recess}"""
+_TYPICAL: Final = """\
+[sensor]                          # NOT your sensor: a typical curve with the signal of a {part}
+model = "inverse-power"           # measure your own: pretouch record, then calibration = "sensor.csv"
+scale = {scale}
+distance_offset = "41.9 mm"
+exponent = 3.32
+"""
+_DRAG: Final = """\
+[law]                             # the virtual drag: contact speed is this share of every approach speed
+kind = "virtual-drag"
+ratio = 0.15
+smoothing_time = "5 ms"
+{noise}
+"""
+_COMMENT: Final = re.compile(r"^([^\s#][^#\n]*?) {2,}(# .*)$", re.MULTILINE)
+_COLUMN: Final = 42  # of the comments
+_OFFSET: Final = 0.0419  # m, of the typical curve, the letter's Table I
+_EXPONENT: Final = 3.32
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstScenario(Value):
+    """What somebody knows at the start: sensor, robot, approach and limits.
+
+    Args:
+        calibration: path of a calibration file as the scenario file names it; empty for none.
+        recess: distance of the sensor behind the contact surface [m].
+        part: the sensor part; None if it is none of the built-in ones.
+        rate: readings per second [Hz], for a sensor that is no built-in part.
+        distance: distance at which the sensor first sees the object [m].
+        speed: approach speed [m/s].
+        excursion: how far the robot can retreat [m].
+        contact_speed: largest allowed speed at contact [m/s]; None for no limit.
+        robot_mass: reflected mass of the robot [kg].
+        drag: whether to use the virtual drag instead of the virtual damper.
+    """
+
+    calibration: str
+    recess: float
+    part: SensorPart | None
+    rate: float
+    distance: float
+    speed: float
+    excursion: float
+    contact_speed: float | None
+    robot_mass: float
+    drag: bool
+
+    def text(self) -> str:
+        """Return the text of the scenario file."""
+        speed, limit = _written(self.speed, "m/s"), self.contact_speed
+        contact = (
+            f'relative_velocity = "{_written(limit, "m/s")}"    # largest speed at contact\n'
+            if limit
+            else ('# relative_velocity = "0.1 m/s" # largest speed at contact\n')
+        )
+        unit = "N*s^2" if self.drag else "N*s"
+        ends = ("0.0001", "1") if self.drag else ("-10", "-0.001")
+        text = _TEXT.format(
+            sensor=self._sensor(),
+            frequency="5 rad/s",
+            position=_written(self.distance, "m"),
+            speed=speed,
+            excursion=_written(self.excursion, "m"),
+            strongest=f"{ends[0]} {unit}",
+            weakest=f"{ends[1]} {unit}",
+            law=_DRAG.format(noise=self._noise()) if self.drag else "",
+            contact_speed=contact,
+            robot_mass=_written(self.robot_mass, "kg"),
+            spread=_written(0.2 * self.speed, "m/s"),
+            fastest=_written(1.6 * self.speed, "m/s"),
+            slowest=_written(0.4 * self.speed, "m/s"),
+            chain=self._chain(),
+            controller=self._controller(),
+        )
+        return _COMMENT.sub(lambda line: f"{line[1]:<{_COLUMN}}{line[2]}", text)
+
+    def _sensor(self) -> str:
+        if self.calibration:
+            line = f'recess = "{_written(self.recess, "m")}"  # the sensor is this far behind the contact surface\n'
+            recess = line if self.recess else ""
+            return _CALIBRATED.format(calibration=self.calibration, recess=recess)
+        name = "sensor" if self.part is None else self.part.name
+        at, output = self._signal()
+        unit = "" if self.part is None else self.part.unit
+        number = f"{output * (at + _OFFSET) ** _EXPONENT:.4g}"
+        return _TYPICAL.format(part=name, scale=f'"{number} {unit}"' if unit else number)
+
+    def _signal(self) -> tuple[float, float]:
+        """Return a distance and the output of the typical curve there."""
+        signal = None if self.part is None else self.part.signal
+        return signal or (3.0 * self.distance, 1.0)
+
+    @property
+    def _ranges(self) -> bool:
+        """Whether the sensor reports a distance, so that the floor must be given."""
+        return self.part is not None and self.part.chain.measures_distance
+
+    def _noise(self) -> str:
+        return "noise = 0.3                       # of the sensor output\n" if self._ranges else ""
+
+    def _chain(self) -> str:
+        if self.part is None:
+            noise = "" if self.calibration else "noise = 0.02                      # of the sensor output; measure it\n"
+            return f'rate = "{_written(self.rate, "Hz")}"                   # readings per second; measure it\n{noise}'
+        lines = (
+            f'part = "{self.part.name}"                 # data sheet; pretouch replay measures rate, delay and noise\n'
+        )
+        if self.part.chain.rate > 1000.0:
+            lines += 'rate = "1 kHz"                    # the controller reads it once per period\n'
+        return lines
+
+    def _controller(self) -> str:
+        floor = "floor = 1.0                       # smallest sensor output that counts as an object\n"
+        return floor if self._ranges else ""
+
+
+def _written(value: float, unit: str) -> str:
+    """Return a quantity as a scenario file writes it, such as 42.2 mm."""
+    return format_quantity(value, unit, 4)

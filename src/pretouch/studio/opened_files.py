@@ -1,0 +1,176 @@
+"""Keep the files that the user has opened in the studio, and refuse every other path."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from pretouch._core.errors import InvalidInputError, ScenarioFileError, UnitError, require
+
+_FILE_KEYS: Final = (("sensor", "calibration"), ("sensor", "no_object"), ("robot", "model"))
+"""The keys of a scenario file that name another file."""
+
+_NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_EFFECTS: Final = frozenset({"ratio", "excursion", "acceleration", "contact_speed", "impact_force"})
+
+
+class OpenedFiles:
+    """Files of one start of the studio.
+
+    The page sends texts, no paths. A scenario may name only files that the opened file names, or that were uploaded.
+
+    Args:
+        opened: the scenario file with which the studio was started; None without one.
+    """
+
+    def __init__(self, opened: Path | None = None) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="pretouch-studio-")
+        self.folder = Path(self._folder.name)
+        self.opened = opened
+        self._files: dict[str, Path] = {}
+        self._count = 0
+        if opened is not None:
+            self.text = opened.read_text(encoding="utf-8-sig")
+            self._allow_files(self.text, opened.parent.resolve())
+        else:
+            self.text = ""
+
+    def close(self) -> None:
+        """Remove the temporary files."""
+        self._folder.cleanup()
+
+    def _allow_files(self, text: str, folder: Path) -> None:
+        """Allow the files that a scenario file of the user names."""
+        try:
+            document = tomllib.loads(text)
+        except tomllib.TOMLDecodeError:
+            return  # the page shows the message of load_scenario
+        for _, _, name in _names(document):
+            self._files[name] = folder / name
+
+    def add_file(self, name: str, content: bytes) -> str:
+        """Store an uploaded file, and return the name by which a scenario may name it."""
+        plain = re.sub(r"[^\w.-]", "_", Path(name.replace("\\", "/")).name).lstrip(".") or "calibration.csv"
+        path = self.folder / f"upload-{plain}"
+        path.write_bytes(content)
+        self._files[plain] = path
+        return plain
+
+    def file(self, name: str) -> Path:
+        """Return the path of a file that was opened.
+
+        Raises:
+            InvalidInputError: no such file was opened.
+        """
+        if name not in self._files:
+            raise InvalidInputError(
+                f"file: the scenario names the file {name!r}, which has not been opened here; open it in the studio, "
+                "or start the studio with this scenario file"
+            )
+        return self._files[name]
+
+    def write_scenario(self, text: str) -> Path:
+        """Write a text of the page as a scenario file, in which every name of a file is that of an opened file."""
+        tomlkit = require("tomlkit", extra="studio")
+        try:
+            document: Any = tomlkit.parse(text)
+        except (tomlkit.exceptions.TOMLKitError, RecursionError) as error:
+            raise ScenarioFileError(f"the scenario is not valid TOML: {error}") from None
+        for section, key, name in _names(document):
+            document[section][key] = str(self.file(name))
+        self._count += 1
+        path = self.folder / f"scenario-{self._count}.toml"
+        path.write_text(tomlkit.dumps(document), encoding="utf-8")
+        return path
+
+    def save(self, text: str) -> str:
+        """Write a text to the scenario file with which the studio was started.
+
+        Returns:
+            The name of the file.
+
+        Raises:
+            InvalidInputError: the studio was started without a file.
+        """
+        if self.opened is None:
+            raise InvalidInputError(
+                "save: the studio was started without a file; download the scenario, or run: pretouch studio FILE"
+            )
+        self.write_scenario(text)  # refuses what is no TOML, or names other files
+        partial = self.opened.with_name(f".{self.opened.name}.partial")
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(self.opened)
+        self.text = text
+        return self.opened.name
+
+
+def _names(document: Any) -> Iterator[tuple[str, str, str]]:
+    """Yield section, key and value of every key that names a file."""
+    for section, key in _FILE_KEYS:
+        table = document.get(section)
+        name = table.get(key) if isinstance(table, dict) else None
+        if isinstance(name, str) and not (key == "no_object" and _is_reading(name)):
+            yield section, key, str(name)
+
+
+def _is_reading(value: str) -> bool:
+    """Return True if a reading without an object is a value and no file, by the rule of the scenario file."""
+    from pretouch.config.sensor import read_output  # noqa: PLC0415 - only for a file with this key
+
+    try:
+        read_output(value, name="no_object")
+    except UnitError:
+        return False
+    return True
+
+
+def change_text(text: str, changes: dict[str, Any]) -> str:
+    """Change some keys of a scenario file, and keep everything else as it is, including comments.
+
+    Args:
+        text: the scenario file (TOML).
+        changes: values by `section.key`; None removes a key.
+
+    Returns:
+        The changed file.
+    """
+    tomlkit = require("tomlkit", extra="studio")
+    document: Any = tomlkit.parse(text)
+    for name, value in changes.items():
+        section, _, key = name.partition(".")
+        if value is None:
+            if section in document:
+                document[section].pop(key, None)
+                if not document[section]:
+                    document.pop(section)
+            continue
+        if section not in document:
+            if document.as_string().strip():
+                document.add(tomlkit.nl())
+            document.add(section, tomlkit.table())
+        if section == "law" and key in _EFFECTS:
+            for other in _EFFECTS - {key}:
+                document[section].pop(other, None)
+        document[section][key] = _like(document[section].get(key), value)
+    result: str = tomlkit.dumps(document)
+    return result
+
+
+def _like(before: Any, value: Any) -> Any:
+    """Return a value as a number if it has no unit, with the comment of the value before."""
+    tomlkit = require("tomlkit", extra="studio")
+    if isinstance(value, list):
+        item = tomlkit.array()
+        item.extend(_like(None, part) for part in value)
+    elif isinstance(value, str) and _NUMBER.fullmatch(value):
+        item = tomlkit.value(value if "." in value or "e" in value.lower() else str(int(value)))
+    else:
+        item = tomlkit.item(value)
+    if before is not None and hasattr(before, "trivia"):
+        item.trivia.comment, item.trivia.comment_ws = before.trivia.comment, before.trivia.comment_ws
+        item.trivia.trail = before.trivia.trail
+    return item

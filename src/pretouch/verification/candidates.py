@@ -1,0 +1,183 @@
+"""Compare several sensors, laws or robots by the verdict that each of them gets on its sampled loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.blocks import Described
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.files import plain
+from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
+from pretouch.design import Task
+
+from .effect import VerdictStatus
+from .result import Verdict
+from .verify import verify_gain
+
+_ORDER: Final = (
+    VerdictStatus.HOLDS,
+    VerdictStatus.HOLDS_NARROWLY,
+    VerdictStatus.DOES_NOT_HOLD,
+    VerdictStatus.NO_GAIN,
+)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Candidate(Value):
+    """One candidate of a comparison, such as a sensor, with its verdict.
+
+    Args:
+        name: name of the candidate.
+        verdict: verdict on its gain; None if it was refused.
+        problem: why it was refused, in words; empty if it has a verdict.
+    """
+
+    name: str
+    verdict: Verdict | None = None
+    problem: str = ""
+
+    @property
+    def status(self) -> VerdictStatus:
+        """Whether the gain holds; `no-gain` for a candidate that was refused."""
+        return VerdictStatus.NO_GAIN if self.verdict is None else self.verdict.status
+
+    @property
+    def contact_speed(self) -> float:
+        """Mean speed at contact over the simulated runs [m/s]; NaN if no run ends in contact."""
+        return self.mean_of("relative_velocity")
+
+    @property
+    def high_contact_speed(self) -> float:
+        """Speed at contact that 95 % of the runs stay below [m/s]; NaN if no run ends in contact."""
+        compared = None if self.verdict is None else self.verdict.comparison("relative_velocity")
+        return math.nan if compared is None or compared.simulated is None else compared.simulated.high
+
+    @property
+    def gain_margin(self) -> float:
+        """Factor by which the gain may grow before the loop is unstable; NaN if it is not known."""
+        stability = None if self.verdict is None else self.verdict.stability
+        return math.nan if stability is None else stability.margin
+
+    def mean_of(self, quantity: str) -> float:
+        """Return the mean magnitude of a quantity over the runs, such as `largest_excursion`; NaN if unknown."""
+        compared = None if self.verdict is None else self.verdict.comparison(quantity)
+        return math.nan if compared is None or compared.simulated is None else compared.simulated.mean
+
+    @property
+    def reason(self) -> str:
+        """The main reason why the candidate does not hold; empty if it holds."""
+        if self.verdict is None:
+            return self.problem
+        return "; ".join(self.verdict.reasons[:1]) or ("" if self.verdict.gain is not None else self.verdict.headline)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the candidate as one JSON object, in SI units."""
+        v = self.verdict
+        return {
+            "name": self.name,
+            "status": self.status,
+            "gain": None if v is None else v.gain,
+            "contact_speed": self.contact_speed,
+            "high_contact_speed": self.high_contact_speed,
+            "largest_excursion": self.mean_of("largest_excursion"),
+            "gain_margin": self.gain_margin,
+            "rate": None if v is None else v.loop.chain.rate,
+            "latency": None if v is None else v.loop.chain.latency,
+            "reason": self.reason,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CandidateComparison(Described, Value):
+    """Result of `compare_candidates`: candidates from best to worst, each with its verdict.
+
+    A gain that holds is better than one that does not. Among equals, the lower mean contact speed is better.
+
+    Args:
+        candidates: the candidates, best first.
+    """
+
+    candidates: tuple[Candidate, ...]
+
+    page: ClassVar[str] = "pretouch.verification.candidates_page:candidates_page"
+
+    @property
+    def best(self) -> Candidate | None:
+        """The best candidate that holds, at least narrowly; None if no candidate holds."""
+        first = self.candidates[0]
+        return first if first.status in _ORDER[:2] else None
+
+    @property
+    def headline(self) -> str:
+        """A sentence that names the best candidate."""
+        first, count = self.candidates[0], len(self.candidates)
+        if first.verdict is None or math.isnan(first.contact_speed):
+            return f"None of the {count} candidates holds, and none of them mitigates the contact."
+        speed = f"contact at {format_quantity(first.contact_speed, 'm/s', 3)} on average"
+        if self.best is None:
+            return f"None of the {count} candidates holds. {first.name} has the lowest contact speed: {speed}."
+        holding = sum(c.status in _ORDER[:2] for c in self.candidates)
+        narrowly = " narrowly" if first.status is VerdictStatus.HOLDS_NARROWLY else ""
+        return f"{first.name} is best of {count} candidates and holds{narrowly}: {speed}. {holding} of {count} hold."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as one JSON object, in SI units."""
+        best = None if self.best is None else self.best.name
+        document: dict[str, Any] = plain(
+            {
+                "status": "found" if best else "none-holds",
+                "headline": self.headline,
+                "best": best,
+                "candidates": [c.to_dict() for c in self.candidates],
+            }
+        )
+        return document
+
+
+@check_arguments
+def compare_candidates(tasks: Mapping[str, Task], *, runs: int | None = None) -> CandidateComparison:
+    """Verify several tasks, such as the same encounter with several sensors, and rank them.
+
+    Each task gets the gain that it names, or else its own designed gain, which has the required gain margin.
+
+    Args:
+        tasks: the tasks by the names of the candidates; all of them need a sampled loop.
+        runs: simulated encounters of each candidate; None for the number of each task.
+
+    Returns:
+        The candidates from best to worst, each with its verdict.
+
+    Raises:
+        InvalidInputError: there are fewer than two tasks, or one of them has no sampled loop.
+    """
+    if len(tasks) < 2:
+        raise InvalidInputError(f"tasks: found {len(tasks)}, expected at least two candidates to compare")
+    for name, task in tasks.items():
+        if task.loop is None:
+            raise InvalidInputError(
+                f"{name}: there is no sampled loop, but candidates are compared by their verdict on it; add the "
+                "sections [chain] and [controller], which pretouch init writes"
+            )
+    results = [_verified(name, task, runs) for name, task in tasks.items()]
+    return CandidateComparison(candidates=tuple(sorted(results, key=_rank)))
+
+
+def _verified(name: str, task: Task, runs: int | None) -> Candidate:
+    """Verify one task; a candidate that cannot be verified keeps the reason."""
+    if runs is not None:
+        task = task.replace(verify=replace(task.verify, runs=runs))
+    try:
+        return Candidate(name=name, verdict=verify_gain(task, changes=False))
+    except InvalidInputError as error:
+        return Candidate(name=name, problem=str(error))
+
+
+def _rank(candidate: Candidate) -> tuple[int, float]:
+    """Return the sort key of a candidate: verdict first, then the mean contact speed."""
+    speed = candidate.contact_speed
+    return _ORDER.index(candidate.status), math.inf if math.isnan(speed) else speed

@@ -1,0 +1,217 @@
+"""`pretouch init`, `pretouch compare` and `pretouch doctor`: what a new user runs first."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from pretouch.config.parts import load_with_parts
+from pretouch.errors import InvalidInputError
+from pretouch.simulation import PARTS
+from pretouch.verification import VerdictStatus, compare_candidates
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+
+
+def run(*words: object, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pretouch", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, stdin=subprocess.DEVNULL)
+
+
+# --- init
+
+
+@pytest.mark.parametrize("law", [[], ["--drag"]], ids=["damper", "drag"])
+@pytest.mark.parametrize("part", [*PARTS, "other", "csv"])
+def test_a_first_scenario_is_read_designed_and_commented(part: str, law: list[str], tmp_path: Path) -> None:
+    words = [EXAMPLES / "sensor.csv"] if part == "csv" else ["--part", part]
+    answer = run("init", *words, *law, folder=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    task = pt.load_scenario(tmp_path / "scenario.toml")
+    design = pt.design_drag(task) if law else pt.design_gain(task)
+    assert design.holds if law else design.status == "optimal"
+    assert task.loop is not None
+    assert task.uncertainty
+    text = (tmp_path / "scenario.toml").read_text(encoding="utf-8")
+    assert text.count("#") > 15
+    assert max(map(len, text.splitlines())) <= 130
+    assert ("NOT your sensor" in text) == (part != "csv")
+
+
+def test_a_first_scenario_of_a_calibration_passes_every_command(tmp_path: Path) -> None:
+    assert run("init", EXAMPLES / "sensor.csv", "--rate", "200 Hz", folder=tmp_path).returncode == 0
+    for verb in (["design"], ["simulate"], ["verify", "--runs", "50", "--no-changes"]):
+        answer = run(verb[0], "scenario.toml", *verb[1:], "--no-report", folder=tmp_path)
+        assert answer.returncode == 0, answer.stdout + answer.stderr
+
+
+def test_a_drag_is_designed_on_curves_with_a_level_part(tmp_path: Path) -> None:
+    """Some curves that the readings allow are tables whose slope is zero up to rounding, of either sign."""
+    run("init", EXAMPLES / "sensor.csv", "--drag", folder=tmp_path)
+    answer = run("design", "scenario.toml", "--no-report", folder=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+
+
+def test_the_options_are_the_values_of_the_file(tmp_path: Path) -> None:
+    options = {"speed": "0.5 m/s", "distance": "60 mm", "excursion": "80 mm", "contact-speed": "0.2 m/s"}
+    words = [word for name, value in options.items() for word in (f"--{name}", value)]
+    answer = run(
+        "init", *words, "--robot-mass", "7 kg", "--part", "vcnl4040", "-o", "a.toml", "--json", folder=tmp_path
+    )
+    assert json.loads(answer.stdout)["file"] == "a.toml"
+    task = pt.load_scenario(tmp_path / "a.toml")
+    assert (task.scenario.distance, task.scenario.relative_velocity) == (0.06, -0.5)
+    assert {c.name: c.limit for c in task.limits} == {"excursion": 0.08, "relative_velocity": 0.2}
+    assert task.impact.robot_mass == 7.0
+    assert task.sensor_part.name == "VCNL4040"
+
+
+def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
+    run("init", "--part", "VCNL4010", folder=tmp_path)
+    at, output = PARTS["VCNL4010"].signal
+    assert pt.load_scenario(tmp_path / "scenario.toml").sensor.output(at) == pytest.approx(output, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--output", "old.toml"], "already exists"),
+        (["old.csv", "--output", "old.csv", "--force"], "old.csv"),
+        (["--output", "no/a.toml"], "no such folder"),
+        (["--part", "VCNL9999"], "expected one of RPR-220"),
+        (["--speed", "3 m"], "--speed"),
+        (["--speed", "-3 m/s"], "positive"),
+        (["missing.csv"], "missing.csv"),
+        (["old.csv", "--recess", "1 m"], "--recess"),
+    ],
+)
+def test_a_mistake_of_init_writes_nothing(words: list[str], told: str, tmp_path: Path) -> None:
+    (tmp_path / "old.toml").write_text("mine")
+    (tmp_path / "old.csv").write_bytes((EXAMPLES / "sensor.csv").read_bytes())
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    answer = run("init", *words, folder=tmp_path)
+    assert answer.returncode == 2
+    assert answer.stdout == ""
+    assert told in answer.stderr
+    assert "Traceback" not in answer.stderr
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_force_replaces_an_existing_file(tmp_path: Path) -> None:
+    (tmp_path / "scenario.toml").write_text("mine")
+    assert run("init", "--force", folder=tmp_path).returncode == 0
+    assert pt.load_scenario(tmp_path / "scenario.toml").loop is not None
+
+
+# --- compare
+
+
+def test_the_parts_get_their_own_chain_floor_and_scale() -> None:
+    tasks = load_with_parts(EXAMPLES / "loop.toml")
+    assert list(tasks) == list(PARTS)
+    for name, task in tasks.items():
+        part = PARTS[name]
+        assert task.loop.chain.rate == min(part.chain.rate, 1000.0)
+        assert task.loop.chain.noise == part.chain.noise
+        at, output = part.signal or (0.1266, 1.0)
+        assert task.sensor.output(at) == pytest.approx(output, rel=1e-9)
+        floor = 3 * part.chain.noise if part.chain.noise else 1.0
+        assert task.loop.law.conditioning.floor == pytest.approx(floor)
+        slope = pt.load_scenario(EXAMPLES / "loop.toml").sensor.log_slope(0.02)
+        assert task.sensor.log_slope(0.02) == pytest.approx(slope)
+
+
+def test_a_better_verdict_is_better_than_a_lower_speed() -> None:
+    """The stronger gain meets the limit in 95 % of the runs; the weaker one and the ideal one do not."""
+    loop = pt.load_scenario(EXAMPLES / "loop.toml")
+    gains = {"weak": -0.3, "ideal": None, "strong": -0.86}
+    result = compare_candidates({name: loop.replace(gain=gain) for name, gain in gains.items()}, runs=200)
+    assert [c.name for c in result.candidates] == ["strong", "ideal", "weak"]
+    assert result.best is result.candidates[0]
+    assert result.candidates[0].status in {VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY}
+    speeds = [c.contact_speed for c in result.candidates]
+    assert speeds == sorted(speeds)
+    assert all(c.high_contact_speed > c.contact_speed for c in result.candidates)
+    assert np.isclose(result.candidates[1].verdict.gain, -0.7463, atol=1e-4)
+
+
+def test_files_are_ranked_in_a_table_and_a_report(tmp_path: Path) -> None:
+    drag, loop = EXAMPLES / "drag.toml", EXAMPLES / "loop.toml"
+    answer = run("compare", loop, drag, "--runs", 50, folder=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    rows = re.findall(r"^(drag|loop) +(?:holds|does)", answer.stdout, re.MULTILINE)
+    assert rows == ["drag", "loop"]
+    assert "drag" in answer.stdout.splitlines()[0]
+    assert len(answer.stdout.splitlines()) <= 20
+    page = (tmp_path / "loop-compare.html").read_text(encoding="utf-8")
+    assert page.index("<svg") < page.index("<table")
+    told = json.loads(run("compare", drag, loop, "--runs", 50, "--json", folder=tmp_path).stdout)
+    assert (told["status"], told["best"]) == ("found", "drag")
+    assert [c["name"] for c in told["candidates"]] == ["drag", "loop"]
+
+
+def test_parts_in_which_nothing_holds_end_with_1(tmp_path: Path) -> None:
+    answer = run("compare", EXAMPLES / "loop.toml", "--parts", "--runs", 20, "--json", folder=tmp_path)
+    assert answer.returncode == 1, answer.stderr
+    told = json.loads(answer.stdout)
+    assert (told["status"], told["best"], len(told["candidates"])) == ("none-holds", None, 8)
+    slow = next(c for c in told["candidates"] if c["name"] == "VL53L5CX-8x8")
+    assert (slow["status"], slow["rate"]) == ("no-gain", 15.0)
+    assert slow["reason"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ([EXAMPLES / "loop.toml"], "--parts"),
+        ([EXAMPLES / "loop.toml", EXAMPLES / "loop.toml"], "twice"),
+        ([EXAMPLES / "loop.toml", EXAMPLES / "approach.toml"], "[chain]"),
+        ([EXAMPLES / "approach.toml", "--parts"], "[chain]"),
+        ([EXAMPLES / "fingertip.toml", "--parts"], "[chain]"),
+        ([EXAMPLES / "loop.toml", "no.toml"], "no.toml"),
+    ],
+)
+def test_a_mistake_of_compare_is_one_sentence(words: list[object], told: str, tmp_path: Path) -> None:
+    answer = run("compare", *words, folder=tmp_path)
+    assert answer.returncode == 2
+    assert told in answer.stderr
+    assert "Traceback" not in answer.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_candidate_alone_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="two"):
+        compare_candidates({"one": pt.load_scenario(EXAMPLES / "loop.toml")})
+
+
+# --- doctor
+
+
+def test_the_doctor_names_versions_and_what_is_missing(tmp_path: Path) -> None:
+    from importlib.metadata import version
+
+    answer = run("doctor", folder=tmp_path)
+    assert answer.returncode == 0, answer.stdout
+    assert f"pretouch {version('pretouch')}" in answer.stdout
+    assert f"numpy {version('numpy')}" in answer.stdout
+    assert len(answer.stdout.splitlines()) <= 15
+    told = json.loads(run("doctor", "--json", folder=tmp_path).stdout)
+    assert told["status"] == "works"
+    assert told["core"]["variant"] in {"base", "avx2", "avx512"}
+    for name, missing in told["missing_of_extras"].items():
+        assert (f"pip install 'pretouch[{name}]'" in answer.stdout) == bool(missing)
+
+
+def test_the_doctor_tells_that_the_core_does_not_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PRETOUCH_VARIANT", "quantum")
+    answer = run("doctor", folder=tmp_path)
+    assert answer.returncode == 1
+    assert "PRETOUCH_VARIANT" in answer.stdout

@@ -1,0 +1,118 @@
+"""What the pages of the site show is what happens: their sessions print that, and their Python runs."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+PAGES = (
+    *("start.md", "tutorial.md", "explanation/method.md", "explanation/offset.md", "explanation/stability.md"),
+    *("explanation/bounds.md", "explanation/signs-and-units.md", "explanation/motion.md"),
+    *(f"how-to/{name}.md" for name in ("bounces", "crashes-while-tuning", "slow-sensor", "two-fingers", "which-part")),
+    *(f"how-to/{name}.md" for name in ("ros2-control-admittance", "leg-landing", "notebook", "cluster")),
+)
+NEGATIVE = ("Does not hold", "4 detections in 16 s")  # answers that end with exit status 1
+ELSEWHERE = {  # pages whose Python another test runs
+    *("explanation/design.md", "explanation/gradients.md", "explanation/verification.md", "how-to/robust.md"),
+    *(
+        "explanation/features.md",
+        "explanation/simulation.md",
+        "explanation/control.md",
+        "explanation/drag.md",
+        "how-to/own-law.md",
+    ),
+    *("how-to/extending.md", "how-to/trade-offs.md", "how-to/sweeps.md", "how-to/what-did-my-sensor-see.md"),
+    *(
+        "how-to/export.md",
+        "how-to/export/c.md",
+        "how-to/record-a-calibration.md",
+        "how-to/robots.md",
+        "explanation/letter.md",
+    ),
+    *("explanation/calibration.md", "how-to/good-calibration.md", "how-to/export/fmu.md", "how-to/export/ros2.md"),
+}
+
+
+def blocks(page: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL)
+
+
+def steps_of(page: str) -> list[tuple[str, str]]:
+    """Return each command of a page with the output that the page shows."""
+    return [
+        (command, output)
+        for block in blocks(page, "console")
+        for command, output in re.findall(r"^\$ (.+)\n((?:(?!\$ ).*\n?)*)", block, re.MULTILINE)
+    ]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if steps_of(page)])
+def test_the_sessions_of_a_page_print_what_it_shows(page: str, tmp_path: Path) -> None:
+    """One after the other in one folder, because later commands read the files of earlier ones."""
+    if "project" in " ".join(command for command, _ in steps_of(page)):
+        pytest.importorskip("mujoco", reason="needs the extra mujoco")
+    folder = tmp_path / "examples"
+    shutil.copytree(ROOT / "examples", folder)
+    for command, expected in steps_of(page):
+        words = shlex.split(command)
+        run = subprocess.run(
+            [sys.executable, "-m", *words],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            stdin=subprocess.DEVNULL,
+            check=False,
+        )
+        assert run.returncode == int(expected.startswith(NEGATIVE)), f"{command}\n{run.stderr}"
+        assert doctest.OutputChecker().check_output(expected, run.stdout, FLAGS), f"{command}\n{run.stdout}"
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
+def test_the_python_of_a_page_runs(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=FLAGS)
+    names: dict[str, Any] = {}
+    test = parser.get_doctest("\n".join(blocks(page, "python")), names, page, page, 0)
+    if not test.examples:  # a program without prompts
+        exec(compile(test.docstring or "", page, "exec"), names)  # noqa: S102 - our own page
+    runner.run(test)
+    assert runner.summarize().failed == 0
+
+
+def test_every_page_with_python_or_a_session_is_run_somewhere() -> None:
+    """A new page is added to PAGES here; the older ones have tests of their own."""
+    pages = [p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md")]
+    examples = {page for page in pages if blocks(page, "python") or blocks(page, "console")}
+    internal = {page for page in examples if page.startswith(("developers/", "decisions/", "reference/"))}
+    assert examples - internal - set(PAGES) <= ELSEWHERE
+
+
+QUESTIONS = (
+    *("bounces", "crashes-while-tuning", "slow-sensor", "two-fingers", "which-part", "ros2-control-admittance"),
+    *("leg-landing", "export", "notebook", "cluster"),
+)
+
+
+def links(page: Path) -> set[Path]:
+    text = page.read_text(encoding="utf-8")
+    targets = re.findall(r"\]\(([^)#\s]+\.md)(?:#[^)]*)?\)", text)
+    return {(page.parent / target).resolve() for target in targets if not target.startswith("http")}
+
+
+@pytest.mark.parametrize("start", ["README.md", "docs/index.md"])
+def test_every_question_is_answered_within_two_clicks(start: str) -> None:
+    first = links(ROOT / start)
+    second = first.union(*(links(page) for page in first if page.exists()))
+    wanted = {(DOCS / f"how-to/{name}.md").resolve() for name in QUESTIONS} | {(DOCS / "warnings/README.md").resolve()}
+    assert wanted <= second

@@ -1,0 +1,99 @@
+"""Every warning has a code, and every code has a page that explains it."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import pretouch as pt
+from page_checks import assert_sound
+from pretouch._core.blocks import Page
+from pretouch._core.warning_codes import WARNING_CODES, caution, codes_in, page_of_code, split_code, with_context
+from pretouch.errors import InvalidInputError
+from pretouch.report.html import page_html
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src" / "pretouch"
+FILES = sorted(SOURCE.rglob("*.py"))
+FORWARDED = {"chase_in_words"}  # a reason of a verdict as well; `harm_in_words` adds the code
+
+
+def functions(path: Path) -> Iterator[ast.FunctionDef]:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef):
+            yield node
+
+
+def yields_warnings(node: ast.FunctionDef) -> bool:
+    doc = (ast.get_docstring(node) or "").split("\n\n")[0]
+    return re.match(r"Yield .*(warning|sentences on (properties|readings))", doc, re.DOTALL) is not None
+
+
+def test_every_warning_that_is_yielded_has_a_code() -> None:
+    bare, checked = [], 0
+    for path in FILES:
+        for function in functions(path):
+            if not yields_warnings(function) or function.name in FORWARDED:
+                continue
+            checked += 1
+            bare += [
+                f"{path.name}:{node.lineno}"
+                for node in ast.walk(function)
+                if isinstance(node, ast.Yield) and isinstance(node.value, (ast.Constant, ast.JoinedStr, ast.BinOp))
+            ]
+    assert checked > 12
+    assert bare == []
+
+
+def test_every_code_is_used_and_no_other() -> None:
+    used = set()
+    for path in FILES:
+        if path.name != "warning_codes.py":
+            used |= set(re.findall(r'"(PT\d{3})"', path.read_text(encoding="utf-8")))
+    assert used == set(WARNING_CODES)
+
+
+@pytest.mark.parametrize("code", WARNING_CODES)
+def test_a_code_has_a_page_that_says_what_to_do(code: str) -> None:
+    entry = WARNING_CODES[code]
+    page = (ROOT / page_of_code(code)).read_text(encoding="utf-8")
+    for text in (entry.title, entry.meaning, entry.why, entry.remedy, entry.example):
+        assert len(text.split()) >= 2
+        assert text in page
+    assert all(text.endswith(".") for text in (entry.meaning, entry.why, entry.remedy))
+    assert not split_code(entry.example)[0]
+
+
+def test_a_code_is_split_from_its_text() -> None:
+    text = caution("PT301", "the optimum lies on a bound")
+    assert split_code(text) == ("PT301", "the optimum lies on a bound")
+    assert split_code("no code: here") == ("", "no code: here")
+    assert with_context("finger", text) == "PT301: finger: the optimum lies on a bound"
+    assert with_context("finger", "bare") == "finger: bare"
+    assert codes_in([text, "PT999: unknown", "x PT101: y"]) == ("PT101", "PT301")
+    with pytest.raises(InvalidInputError, match="PT999"):
+        caution("PT999", "nothing")
+
+
+def test_terminal_json_and_report_name_the_code() -> None:
+    task = pt.load_scenario(ROOT / "examples/approach.toml").replace(bounds=(-0.5, -0.01))
+    design = pt.design_gain(task)
+    assert split_code(design.warnings[0])[0] == "PT301"
+    assert design.to_dict()["warnings"][0].startswith("PT301: ")
+    assert "warning PT301: the optimal gain" in str(design)
+    assert "Warning PT301: the optimal gain" in design._repr_html_()
+    page = assert_sound(pt.report.report_html(design))
+    assert "pt301" in page.anchors
+    assert "pt301" in page.ids
+    assert WARNING_CODES["PT301"].remedy.split("`")[0] in page.words
+
+
+@pytest.mark.parametrize("code", WARNING_CODES)
+def test_a_report_explains_each_code(code: str) -> None:
+    page = assert_sound(page_html(Page(kind="test", headline="x", warnings=(caution(code, "text"),))))
+    assert WARNING_CODES[code].title in page.words
+    assert code.lower() in page.anchors

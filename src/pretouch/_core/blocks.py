@@ -113,6 +113,14 @@ class Picture(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Film(Picture):
+    """A moving picture in a report: an animation and a filmstrip with its most important frames.
+
+    Its function in `pretouch.report.plots` draws the filmstrip, for media that show a single figure.
+    """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Code(Value):
     """A text in a report that readers can copy, such as a scenario file.
 

@@ -18,6 +18,7 @@ from .init import init
 from .project import project
 from .record import record
 from .replay import replay
+from .robot import robot
 from .studio import studio
 from .sweep import sweep
 from .terminal import guard_output
@@ -62,6 +63,7 @@ _EXAMPLES: Final[
         "how-to/what-did-my-sensor-see.md",
     ),
     studio: ("studio loop.toml", "studio --output try-it.html", "how-to/studio.md"),
+    robot: ("robot arm.toml", 'robot arm.toml --gain "-0.7 N*s" --view', "how-to/robots.md"),
     project: ("project arm.xml", "project arm.xml --json", "how-to/robots.md"),
     doctor: ("doctor", "doctor --json", "start.md"),
     reproduce: ("reproduce", "reproduce table-2 figure-4", "explanation/letter.md"),

@@ -4,16 +4,33 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pretouch._core.errors import InvalidInputError
 
-from .reading import Reading
+from .reading import Reading, ScenarioSource
 from .robot_section import MODEL, has_model
 
 if TYPE_CHECKING:
-    from pretouch.robots import Projection
+    from pretouch.robots import Projection, SensorSite
+    from pretouch.sensors import SensorModel
+
+
+@dataclass(frozen=True, slots=True)
+class RobotInPosture:
+    """A robot model in the posture of a scenario file, with its sensor.
+
+    Args:
+        model: a `mujoco.MjModel`.
+        data: its state.
+        site: the sensor.
+    """
+
+    model: Any
+    data: Any
+    site: SensorSite
 
 
 def project_robot(file: Reading) -> Projection | None:
@@ -25,9 +42,23 @@ def project_robot(file: Reading) -> Projection | None:
 
 
 def _project(file: Reading, values: Mapping[str, Any]) -> Projection:
-    from pretouch.robots import SensorSite, load_model, make_data, project  # noqa: PLC0415 - only with a robot model
+    from pretouch.robots import project  # noqa: PLC0415 - only with a robot model
 
-    path = file.source.path.parent / values[MODEL]
+    path = model_path(file.source, values)
+    robot = read_robot(path, values)
+    file.source = replace(file.source, model_files=(path,))
+    return project(robot.model, robot.data, robot.site, joint_speeds=values.get("joint_speeds"))
+
+
+def model_path(source: ScenarioSource, values: Mapping[str, Any]) -> Path:
+    """Return the path of the robot model that the section [robot] names."""
+    return source.path.parent / str(values[MODEL])
+
+
+def read_robot(path: Path, values: Mapping[str, Any], sensor: SensorModel | None = None) -> RobotInPosture:
+    """Load the robot model of a section [robot], and set its posture."""
+    from pretouch.robots import SensorSite, load_model, make_data  # noqa: PLC0415 - only with a robot model
+
     try:
         model = load_model(path)
     except InvalidInputError:
@@ -37,8 +68,6 @@ def _project(file: Reading, values: Mapping[str, Any]) -> Projection:
         raise InvalidInputError(
             f"model: MuJoCo cannot read {path.name}; to see more, run: pretouch project {shlex.quote(str(path))}"
         ) from None
-    file.source = replace(file.source, model_files=(path,))
     options = {name: values[name] for name in ("axis", "field_of_view", "hold") if name in values}
-    site = SensorSite(values["site"], **options)
-    data = make_data(model, values.get("posture"), keyframe=values.get("keyframe"))
-    return project(model, data, site, joint_speeds=values.get("joint_speeds"))
+    site = SensorSite(values["site"], sensor, **options)
+    return RobotInPosture(model, make_data(model, values.get("posture"), keyframe=values.get("keyframe")), site)

@@ -17,12 +17,13 @@ from string import Template
 from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Code, Described, Page, PageSection, Paragraph, Picture, page_of
+from pretouch._core.blocks import Code, Described, Film, Page, PageSection, Paragraph, Picture, page_of
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.files import refuse_input, sign, write_text
 
 from . import plots
 from .blocks_html import explained, lead_picture, page_as_excerpt, page_as_html
+from .robot_film import film_html
 from .style import draw_svg
 
 if TYPE_CHECKING:
@@ -130,7 +131,9 @@ def _figure(picture: Picture) -> Any:
 
 
 def _draw(picture: Picture) -> str:
-    """Draw a figure and return it as an SVG element, with text converted to outlines."""
+    """Draw a figure and return it as an SVG element, with text converted to outlines; a film as images."""
+    if isinstance(picture, Film):
+        return film_html(picture.of)
     return draw_svg(_figure(picture), picture.figure.replace("_", "-"))
 
 

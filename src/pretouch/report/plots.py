@@ -9,6 +9,7 @@ from .motion_figures import motion, sampled_motion
 from .pareto_figures import admittance, pareto
 from .replay_figures import replay
 from .robot_figures import robot, workspace
+from .robot_film import robot_film
 from .robust_figures import outcome, price, robust
 from .simulation_figures import simulation
 from .sweep_figures import sweep
@@ -26,6 +27,7 @@ __all__ = [
     "price",
     "replay",
     "robot",
+    "robot_film",
     "robust",
     "sampled_motion",
     "sensitivity",

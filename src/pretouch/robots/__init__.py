@@ -11,6 +11,7 @@ from .site import SensorSite
 from .site_law import SiteLaw
 from .table import ProjectionTable, project_all
 from .tracking import ComputedTorque, OperationalSpace, PositionControl, Tracking
+from .viewer import view_robot
 from .workspace import Workspace, project_workspace, random_postures
 
 __all__ = [
@@ -36,4 +37,5 @@ __all__ = [
     "project_workspace",
     "random_postures",
     "simulate_robot",
+    "view_robot",
 ]

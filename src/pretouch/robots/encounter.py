@@ -26,7 +26,7 @@ from .model import Data, Model, mujoco, site_index
 from .obstruction import refuse_covered_sensor
 from .reference import JointPath
 from .result import DetectedEncounter, RobotSimulation, RobotTrace, SiteContact, prediction_of
-from .sight import Glance, Sight
+from .sight import FARTHEST, Glance, Sight
 from .site_law import SiteLaw
 from .tracking import ComputedTorque, JointState, Tracking
 
@@ -35,9 +35,6 @@ HORIZON: Final = 5.0
 
 FOLLOW: Final = 0.02
 """Default for the time that a run continues after the last contact [s]."""
-
-FARTHEST: Final = 0.5
-"""Largest distance at which sensors see objects [m], unless their curves end earlier."""
 
 _INSTANT: Final = 1e-12  # s
 _FINEST: Final = 0.5  # largest product of the feedback's angular frequency and the time step

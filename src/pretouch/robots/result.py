@@ -115,6 +115,7 @@ class RobotSimulation(Described, Value):
         predictions: what the 1-D model predicts from the first detection on, for each site and run; None without a
             detection.
         warnings: sentences on properties of the model that matter for the results.
+        notes: sentences that describe the scene, such as where the object comes from.
         laws: the laws of the sites.
         model: the `mujoco.MjModel` of the simulation.
         trace_of: function that repeats a run and records its time series.
@@ -124,6 +125,7 @@ class RobotSimulation(Described, Value):
     contacts: tuple[tuple[SiteContact, ...], ...]
     predictions: tuple[tuple[SiteContact | None, ...], ...]
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     laws: tuple[SiteLaw, ...] = ()
     model: Any = field(default=None, compare=False, metadata={"checked": False})
     trace_of: Callable[[int], RobotTrace] = field(compare=False)
@@ -175,6 +177,7 @@ class RobotSimulation(Described, Value):
             },
             "order": [list(self.order(run)) for run in range(self.runs)],
             "warnings": list(self.warnings),
+            "notes": list(self.notes),
         }
 
     def _index(self, site: str) -> int:

@@ -14,6 +14,9 @@ from pretouch.sensors import SensorModel
 from .model import Data, Model, mujoco
 from .site import SensorSite
 
+FARTHEST: Final = 0.5
+"""Largest distance at which sensors see objects [m], unless their curves end earlier."""
+
 BEHIND: Final = 0.01
 """How far behind the contact surface rays start [m], so that an object that presses into the surface is still seen."""
 

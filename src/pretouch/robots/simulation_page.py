@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Measured, Page, PageTable, Picture
+from pretouch._core.blocks import Cell, Film, Measured, Page, PageTable, Picture
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
@@ -20,22 +20,32 @@ _ROWS = (
     ("energy of the impact", "energy", "J"),
 )
 
+_KEY_FIGURES = (
+    ("contact speed", "relative_velocity", "m/s"),
+    ("peak contact force", "peak_force", "N"),
+    ("largest excursion", "excursion", "m"),
+)
+
 
 def robot_page(result: RobotSimulation) -> Page:
     """Return the report on simulated encounters of a robot."""
     order = result.order(0)
-    touched = f"Touches in the order {', '.join(order)}." if order else "No site touched an object."
-    speeds = [
-        f"{name} at {format_quantity(float(abs(np.nanmean(result.simulated(name, 'relative_velocity')))), 'm/s')}"
-        for name in order
-    ]
     return Page(
         kind="Simulated robot",
-        headline=f"{touched} {'Contact speeds: ' + ', '.join(speeds) + '.' if speeds else ''}".strip(),
+        headline=_headline(result, order),
         good=bool(order),
+        key_figures=tuple(_figures(result, order[0])) if order else (),
         warnings=result.warnings,
         lead="robot",
+        findings=result.notes,
         blocks=(
+            Film(
+                figure="robot_film",
+                of=result,
+                name="The robot and the object during the first run",
+                caption="The first run in slow motion. Below each frame: the time, and the distance of the site "
+                f"{result.sites[0]}.",
+            ),
             *(
                 PageTable(
                     head=(name, "simulated", "predicted", "difference"),
@@ -54,6 +64,25 @@ def robot_page(result: RobotSimulation) -> Page:
             ),
         ),
     )
+
+
+def _headline(result: RobotSimulation, order: tuple[str, ...]) -> str:
+    """Return the answer in one or two sentences: which sites touched, and at which speeds."""
+    if not order:
+        return "No site touched an object."
+    speeds = [format_quantity(abs(_mean(result.simulated(name, "relative_velocity"))), "m/s", 3) for name in order]
+    if len(order) == 1:
+        return f"The site {order[0]} touches the object at {speeds[0]}."
+    listed = ", ".join(f"{name} at {speed}" for name, speed in zip(order, speeds, strict=True))
+    return f"Touches in the order {', '.join(order)}. Contact speeds: {listed}."
+
+
+def _figures(result: RobotSimulation, site: str) -> Iterator[tuple[str, Cell]]:
+    """Yield the most important numbers of the site that touches first, with their predictions."""
+    for label, quantity, unit in _KEY_FIGURES:
+        simulated, predicted = (abs(_mean(f(site, quantity))) for f in (result.simulated, result.predicted))
+        comparison = "" if np.isnan(predicted) else f"; predicted {format_quantity(predicted, unit, 3)}"
+        yield f"{label}{comparison}", Measured(simulated, unit, 3)
 
 
 def _rows(result: RobotSimulation, site: str) -> Iterator[tuple[Cell, ...]]:

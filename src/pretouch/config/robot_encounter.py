@@ -1,0 +1,123 @@
+"""Simulate the encounter of a scenario file on the whole robot whose model the file names."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.errors import InvalidInputError, ScenarioFileError
+from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
+from pretouch.design.impact import SpringImpact
+from pretouch.motion import DAMPER
+from pretouch.simulation import SensorChain
+from pretouch.verification.verify import chosen_gain
+
+from .document import read_document
+from .reading import Reading
+from .robot import model_path, read_robot
+from .robot_section import has_model
+from .schema import FREE
+
+if TYPE_CHECKING:
+    from pretouch.design import Task
+    from pretouch.robots import RobotSimulation
+
+_PERIOD: Final = 1e-3  # s, of the controller of a file without [controller]
+_BELOW: Final = 0.5  # the floor of this controller, as a share of the sensor output at the start
+
+
+@check_arguments
+def simulate_robot_file(
+    path: str | os.PathLike[str], task: Task, *, runs: int = 1, seed: int | None = None
+) -> RobotSimulation:
+    """Simulate the encounter of a scenario file on the whole robot whose model the file names.
+
+    The sensor, the posture and the object are those of the file. The object is the one that the sensor sees in the
+    model, or else an added ball. The controller is that of the file; without [chain] and [controller], it is a virtual
+    damper at 1 kHz, and the sensor has no noise and no delay.
+
+    Args:
+        path: the scenario file, with `model` in its section [robot].
+        task: the task of this file, from `load_scenario`; its gain, if it has one, is used instead of the designed one.
+        runs: number of runs, each with its own noise.
+        seed: seed of the noise; None for that of the file.
+
+    Returns:
+        The simulation, next to the prediction.
+
+    Raises:
+        ScenarioFileError: the file names no robot model, or its encounter cannot be simulated on the robot.
+    """
+    from pretouch.robots import SiteLaw, simulate_robot  # noqa: PLC0415 - MuJoCo, only with a robot model
+    from pretouch.robots.scene import Approach, make_scene  # noqa: PLC0415
+
+    _, _, content = read_document(path)
+    source: Any = task.source
+    file = Reading(source, content)
+    values = file.values("robot")
+    if values is None or not has_model(content):
+        raise ScenarioFileError(
+            f'{path}: found no robot model, expected [robot] with model = "arm.xml" and site = "fingertip"'
+        )
+    _refuse_other_motion(Path(path), task)
+    robot = read_robot(model_path(source, values), values, task.sensor)
+    scenario = task.scenario
+    approach = Approach(
+        distance=float(scenario.distance),
+        obstacle_velocity=float(scenario.obstacle.velocity),
+        robot_velocity=float(scenario.reference.velocity),
+        mass=math.nan if task.impact is None else float(task.impact.obstacle_mass),
+    )
+    scene = make_scene(model_path(source, values), robot.model, robot.data, robot.site, approach)
+    controller, chain = _control(file, task)
+    steps = math.ceil(controller.period / scene.model.opt.timestep - 1e-9)
+    scene.model.opt.timestep = controller.period / steps
+    law = SiteLaw(site=robot.site, controller=controller, chain=chain, approach=approach.robot_velocity)
+    noise = seed if seed is not None else 0 if task.loop is None else task.loop.seed
+    stiffness = task.impact.stiffness if isinstance(task.impact, SpringImpact) else None
+    result = simulate_robot(scene.model, scene.data, [law], runs=runs, seed=noise, contact_stiffness=stiffness)
+    warnings = tuple(dict.fromkeys((*task.warnings, *result.warnings)))
+    return replace(result, notes=(scene.note, *result.notes), warnings=warnings)
+
+
+def _refuse_other_motion(path: Path, task: Task) -> None:
+    """Raise an error if the encounter has a motion that the simulation of the whole robot does not have."""
+    scenario = task.scenario
+    zero = {
+        "plant.velocity": scenario.plant.velocity,
+        "reference.acceleration": scenario.reference.acceleration,
+        "reference.position": scenario.reference.position - scenario.plant.position,
+    }
+    wrong = [name for name, value in zero.items() if value]
+    if scenario.obstacle.course:
+        wrong.append("obstacle.course")
+    if wrong:
+        raise ScenarioFileError(
+            f"{path}: {wrong[0]}: the whole robot starts at its reference with a constant velocity, and its object "
+            "moves freely; remove this key, or simulate the encounter in Python with simulate_robot"
+        )
+
+
+def _control(file: Reading, task: Task) -> tuple[Controller, SensorChain | None]:
+    """Return the controller with its gain, and the sensor chain."""
+    gain = chosen_gain(task)
+    if task.loop is not None:
+        law: Any = task.loop.law
+        return law.with_value(gain), task.loop.chain
+    if task.law != DAMPER:
+        raise InvalidInputError(
+            f"law: a robot with the law kind {task.law.kind} needs the sections [chain] and [controller]"
+        )
+    virtual = file.make("admittance", tuple(FREE))  # that of the file, without the recoil of a floating base
+    floor = _BELOW * float(task.sensor.output(task.scenario.distance))
+    controller = Controller(
+        period=_PERIOD,
+        conditioning=Conditioning(floor=floor),
+        law=VirtualDamper(gain=gain),
+        admittance=VirtualAdmittance(mass=virtual.mass, damping=virtual.damping, stiffness=virtual.stiffness),
+    )
+    return controller, None

@@ -1,0 +1,245 @@
+"""Draw a robot model in given configurations, with MuJoCo's off-screen renderer or as a planar drawing."""
+
+from __future__ import annotations
+
+import copy
+import math
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import import_module, reload
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
+
+from .model import Data, Model, mujoco, site_index
+from .site import SensorSite
+
+Frame: TypeAlias = NDArray[np.uint8]
+"""An image of shape (height, width, 3)."""
+
+_ELEVATION: Final = -10.0  # deg: the camera looks slightly down, so that the ground is visible
+_UPRIGHT: Final = 0.9  # |vertical component| of an axis above which the axis counts as vertical
+_AIR: Final = 1.08  # size of the view, in sizes of what moves
+PAPER: Final = (238, 240, 243)
+"""Color of the background of frames: red, green and blue, from 0 to 255."""
+_SAMPLES: Final = 5  # configurations from which the size of the view is computed
+_CIRCLE: Final = np.column_stack([f(np.linspace(0, 2 * math.pi, 25)[:-1]) for f in (np.cos, np.sin)])
+
+
+@dataclass(frozen=True, slots=True)
+class Camera(Value):
+    """A camera that looks at a robot from the side, so that the axis of a sensor lies across the view.
+
+    Args:
+        target: the point in the middle of the view [m], shape (3,).
+        distance: from the camera to this point [m].
+        azimuth: horizontal direction of the view [deg].
+        height: height of the view at the target [m].
+    """
+
+    target: FloatArray
+    distance: float
+    azimuth: float
+    height: float
+
+    @property
+    def frame(self) -> FloatArray:
+        """The directions right, up and forward of the view as rows, shape (3, 3)."""
+        azimuth, elevation = math.radians(self.azimuth), math.radians(_ELEVATION)
+        forward = np.array(
+            [
+                math.cos(azimuth) * math.cos(elevation),
+                math.sin(azimuth) * math.cos(elevation),
+                math.sin(elevation),
+            ]
+        )
+        right = np.array([math.sin(azimuth), -math.cos(azimuth), 0.0])
+        return np.array([right, np.cross(right, forward), forward])
+
+
+@dataclass(frozen=True, slots=True)
+class Silhouette(Value):
+    """The outline of one geometry of a model in the view of a camera.
+
+    Args:
+        outline: corners of the outline relative to the target of the camera [m], shape (n, 2).
+        color: red, green, blue and opacity, from 0 to 1.
+    """
+
+    outline: FloatArray
+    color: tuple[float, ...]
+
+
+def camera_for(model: Model, configurations: FloatArray, site: SensorSite, *, aspect: float = 4 / 3) -> Camera:
+    """Choose a camera that sees everything that moves, from the side of a sensor's axis.
+
+    Args:
+        model: the model.
+        configurations: positions of all joints over time, shape (n, nq).
+        site: the sensor, whose robot is in the view as well.
+        aspect: width of the view divided by its height.
+
+    Returns:
+        The camera.
+    """
+    data, index = mujoco().MjData(model), site_index(model, site.name)
+    data.qpos[:] = configurations[0]
+    mujoco().mj_kinematics(model, data)
+    axis = np.array(data.site_xmat[index]).reshape(3, 3) @ site.direction
+    side = np.array([0.0, 1.0, 0.0]) if abs(axis[2]) > _UPRIGHT else np.cross(axis, [0.0, 0.0, 1.0])
+    side = side if side[1] >= 0 else -side
+    azimuth = math.degrees(math.atan2(side[1], side[0]))
+    bodies = np.asarray(model.geom_bodyid)
+    roots = np.asarray(model.body_rootid)
+    own = roots[bodies] == roots[model.site_bodyid[index]]
+    moving = (np.asarray(model.body_treeid)[bodies] >= 0) | (own & (bodies > 0))
+    shown = np.flatnonzero(moving & (np.asarray(model.geom_rbound) > 0))
+    frame = Camera(np.zeros(3), 1.0, azimuth, 1.0).frame
+    spans = []
+    for row in configurations[np.linspace(0, len(configurations) - 1, _SAMPLES).astype(int)]:
+        data.qpos[:] = row
+        mujoco().mj_kinematics(model, data)
+        places, radii = np.array(data.geom_xpos)[shown] @ frame.T, np.asarray(model.geom_rbound)[shown, None]
+        spans.append([(places - radii).min(axis=0), (places + radii).max(axis=0)])
+    low, high = np.min([s[0] for s in spans], axis=0), np.max([s[1] for s in spans], axis=0)
+    width, height, depth = (float(v) for v in high - low)
+    tall = _AIR * max(height, width / aspect)
+    half_angle = math.radians(float(model.vis.global_.fovy)) / 2
+    return Camera((low + high) / 2 @ frame, tall / 2 / math.tan(half_angle) + depth / 2, azimuth, tall)
+
+
+def render_frames(
+    model: Model, configurations: FloatArray, camera: Camera, *, width: int, height: int
+) -> list[Frame] | None:
+    """Render a model with MuJoCo and OpenGL, which also works without a display.
+
+    Args:
+        model: the model.
+        configurations: positions of all joints, one row for each frame, shape (n, nq).
+        camera: the camera.
+        width: width of a frame in pixels.
+        height: height of a frame in pixels.
+
+    Returns:
+        The frames as a list of arrays of shape (height, width, 3); None if OpenGL cannot render.
+    """
+    library, bright = mujoco(), copy.copy(model)
+    bright.vis.headlight.ambient[:], bright.vis.headlight.diffuse[:] = 0.35, 0.55
+    bright.vis.global_.offwidth = max(int(bright.vis.global_.offwidth), width)
+    bright.vis.global_.offheight = max(int(bright.vis.global_.offheight), height)
+    renderer = _open_renderer(bright, height, width)
+    if renderer is None:
+        return None
+    try:
+        view = library.MjvCamera()
+        view.lookat[:], view.distance = camera.target, camera.distance
+        view.azimuth, view.elevation = camera.azimuth, _ELEVATION
+        return list(_frames(renderer, bright, configurations, view))
+    finally:
+        renderer.close()
+
+
+def _open_renderer(model: Model, height: int, width: int) -> Any:
+    """Open MuJoCo's renderer with the first kind of OpenGL that works; return None if none does."""
+    linux = sys.platform.startswith("linux")
+    kinds = ("egl", "osmesa", "glfw") if linux and not os.environ.get("MUJOCO_GL") else ("",)
+    for kind in kinds:
+        with suppress(Exception):  # each OpenGL driver raises errors of its own
+            if kind:
+                _choose_opengl(kind)
+            return mujoco().Renderer(model, height, width)
+    return None
+
+
+def _choose_opengl(kind: str) -> None:
+    """Let MuJoCo use another kind of OpenGL, which it otherwise chooses once, when it is imported."""
+    os.environ["MUJOCO_GL"] = kind
+    try:
+        reload(import_module("mujoco.rendering.classic.gl_context"))
+    finally:
+        del os.environ["MUJOCO_GL"]
+
+
+def _frames(renderer: Any, model: Model, configurations: FloatArray, view: Any) -> Iterator[Frame]:
+    """Yield the frames, with a light background instead of MuJoCo's black one."""
+    data = mujoco().MjData(model)
+    for row in configurations:
+        data.qpos[:] = row
+        mujoco().mj_forward(model, data)
+        renderer.update_scene(data, view)
+        frame = renderer.render().copy()
+        renderer.enable_segmentation_rendering()
+        frame[renderer.render()[:, :, 0] < 0] = PAPER
+        renderer.disable_segmentation_rendering()
+        yield frame
+
+
+def silhouettes(model: Model, configuration: FloatArray, camera: Camera) -> list[Silhouette]:
+    """Return the outlines of all geometries of a model in a parallel projection, from the farthest to the nearest.
+
+    Args:
+        model: the model.
+        configuration: positions of all joints, shape (nq,).
+        camera: the camera.
+
+    Returns:
+        The outlines, without infinite planes and invisible geometries.
+    """
+    data = mujoco().MjData(model)
+    data.qpos[:] = configuration
+    mujoco().mj_kinematics(model, data)
+    drawn = []
+    for geom in range(model.ngeom):
+        points = _points_of(model, data, geom, camera.frame)
+        color = _color_of(model, geom)
+        if len(points) and color[3] > 0:
+            flat = (points - camera.target) @ camera.frame.T
+            drawn.append((float(flat[:, 2].mean()), Silhouette(_hull(flat[:, :2]), color)))
+    return [silhouette for _, silhouette in sorted(drawn, key=lambda item: -item[0])]
+
+
+def _hull(points: FloatArray) -> FloatArray:
+    """Return the corners of the convex hull of points in a plane."""
+    from scipy.spatial import ConvexHull  # noqa: PLC0415 - slow to import
+
+    corners: FloatArray = points[ConvexHull(points, qhull_options="QJ").vertices]  # QJ: also of points on a line
+    return corners
+
+
+def _color_of(model: Model, geom: int) -> tuple[float, ...]:
+    material = int(model.geom_matid[geom])
+    return tuple(float(v) for v in (model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]))
+
+
+def _points_of(model: Model, data: Data, geom: int, frame: FloatArray) -> FloatArray:
+    """Return points in the world frame whose hull in the view is the outline of a geometry; none for a plane."""
+    kinds, kind, size = mujoco().mjtGeom, int(model.geom_type[geom]), np.array(model.geom_size[geom])
+    place, turn = np.array(data.geom_xpos[geom]), np.array(data.geom_xmat[geom]).reshape(3, 3)
+    rim = np.column_stack([_CIRCLE, np.zeros(len(_CIRCLE))])
+    if kind in {int(kinds.mjGEOM_SPHERE), int(kinds.mjGEOM_CAPSULE)}:
+        half = size[1] * turn[:, 2] if kind == int(kinds.mjGEOM_CAPSULE) else np.zeros(3)
+        circle = place + size[0] * (_CIRCLE @ frame[:2])
+        return np.concatenate([circle + half, circle - half])
+    if kind == int(kinds.mjGEOM_CYLINDER):
+        local = np.concatenate([rim * size[0] + (0, 0, sign * size[1]) for sign in (1, -1)])
+    elif kind == int(kinds.mjGEOM_BOX):
+        local = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
+    elif kind == int(kinds.mjGEOM_ELLIPSOID):
+        stretched = frame[:2] @ turn * size  # of all points of the surface, these are on the outline
+        outline: FloatArray = place + (_CIRCLE @ np.linalg.svd(stretched)[2][:2] * size) @ turn.T
+        return outline
+    elif kind == int(kinds.mjGEOM_MESH):
+        mesh = int(model.geom_dataid[geom])
+        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        local = np.array(model.mesh_vert[first : first + count])
+    else:
+        return np.zeros((0, 3))
+    points: FloatArray = place + local @ turn.T
+    return points

@@ -1,0 +1,156 @@
+"""Complete a robot model for one encounter: an object in front of a sensor, and the velocities at the start."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.units import format_quantity
+
+from .dynamics import drivetrain_of
+from .model import Data, Model, mujoco, names_of, site_index
+from .sight import FARTHEST, Glance, Sight
+from .site import SensorSite
+
+RADIUS: Final = 0.035
+"""Radius of the ball that is added to a model without an object [m]."""
+
+MASS: Final = 0.5
+"""Mass of this ball [kg], unless another one is given."""
+
+_BOTH: Final = 3  # bits of contype and conaffinity: the ball touches everything that can touch
+_HEAVY: Final = 1000.0  # kg: stands for an infinite mass
+_STRAIGHT: Final = 1e-9  # m/s or rad/s: rounding of the joint velocities
+
+
+@dataclass(frozen=True, slots=True)
+class RobotScene:
+    """A robot model with an object in front of a sensor, at the start of an encounter.
+
+    Args:
+        model: a `mujoco.MjModel`.
+        data: its state at the start.
+        note: sentence that says which object approaches.
+    """
+
+    model: Model
+    data: Data
+    note: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Approach:
+    """How an object and a sensor approach each other along the axis of the sensor.
+
+    Args:
+        distance: of an added ball from the site at the start [m].
+        obstacle_velocity: velocity of the object [m/s], negative toward the robot.
+        robot_velocity: velocity of the robot [m/s], positive toward the object.
+        mass: mass of an added ball [kg]; infinite for a heavy one, NaN for the default.
+    """
+
+    distance: float
+    obstacle_velocity: float
+    robot_velocity: float
+    mass: float
+
+
+def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach: Approach) -> RobotScene:
+    """Return the scene of an encounter: with the object on the axis of a sensor, or else with an added ball.
+
+    An object of the model that can move gets its velocity along the axis. If the object is fixed, a robot on a floating
+    base gets the opposite velocity. The ball is added if the sensor sees no object within 0.5 m, or only one that stays
+    where it is although the robot does not approach. The ball moves without gravity; with a robot on a floating base,
+    it falls.
+
+    Args:
+        path: the file of the model.
+        model: the model.
+        data: its state.
+        site: the sensor, with its curve.
+        approach: the distance and the velocities.
+
+    Returns:
+        The scene.
+    """
+    index = site_index(model, site.name)
+    curve: Any = site.sensor
+    sight = Sight(model, site, index, curve, FARTHEST)
+    glance, axis, base = sight.glance(data), sight.axis(data), drivetrain_of(model, data, index).base
+    moving = _moving(model, index, glance)
+    if not 0 < glance.distance <= FARTHEST or not (len(moving) or len(base) or approach.robot_velocity):
+        place = np.array(data.site_xpos[index]) + (approach.distance + RADIUS) * axis
+        return _with_ball(path, data, place, axis, approach, gravity=bool(len(base)))
+    if len(moving):
+        point = np.array(data.site_xpos[index]) + glance.distance * axis
+        body, velocity = int(model.geom_bodyid[glance.geom]), approach.obstacle_velocity * axis
+        data.qvel[moving] = _velocities(_jacobian(model, data, point, body)[:, moving], velocity)
+    elif len(base):
+        point, body = np.array(data.site_xpos[index]), int(model.site_bodyid[index])
+        data.qvel[base] = _velocities(_jacobian(model, data, point, body)[:, base], -approach.obstacle_velocity * axis)
+    mujoco().mj_forward(model, data)
+    name = names_of(model, "geom")[glance.geom] or f"number {glance.geom}"
+    start = format_quantity(glance.distance, "m")
+    return RobotScene(model, data, f"The object is the geom {name!r} of the model, {start} from the sensor.")
+
+
+def _moving(model: Model, site: int, glance: Glance) -> IntArray:
+    """Return the degrees of freedom of the object on the axis of a sensor; none if it is fixed or part of the robot."""
+    if glance.geom < 0:
+        return np.zeros(0, dtype=np.int64)
+    tree, own = (int(model.body_treeid[body]) for body in (model.geom_bodyid[glance.geom], model.site_bodyid[site]))
+    return np.flatnonzero((np.asarray(model.dof_treeid) == tree) & (tree != own) & (tree >= 0))
+
+
+def _with_ball(
+    path: Path, data: Data, place: FloatArray, axis: FloatArray, approach: Approach, *, gravity: bool
+) -> RobotScene:
+    """Add a ball at a place to a model."""
+    library = mujoco()
+    spec = library.MjSpec.from_file(str(path))
+    for key in list(spec.keys):  # they lack the positions of the ball
+        spec.delete(key)
+    weight = MASS if math.isnan(approach.mass) else min(approach.mass, _HEAVY)
+    body = spec.worldbody.add_body(name="pretouch ball", pos=place, gravcomp=0.0 if gravity else 1.0)
+    body.add_freejoint()
+    body.add_geom(
+        type=library.mjtGeom.mjGEOM_SPHERE,
+        size=[RADIUS, 0, 0],
+        mass=weight,
+        contype=_BOTH,
+        conaffinity=_BOTH,
+        rgba=[0.9, 0.6, 0.2, 1.0],
+    )
+    model = spec.compile()
+    state = library.MjData(model)
+    state.qpos[: len(data.qpos)], state.qvel[: len(data.qvel)] = data.qpos, data.qvel
+    state.qvel[len(data.qvel) : len(data.qvel) + 3] = approach.obstacle_velocity * axis
+    library.mj_forward(model, state)
+    sizes = f"radius {format_quantity(RADIUS, 'm')} and mass {format_quantity(weight, 'kg')}"
+    return RobotScene(model, state, f"The object is an added ball with {sizes}.")
+
+
+def _jacobian(model: Model, data: Data, point: FloatArray, body: int) -> FloatArray:
+    """Return the velocity and the angular velocity of a body at a point per joint velocity, shape (6, nv)."""
+    jacobian = np.zeros((6, model.nv))
+    mujoco().mj_jac(model, data, jacobian[:3], jacobian[3:], point, body)
+    return jacobian
+
+
+def _velocities(jacobian: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return the joint velocities with which a body has a velocity, without a rotation if possible."""
+    for rows in (6, 3):
+        wanted = np.concatenate([velocity, np.zeros(3)])[:rows]
+        rates: FloatArray = np.linalg.lstsq(jacobian[:rows], wanted, rcond=None)[0]
+        if np.allclose(jacobian[:rows] @ rates, wanted, atol=_STRAIGHT):
+            return rates
+    raise InvalidInputError(
+        "obstacle velocity: the joints of the object cannot move it along the axis of the site; add a joint to its "
+        "body, or choose another axis"
+    )

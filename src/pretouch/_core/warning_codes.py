@@ -451,6 +451,30 @@ _TABLE: Final = (
         "Simulate the robot, or choose an axis and a posture in which the sensor moves straight.",
         "The sensor leaves its axis: per 100 mm of motion it turns by 4.1 deg and moves sideways by 12 mm",
     ),
+    (
+        "PT505",
+        "A drive is at its limit",
+        "In the simulation of the whole robot, a drive reaches its largest torque before contact.",
+        "The robot then lags behind the commanded motion, and touches harder than predicted.",
+        "Choose a weaker gain, another posture, or a stronger drive.",
+        "A drive is at its limit for up to 36 % of the encounter of the site fingertip",
+    ),
+    (
+        "PT506",
+        "The reference of a site stops before contact",
+        "In the simulation of the whole robot, a joint range or a singularity ends the motion along the axis.",
+        "The robot stops before the law has reduced the contact speed, and touches harder than predicted.",
+        "Choose a weaker gain or a posture with a longer retreat.",
+        "The reference of the site fingertip stops at a joint range, before contact.",
+    ),
+    (
+        "PT507",
+        "Prediction and simulation differ",
+        "The contact speed of the simulated robot differs from the prediction by more than 5 %.",
+        "A gain that was designed for one axis then does not have the designed effect on this robot.",
+        "Rely on the simulation. Other warnings of the result name the reason, if it is known.",
+        "The contact speed of the site fingertip differs from the prediction by up to 12 %",
+    ),
     # --- recordings
     (
         "PT601",

@@ -80,8 +80,7 @@ def simulate_robot_file(
     noise = seed if seed is not None else 0 if task.loop is None else task.loop.seed
     stiffness = task.impact.stiffness if isinstance(task.impact, SpringImpact) else None
     result = simulate_robot(scene.model, scene.data, [law], runs=runs, seed=noise, contact_stiffness=stiffness)
-    warnings = tuple(dict.fromkeys((*task.warnings, *result.warnings)))
-    return replace(result, notes=(scene.note, *result.notes), warnings=warnings)
+    return replace(result, notes=(scene.note, *result.notes))
 
 
 def _refuse_other_motion(path: Path, task: Task) -> None:

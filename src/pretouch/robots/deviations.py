@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from pretouch._core.units import format_quantity
+from pretouch._core.warning_codes import caution
 
 from .result import SiteContact
 
@@ -15,6 +16,9 @@ TURN: Final = math.radians(10.0)
 
 SIDEWAYS: Final = 0.01
 """Motion of a site across its axis [m] that changes contact speeds with a ball of radius 35 mm by about 3 %."""
+
+LARGE: Final = 0.05
+"""Relative difference between simulated and predicted contact speed that is reported."""
 
 _SATURATED: Final = 0.1  # of the time until contact; deviations above 5 % were seen from 15 % on
 
@@ -32,20 +36,54 @@ def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteCon
     for site, runs in zip(sites, contacts, strict=True):
         share = max((_saturated(c) for c in runs), default=0.0)
         if share > _SATURATED:
-            yield (
+            yield caution(
+                "PT505",
                 f"A drive is at its limit for up to {100 * share:.0f} % of the encounter of the site {site}, so that "
-                "the robot cannot follow its reference. Choose a weaker gain or another posture."
+                "the robot cannot follow its reference. Choose a weaker gain or another posture.",
             )
         for reason in sorted({c.obstacle for c in runs} - {""}):
-            yield (
+            yield caution(
+                "PT506",
                 f"The reference of the site {site} stops at a {reason}, before contact. Choose a weaker gain or a "
-                "posture with a longer retreat."
+                "posture with a longer retreat.",
             )
         turn, sideways = (max(getattr(c, name) for c in runs) for name in ("axis_turn", "sideways"))
         if turn > TURN or sideways > SIDEWAYS:
-            yield (
+            yield caution(
+                "PT504",
                 f"The site {site} leaves its axis until contact: it turns by {math.degrees(turn):.2g} deg and moves "
-                f"sideways by {format_quantity(sideways, 'm', 2)}. The prediction assumes a fixed axis."
+                f"sideways by {format_quantity(sideways, 'm', 2)}. The prediction assumes a fixed axis.",
+            )
+
+
+def report_deviations(
+    sites: Sequence[str],
+    contacts: Sequence[Sequence[SiteContact]],
+    predictions: Sequence[Sequence[SiteContact | None]],
+) -> Iterator[str]:
+    """Yield one sentence for each site whose mean contact speed differs from its prediction by more than 5 %.
+
+    Args:
+        sites: names of the sites.
+        contacts: the contacts of each site in all runs.
+        predictions: their predictions.
+
+    Yields:
+        Sentences, for a warning.
+    """
+    for site, runs, predicted in zip(sites, contacts, predictions, strict=True):
+        pairs = [(c.relative_velocity, p.relative_velocity) for c, p in zip(runs, predicted, strict=True) if p]
+        known = [(a, b) for a, b in pairs if not math.isnan(a) and not math.isnan(b)]
+        if not known:
+            continue
+        simulated, expected = (abs(math.fsum(column)) for column in zip(*known, strict=True))
+        change = simulated / expected - 1 if expected else math.inf
+        if abs(change) > LARGE:
+            more = "higher" if change > 0 else "lower"
+            yield caution(
+                "PT507",
+                f"The contact speed of the site {site} is {100 * abs(change):.2g} % {more} than predicted. Rely on the "
+                "simulation; other warnings name the reason if it is known.",
             )
 
 

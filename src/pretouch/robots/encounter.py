@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -13,17 +13,19 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, nonnegative, positive
+from pretouch._core.warning_codes import with_context
 from pretouch.control.structures import Output, Status
 from pretouch.simulation import SensorChain
 from pretouch.simulation.result import whole
 from pretouch.simulation.sensing import SensorRun
 
 from .centering import Centering, HandMotion, pair_of
-from .deviations import explain_deviations
+from .deviations import explain_deviations, report_deviations
 from .drives import Drives, drives_of
 from .dynamics import Drivetrain, drivetrain_of, joined, posture_dynamics
 from .model import Data, Model, mujoco, site_index
-from .obstruction import refuse_covered_sensor
+from .obstruction import refuse_covered_sensor, refuse_overlap
+from .projection import warnings_of_site
 from .reference import JointPath
 from .result import DetectedEncounter, RobotSimulation, RobotTrace, SiteContact, prediction_of
 from .sight import FARTHEST, Glance, Sight
@@ -102,11 +104,27 @@ def simulate_robot(
         sites=tuple(law.site.name for law in laws),
         contacts=tuple(zip(*results, strict=True)),
         predictions=predictions,
-        warnings=tuple(explain_deviations([law.site.name for law in laws], tuple(zip(*results, strict=True)))),
+        warnings=tuple(_warnings(scene, tuple(zip(*results, strict=True)), predictions)),
         laws=tuple(laws),
         model=scene.model,
         trace_of=_Tracer(scene, seed),
     )
+
+
+def _warnings(
+    scene: _Scene,
+    contacts: Sequence[Sequence[SiteContact]],
+    predictions: Sequence[Sequence[SiteContact | None]],
+) -> Iterator[str]:
+    """Yield the warnings of the projections, and those on deviations of the simulation from the prediction."""
+    names = [law.site.name for law in scene.laws]
+    found = list(explain_deviations(names, contacts))
+    if scene.centering is None:  # the prediction does not know the law of the hand
+        found += report_deviations(names, contacts, predictions)
+    for law in scene.laws:
+        for warning in warnings_of_site(scene.model, scene.data, law.site):
+            yield with_context(law.site.name, warning)
+    yield from found
 
 
 def _simulate(scene: _Scene, seed: int, runs: int, workers: int) -> list[tuple[SiteContact, ...]]:
@@ -199,6 +217,9 @@ class _Scene:
         start.qvel[tree[: len(drivetrains[0].driven)]] = 0.0
         library.mj_forward(model, start)
         for law, index in zip(laws, indices, strict=True):
+            curve: Any = law.site.sensor
+            glance = Sight(model, law.site, index, curve, FARTHEST).glance(start)
+            refuse_overlap(model, start, law.site, index, glance.distance)
             refuse_covered_sensor(model, start, law.site, index)
         if centering is not None:
             _check_opposed(start, centering, laws, indices)

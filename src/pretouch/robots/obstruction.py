@@ -1,4 +1,4 @@
-"""Check that no body covers a sensor, because the rays of a covered sensor see the inside of that body."""
+"""Check the start of a simulation: no body covers a sensor, and no object overlaps the robot."""
 
 from __future__ import annotations
 
@@ -36,11 +36,46 @@ def refuse_covered_sensor(model: Model, data: Data, site: SensorSite, index: int
     for geom in np.flatnonzero(touchable):
         depths = [_distance_to(model, data, int(geom), point, sign * axis) for sign in (1.0, -1.0)]
         if min(depths) > _TOLERANCE:
-            name = names_of(model, "geom")[geom] or f"number {geom}"
+            name = _name_of(model, int(geom))
             raise InvalidInputError(
-                f"site {site.name!r}: is inside the geom {name!r}, {format_quantity(depths[0], 'm')} below its "
+                f"site {site.name!r}: is inside the geom {name}, {format_quantity(depths[0], 'm')} below its "
                 "surface along the axis, so the sensor cannot see objects; move the site to the contact surface"
             )
+
+
+def refuse_overlap(model: Model, data: Data, site: SensorSite, index: int, distance: float) -> None:
+    """Raise an error if an object overlaps the robot that carries a sensor.
+
+    The world, such as the ground, may overlap bodies that carry no sensor.
+
+    Args:
+        model: the model.
+        data: its state after `mj_forward`.
+        site: the sensor.
+        index: index of its site.
+        distance: of the first object on the axis of the sensor [m], negative if it presses into the contact surface.
+
+    Raises:
+        InvalidInputError: an object overlaps the robot.
+    """
+    deepest, what = -distance, "an object"
+    trees, carrier = np.asarray(model.body_treeid), int(model.site_bodyid[index])
+    for contact in data.contact:
+        bodies = [int(model.geom_bodyid[geom]) for geom in contact.geom]
+        for body, other, geom in zip(bodies, bodies[::-1], contact.geom[::-1], strict=True):
+            foreign = trees[other] != trees[body] and (trees[other] >= 0 or body == carrier)
+            if trees[body] == trees[carrier] and foreign and -contact.dist > deepest:
+                deepest, what = -float(contact.dist), f"the geom {_name_of(model, int(geom))}"
+    if deepest > _TOLERANCE:
+        raise InvalidInputError(
+            f"data: {what} overlaps the robot of the site {site.name!r} by {format_quantity(deepest, 'm')} at the "
+            "start, expected a distance between them; move the object away from the robot"
+        )
+
+
+def _name_of(model: Model, geom: int) -> str:
+    name = names_of(model, "geom")[geom]
+    return repr(name) if name else f"number {geom}"
 
 
 def _distance_to(model: Model, data: Data, geom: int, point: FloatArray, direction: FloatArray) -> float:

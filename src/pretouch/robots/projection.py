@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
@@ -263,8 +263,34 @@ def project(
         base=len(drivetrain.base),
         turning=motion.turning,
         sideways=motion.sideways,
-        warnings=tuple(_warnings(model, drivetrain, motion, back.length, drives.has_force_limits)),
+        warnings=tuple(
+            posture_warnings(model, drivetrain, motion, lambda: back.length, limited=drives.has_force_limits)
+        ),
     )
+
+
+def warnings_of_site(model: Model, data: Data, site: SensorSite) -> tuple[str, ...]:
+    """Return the warnings of the projection of a robot to the axis of a sensor, without projecting the robot.
+
+    Args:
+        model: a `mujoco.MjModel`.
+        data: its state in the posture.
+        site: the sensor.
+
+    Returns:
+        The sentences; none if the joints cannot move the site.
+    """
+    data = _at_rest(model, data)
+    drivetrain = drivetrain_of(model, data, site_index(model, site.name))
+    motion = axis_motion(posture_dynamics(model, data, drivetrain, site.direction), site.hold)
+    if motion is None:
+        return ()
+    drives = drives_of(model, data, drivetrain, np.full(len(drivetrain.driven), math.inf))
+
+    def retreat() -> float:
+        return excursion(model, data, drivetrain, site.direction, hold=motion.hold, ahead=False).length
+
+    return tuple(posture_warnings(model, drivetrain, motion, retreat, limited=drives.has_force_limits))
 
 
 def _at_rest(model: Model, data: Data) -> Data:
@@ -288,8 +314,21 @@ def _speeds(units: Mapping[str, str], limits: Mapping[str, Any]) -> FloatArray:
     return speeds
 
 
-def _warnings(model: Model, drivetrain: Drivetrain, motion: AxisMotion, retreat: float, limited: bool) -> Iterator[str]:
-    """Yield sentences on properties of posture and model that matter for a design."""
+def posture_warnings(
+    model: Model, drivetrain: Drivetrain, motion: AxisMotion, retreat: Callable[[], float], *, limited: bool
+) -> Iterator[str]:
+    """Yield sentences on properties of posture and model that matter for a design.
+
+    Args:
+        model: the model.
+        drivetrain: its degrees of freedom.
+        motion: the motion of the joints along the axis of a sensor.
+        retreat: function that returns the longest path away from objects [m], which takes long to compute.
+        limited: whether the model limits the forces of all actuators.
+
+    Yields:
+        Sentences, for a warning.
+    """
     if motion.conditioning < POOR:
         yield caution(
             "PT501",
@@ -299,7 +338,7 @@ def _warnings(model: Model, drivetrain: Drivetrain, motion: AxisMotion, retreat:
         )
     rates = ((TURN, motion.turning), (SIDEWAYS, motion.sideways))
     straight = min((limit / rate for limit, rate in rates if rate > 0), default=math.inf)
-    if straight < retreat:
+    if math.isfinite(straight) and straight < retreat():
         yield caution(
             "PT504",
             f"The sensor leaves its axis: per 100 mm of motion it turns by {math.degrees(motion.turning) / 10:.2g} deg "

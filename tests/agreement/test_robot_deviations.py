@@ -1,4 +1,4 @@
-"""Whenever a simulated robot deviates from its prediction by more than 5 %, a warning says so, and why if it is known."""
+"""If a simulated robot deviates from its prediction by more than 5 %, a warning says so, and why if it is known."""
 
 from __future__ import annotations
 

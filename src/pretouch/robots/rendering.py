@@ -26,7 +26,7 @@ Frame: TypeAlias = NDArray[np.uint8]
 
 _ELEVATION: Final = -10.0  # deg: the camera looks slightly down, so that the ground is visible
 _UPRIGHT: Final = 0.9  # |vertical component| of an axis above which the axis counts as vertical
-_AIR: Final = 1.08  # size of the view, in sizes of what moves
+_AIR: Final = 1.12  # size of the view, in sizes of what moves
 PAPER: Final = (238, 240, 243)
 """Color of the background of frames: red, green and blue, from 0 to 255."""
 _SAMPLES: Final = 5  # configurations from which the size of the view is computed
@@ -106,8 +106,11 @@ def camera_for(model: Model, configurations: FloatArray, site: SensorSite, *, as
     for row in configurations[np.linspace(0, len(configurations) - 1, _SAMPLES).astype(int)]:
         data.qpos[:] = row
         mujoco().mj_kinematics(model, data)
-        places, radii = np.array(data.geom_xpos)[shown] @ frame.T, np.asarray(model.geom_rbound)[shown, None]
-        spans.append([(places - radii).min(axis=0), (places + radii).max(axis=0)])
+        turns = frame @ np.array(data.geom_xmat)[shown].reshape(-1, 3, 3)
+        boxes = np.asarray(model.geom_aabb)[shown]  # center and half size in the frame of the geometry
+        places = np.array(data.geom_xpos)[shown] @ frame.T + np.einsum("nij,nj->ni", turns, boxes[:, :3])
+        halves = np.einsum("nij,nj->ni", np.abs(turns), boxes[:, 3:])
+        spans.append([(places - halves).min(axis=0), (places + halves).max(axis=0)])
     low, high = np.min([s[0] for s in spans], axis=0), np.max([s[1] for s in spans], axis=0)
     width, height, depth = (float(v) for v in high - low)
     tall = _AIR * max(height, width / aspect)
@@ -131,7 +134,7 @@ def render_frames(
         The frames as a list of arrays of shape (height, width, 3); None if OpenGL cannot render.
     """
     library, bright = mujoco(), copy.copy(model)
-    bright.vis.headlight.ambient[:], bright.vis.headlight.diffuse[:] = 0.35, 0.55
+    bright.vis.headlight.ambient[:], bright.vis.headlight.diffuse[:] = 0.3, 0.4
     bright.vis.global_.offwidth = max(int(bright.vis.global_.offwidth), width)
     bright.vis.global_.offheight = max(int(bright.vis.global_.offheight), height)
     renderer = _open_renderer(bright, height, width)

@@ -17,6 +17,7 @@ from pretouch.design.drag import DragLimits, drag_by, drag_trade_off
 from pretouch.design.schedule import schedule_drag
 from pretouch.sensors import PiecewiseCubic
 from pretouch.sweeps import Axis, Progress
+from pretouch.verification import compare_candidates
 from robust_samples import with_robust_options
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
 
@@ -172,6 +173,13 @@ RESULTS: dict[str, Callable[[], Any]] = {
         NOISY, uncertainty={"sensor.exponent": pt.robust.Uniform(low=3.2, high=3.4)}, runs=4, changes=False
     ),
     "verdict, calibrated sensor": lambda: verdict(NOISY, calibration=_report(), runs=4, changes=False),
+    "comparison of candidates": lambda: compare_candidates(
+        {
+            name: pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, loop=replace(NOISY, seed=seed))
+            for name, seed in (("a", 1), ("b", 2))
+        },
+        runs=4,
+    ),
     "gain limit": lambda: pt.simulation.gain_limit(
         SENSOR, SCENARIO.admittance, pt.simulation.timing_of(NOISY.chain, NOISY.law), distance=[0.0, 0.04]
     ),

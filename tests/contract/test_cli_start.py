@@ -6,12 +6,14 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch.cli import doctor
 from pretouch.config.parts import load_with_parts
 from pretouch.errors import InvalidInputError
 from pretouch.simulation import PARTS
@@ -208,6 +210,11 @@ def test_the_doctor_names_versions_and_what_is_missing(tmp_path: Path) -> None:
     assert told["core"]["variant"] in {"base", "avx2", "avx512"}
     for name, missing in told["missing_of_extras"].items():
         assert (f"pip install 'pretouch[{name}]'" in answer.stdout) == bool(missing)
+
+
+def test_the_doctor_knows_all_extras_of_users() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert set(doctor._EXTRAS) == set(project["optional-dependencies"]) - {"dev", "docs", "benchmarks"}
 
 
 def test_the_doctor_tells_that_the_core_does_not_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

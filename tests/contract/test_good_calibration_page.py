@@ -14,7 +14,7 @@ from figure_checks import assert_legible
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "how-to/good-calibration.md").read_text(encoding="utf-8")
 SECTIONS = re.split(r"^## ", PAGE, flags=re.MULTILINE)
-NAMES = re.findall(r"!\[[^\]]+\]\(images/calibration-([a-z-]+)\.png\)", PAGE)
+NAMES = re.findall(r"!\[[^\]]+\]\(\.\./images/calibration-([a-z-]+)\.png\)", PAGE)
 
 
 @pytest.fixture(scope="module")

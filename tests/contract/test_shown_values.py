@@ -12,6 +12,7 @@ from pretouch._core.blocks import Measured
 from pretouch.cli.sweep import _present as present_sweep
 from pretouch.cli.terminal import Presentation
 from pretouch.design.impact import impact_rows
+from pretouch.motion.page_sections import scenario_rows
 from pretouch.uncertainty.correlated import CorrelatedNormal
 from verification_samples import SCENARIO, SENSOR
 
@@ -24,6 +25,14 @@ def test_both_masses_of_an_impact_are_shown() -> None:
         "physical mass of the robot": Measured(4.0, "kg"),
         "mass of the obstacle": Measured(7.0, "kg"),
     }
+
+
+def test_inputs_of_an_encounter_have_their_symbols() -> None:
+    labels = [name for name, _ in scenario_rows(SCENARIO)]
+    assert labels[:5] == [
+        *("admittance: mass M_a", "admittance: damping D_a", "admittance: stiffness K_a"),
+        *("natural frequency", "damping ratio"),
+    ]
 
 
 def test_a_swept_axis_is_drawn_in_the_unit_of_its_label() -> None:

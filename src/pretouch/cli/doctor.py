@@ -23,6 +23,7 @@ _EXTRAS: Final = {
     "mujoco": "robot models",
     "fmu": "running exported FMUs",
     "record": "serial port and I2C of pretouch record",
+    "studio": "pretouch studio",
 }
 _PROGRAMS: Final = {
     "cc": "compiling an exported law",

@@ -48,8 +48,8 @@ def load_with_parts(path: str | os.PathLike[str]) -> dict[str, Task]:
         )
     if "scale" not in data.get("sensor", {}):
         raise InvalidInputError(
-            f"{path}: [sensor] has no scale, expected a curve by its parameters, because the readings of a "
-            "calibration belong to one sensor; pretouch fit prints the parameters"
+            f"{path}: [sensor] has no key scale, but the comparison of parts replaces the scale of a curve; readings "
+            "of a calibration belong to one part. Set model and its parameters, such as those that pretouch fit prints"
         )
     read = partial(load_document, Path(path), text, hashlib.sha256(content).hexdigest())
     base = read(data)

@@ -65,6 +65,8 @@ _LANES: Final = 8  # largest number of encounters that the compiled loop runs si
 _JITTERS: Final = 16  # largest shift of an exposure in standard deviations; none of 2^53 draws exceeds 9
 _BEYOND: Final = 4.0  # times the farthest start: from there on, a curve is taken as flat
 _LEAST_STRETCH: Final = 64  # encounters per thread
+_LONG: Final = 10_000  # controller steps: so long encounters are worth a thread in smaller numbers
+_LEAST_LONG: Final = 24  # long encounters per thread: three groups of lanes
 _MOST_STRETCH: Final = 512
 _FEWEST: Final = 257  # rows of a table of a curve
 _MOST: Final = 1 << 16
@@ -179,7 +181,8 @@ def run_loop(
                 raise python_step.raised
 
     if python_step is None:
-        run_in_chunks(run, len(which), least=_LEAST_STRETCH, most=_MOST_STRETCH)
+        least = _LEAST_LONG if loop.horizon > _LONG * native.period else _LEAST_STRETCH
+        run_in_chunks(run, len(which), least=least, most=_MOST_STRETCH)
     else:  # with a law in Python, threads would wait for each other at every step
         run(0, len(which))
     return outputs

@@ -91,6 +91,11 @@ class Candidate(Value):
             "reason": self.reason,
         }
 
+    def __repr__(self) -> str:
+        return (
+            f"<Candidate: {self.name}, {self.status.value}, contact at {format_quantity(self.contact_speed, 'm/s', 3)}>"
+        )
+
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CandidateComparison(Described, Value):
@@ -137,6 +142,9 @@ class CandidateComparison(Described, Value):
             }
         )
         return document
+
+    def __repr__(self) -> str:
+        return f"<CandidateComparison: {self.headline}>"
 
 
 @check_arguments

@@ -74,6 +74,39 @@ def test_a_hopping_leg_lands_with_its_designed_gain(monkeypatch: pytest.MonkeyPa
     assert "torque of the drives" in page or "<svg" in page
 
 
+def test_an_arm_meets_a_thrown_ball(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    example = __import__("thrown_ball")
+    result = example.main()
+    (site,) = result.sites
+    detection = result.contacts[0][0].detection
+    # The ball is thrown along x and falls freely, so that it is detected within one period after the flight.
+    assert example.FLIGHT <= detection.time <= example.FLIGHT + 2e-3
+    assert abs(detection.distance - example.DISTANCE) < 2 * 1e-3 * example.SPEED
+    assert abs(result.simulated(site, "relative_velocity")[0]) < 0.2 * example.SPEED
+    # The warning appears exactly if the deviation exceeds 5 %.
+    deviation = share(result.simulated(site, "relative_velocity"), result.predicted(site, "relative_velocity"))
+    assert any("PT507" in warning for warning in result.warnings) == (deviation > 0.05)
+    # The trace follows the parabola of the throw until contact.
+    trace = result.trace()
+    before = trace.time < result.simulated(site, "time")[0]
+    place = result.model.jnt_qposadr[result.model.body("ball").jntadr[0]]
+    height = trace.configuration[before, place + 2]
+    assert np.diff(height, 2) / np.diff(trace.time[before])[0] ** 2 == pytest.approx(-example.GRAVITY, rel=1e-3)
+
+
+def test_a_gripper_centers_itself_on_an_object(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    plain, centered = __import__("grasp").main()
+    apart = [abs(float(np.diff([r.simulated(s, "time")[0] for s in r.sites])[0])) for r in (plain, centered)]
+    assert apart[1] < 5e-3 < apart[0]
+    place = centered.model.jnt_qposadr[centered.model.body("object").jntadr[0]]
+    trace = centered.trace()
+    until = trace.time <= max(centered.simulated(s, "time")[0] for s in centered.sites)
+    pushed = trace.configuration[until, place]
+    assert np.abs(pushed - pushed[0]).max() < 1e-3
+
+
 def test_a_leg_lands_as_predicted() -> None:
     """The ground accelerates toward the falling leg by g; kappa is that of the start, while the leg bends by 30 deg."""
     model, data = fallen_leg(0.5)

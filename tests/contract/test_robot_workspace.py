@@ -63,6 +63,9 @@ def test_the_example_takes_any_model_by_its_path(monkeypatch: pytest.MonkeyPatch
     example = __import__("any_model")
     assert len(example.main(str(ARM), "fingertip", "+x", 3).projections) == 3
     assert "3 postures" in capsys.readouterr().out
+    leg = example.main(str(ARM.with_name("leg.xml")), "sole", "+x", 3)  # the sole faces the ground along its own x
+    assert all(0 < projection.recoil_share < 1 for projection in leg.projections)
+    assert f"{len(leg.projections)} postures" in capsys.readouterr().out
     assert example.main(str(ARM.with_name("gripper.xml"))) is None
     assert "left" in capsys.readouterr().out
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 import pretouch as pt
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
 
@@ -32,10 +34,11 @@ def main() -> pt.robots.RobotSimulation:
     print(f"D_p = {design.gain:.3g} N s, predicted contact at {abs(contact.relative_velocity):.3g} m/s")
 
     # the fingertip points along x; the ball is at the top of its path halfway between detection and contact
-    target, rise = data.site(site.name).xpos + (DISTANCE + RADIUS, 0.0, 0.0), FLIGHT + contact.time / 2
+    rise, flown = FLIGHT + contact.time / 2, SPEED * FLIGHT
     ball = model.body("ball").jntadr[0]
     place, speed = model.jnt_qposadr[ball], model.jnt_dofadr[ball]
-    data.qpos[place : place + 3] = target + (SPEED * FLIGHT, 0.0, -GRAVITY * rise**2 / 2)
+    start = np.array([DISTANCE + RADIUS + flown, 0.0, -GRAVITY * rise**2 / 2])  # from the fingertip
+    data.qpos[place : place + 3] = data.site(site.name).xpos + start
     data.qvel[speed : speed + 3] = -SPEED, 0.0, GRAVITY * rise
     controller = Controller(
         period=1e-3,

@@ -22,7 +22,7 @@ from pretouch.design import Constraint
 from pretouch.motion import Stretch
 from pretouch.sweeps import Progress
 from pretouch.sweeps.axes import Axes
-from pretouch.sweeps.executors import evaluate, run_block
+from pretouch.sweeps.executors import run_block
 from pretouch.sweeps.plan import Plan, make_plan
 from pretouch.sweeps.stores import MemoryStore, ZarrStore
 
@@ -138,9 +138,9 @@ def tasks(folder: Path, count: int = 1000) -> str:
     ):
         client.wait_for_workers(2)
         store = ZarrStore.create(Path(place, "tiny.zarr"), plan, 1)
-        cluster.run_on(client, plan, store, [0, 1], lambda _: None)  # the workers import pretouch
+        cluster.run_on(client, store, [0, 1], lambda _: None)  # the workers import pretouch
         start = time.perf_counter()
-        cluster.run_on(client, plan, store, list(range(2, count)), lambda _: None)
+        cluster.run_on(client, store, list(range(2, count)), lambda _: None)
         each = (time.perf_counter() - start) / (count - 2)
     return f"task on a cluster of two processes     {each * 1e3:8.2f} ms, two at a time"
 
@@ -201,9 +201,9 @@ def chunks(count: int = 1024) -> list[str]:
         axes = {"admittance.mass": np.linspace(0.8, 1.2, 1000), "obstacle.velocity": np.linspace(-0.6, -0.1, 1000)}
         plan = make_plan(task, axes, results=["relative_velocity"])
         small = plan.thinned(min(count, int(np.prod(plan.chunk))))
-        evaluate(small, small.region(0))
+        small.evaluate(small.region(0))
         start = time.perf_counter()
-        evaluate(small, small.region(0))
+        small.evaluate(small.region(0))
         each, chunk = (time.perf_counter() - start) / small.size, int(np.prod(plan.chunk))
         rows.append(f"{name:26s} {each * 1e6:10.1f} us each, chunks of {chunk:9,d}: {each * chunk:6.2f} s")
     return rows

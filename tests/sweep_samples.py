@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import pretouch as pt
-from pretouch.sweeps import executors, plan, run, stores
+from pretouch.sweeps import plan, run, stores
 
 SCENARIO = pt.Scenario(
     admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
@@ -33,14 +33,14 @@ def cut_small(setattr_: Callable[[Any, str, Any], None], *, encounters: int = 10
 
 def note_chunks(setattr_: Callable[[Any, str, Any], None], log: Path) -> None:
     """Write the start of every region that is computed to a file, at once."""
-    evaluate = executors.evaluate
+    evaluate = plan.Plan.evaluate
 
     def noting(asked: Any, region: Any) -> Any:
         with log.open("a") as stream:
             stream.write(f"{region[0].start}\n")
         return evaluate(asked, region)
 
-    setattr_(executors, "evaluate", noting)
+    setattr_(plan.Plan, "evaluate", noting)
 
 
 def noted(log: Path) -> list[int]:
@@ -63,7 +63,7 @@ def sweep_until_killed(output: str, log: str, moment: str, count: int) -> None:
     def end() -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
-    owner: Any = executors if moment == "computing" else stores.ZarrStore
+    owner: Any = plan.Plan if moment == "computing" else stores.ZarrStore
     original = getattr(owner, method[moment])
 
     def until_then(*arguments: Any) -> Any:

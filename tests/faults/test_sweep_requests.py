@@ -13,7 +13,7 @@ import pytest
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError, MissingExtraError
 from pretouch.cli import sweep as cli_sweep
-from pretouch.sweeps import executors
+from pretouch.sweeps import plan
 from pretouch.sweeps.axes import read_axis
 from pretouch.sweeps.executors import Progress
 from sweep_samples import CONSTANT, CURVED, OBJECTIVE, SCENARIO
@@ -109,7 +109,7 @@ def test_a_distance_beyond_the_range_of_some_curve_of_the_sweep_is_found_beforeh
     def forbidden(*_: Any) -> None:
         raise AssertionError("nothing is computed")
 
-    monkeypatch.setattr(executors, "evaluate", forbidden)
+    monkeypatch.setattr(plan.Plan, "evaluate", forbidden)
     short = pt.Recessed(sensor=replace(CURVED, maximum_distance=0.06), recess=0.0)
     axes = {"sensor.recess": [0.0, 0.01, 0.02], "obstacle.position": [0.03, 0.042]}
     with pytest.raises(InvalidInputError, match=r"starts at a distance of 0\.042 m, expected .* 0\.04 m"):

@@ -10,7 +10,7 @@ from typing import Any, Final
 from pretouch._core.errors import InvalidInputError, require
 
 from .executors import BlockRecord, run_block
-from .plan import Plan
+from .grid import Grid
 from .stores import ZarrStore
 
 _QUEUED: Final = 3  # submitted blocks per thread of the cluster
@@ -74,7 +74,7 @@ def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[B
             waiting.add(following)
 
 
-def _open(path: str, plan: Plan) -> ZarrStore:
+def _open(path: str, plan: Grid) -> ZarrStore:
     """Open the stored sweep on a Dask worker."""
     # So the plan is sent once and not with every block.
     _check_folder(Path(path))

@@ -8,8 +8,6 @@ import json
 import os
 import platform
 from collections.abc import Mapping
-from dataclasses import asdict
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -18,16 +16,9 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError, require
 from pretouch._core.files import as_json, temporary_path
-from pretouch._core.numbers import FloatArray
-from pretouch.design import ImpactModel, Objective
-from pretouch.design.custom_objectives import CustomObjective
-from pretouch.design.quantities import QUANTITY_KINDS
-from pretouch.motion import DAMPER, ContactState
-from pretouch.sensors import SensorModel
 
-from .axes import inputs_of
-from .plan import Plan
-from .results import STATUS, result_attributes
+from .grid import Grid
+from .results import STATUS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,19 +26,16 @@ if TYPE_CHECKING:
 
 DIGEST: Final = "digest"
 _PACKAGES: Final = ("pretouch", "numpy", "scipy")
-_FARTHEST: Final = 1.0  # m, up to which an unbounded curve is sampled for its hash
-_SAMPLES: Final = 65
-_PROBES: Final = 17
 
 
-def attributes_of(plan: Plan) -> dict[str, Any]:
+def attributes_of(plan: Grid) -> dict[str, Any]:
     """Return the metadata of a sweep: all its inputs, the software versions and the random seed."""
     # The seed is -1 if there is none.
     versions = {package: version(package) for package in _PACKAGES}
     inputs = _inputs_of(plan)
     names = ", ".join(plan.dims)
     return {
-        "title": f"pretouch sweep of {'optimal gains' if plan.designs else 'contacts'} over {names}",
+        "title": f"pretouch sweep of {plan.subject} over {names}",
         "inputs": as_json(inputs, indent=None),
         "versions": as_json({"python": platform.python_version(), **versions}, indent=None),
         "seed": -1 if plan.seed is None else plan.seed,
@@ -55,28 +43,14 @@ def attributes_of(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _inputs_of(plan: Plan) -> dict[str, Any]:
+def _inputs_of(plan: Grid) -> dict[str, Any]:
     """Return all inputs of a sweep in SI units, in a form that JSON can represent."""
     # Columns of values are represented by their ends and a hash.
-    task = plan.task
-    parts = ("admittance", "obstacle", "plant", "reference")
-    return {
-        "scenario": {part: asdict(getattr(task.scenario, part)) for part in parts},
-        "sensor": _sensor(task.sensor),
-        "gain": task.gain,
-        "objective": _objective(task.goal, task.impact) if plan.designs else None,
-        "bounds": task.bounds,
-        "constraints": {c.name: c.limit for c in task.limits},
-        "impact": {"model": type(task.impact).__name__, **asdict(task.impact)} if task.impact else None,
-        "method": task.method,
-        "horizon": task.horizon,
-        "axes": {axis.name: {name: _column(values) for name, values in axis.columns.items()} for axis in plan.axes},
-        "results": plan.results,
-        "chunk": plan.chunk,
-    }
+    axes = {axis.name: {name: _column(values) for name, values in axis.columns.items()} for axis in plan.axes}
+    return {**plan.inputs(), "axes": axes, "results": plan.results, "chunk": plan.chunk}
 
 
-def differing_parts(attributes: dict[str, Any], plan: Plan) -> str:
+def differing_parts(attributes: dict[str, Any], plan: Grid) -> str:
     """Return the names of the inputs in which a stored dataset differs from a planned sweep."""
     # If all inputs are equal, the result is "seed or version of pretouch".
     try:
@@ -85,40 +59,6 @@ def differing_parts(attributes: dict[str, Any], plan: Plan) -> str:
         return "inputs"
     wanted = json.loads(as_json(_inputs_of(plan)))
     return ", ".join(k for k in wanted if stored.get(k) != wanted[k]) or "seed or version of pretouch"
-
-
-def _sensor(sensor: SensorModel) -> dict[str, Any]:
-    """Return the parameters of a sensor curve, and a hash of its values that identifies a user-defined curve."""
-    low, high = sensor.valid_range
-    distances = np.linspace(low, min(high, low + _FARTHEST), _SAMPLES)
-    samples = np.stack([sensor.log_output(distances), sensor.log_slope(distances)])
-    return {
-        "model": sensor.name,
-        "parameters": sensor.parameters,
-        "valid_range": (low, high),
-        "curve": hashlib.sha256(samples.tobytes()).hexdigest(),
-    }
-
-
-def _objective(objective: Objective, impact: ImpactModel | None) -> dict[str, Any]:
-    """Return the terms of an objective; for a user-defined objective, return its name and a hash of its values."""
-    custom = isinstance(objective, CustomObjective)
-    if not custom and all(term.quantity in QUANTITY_KINDS.built_in() for term in objective.terms):
-        return asdict(objective)
-    with np.errstate(all="ignore"):
-        values = objective.value(ContactState(_Probes()), np.full(_PROBES, 0.3), impact)
-    terms = {} if custom else asdict(objective)
-    return {**terms, "name": objective.name, "values": hashlib.sha256(values.tobytes()).hexdigest()}
-
-
-class _Probes:
-    """Pseudorandom states at contact. The values of a user-defined objective at these states identify it."""
-
-    def column(self, name: str) -> FloatArray:
-        """Return reproducible pseudorandom values of one quantity at contact."""
-        seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
-        size = np.random.default_rng(seed).uniform(0.01, 1.0, _PROBES)
-        return -size if name == "relative_velocity" else size
 
 
 def _column(values: Any) -> dict[str, Any]:
@@ -130,20 +70,16 @@ def _digest(value: dict[str, Any]) -> str:
     return hashlib.sha256(as_json(value, indent=None).encode()).hexdigest()
 
 
-def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
+def make_dataset(plan: Grid, columns: Mapping[str, Any]) -> xr.Dataset:
     """Make a dataset on the grid of a sweep; without results, the dataset contains only the axes."""
     xarray = require("xarray")
     coords: dict[str, Any] = {}
-    units = inputs_of(plan.task)
     for axis in plan.axes:
         if axis.zipped:
             coords[axis.name] = (axis.name, np.arange(len(axis)), {"long_name": f"{axis.name} number"})
         for name, values in axis.columns.items():
-            words = name.replace(".", " ").replace("_", " ")
-            words = plan.task.law.number.label if name == "gain" and plan.task.law != DAMPER else words
-            coords[name] = (axis.name, values, {"long_name": words, "units": units[name] or "1"})
-    describe = partial(result_attributes, designs=plan.designs, law=plan.task.law)
-    data = {name: (plan.dims, column, describe(name)) for name, column in columns.items()}
+            coords[name] = (axis.name, values, plan.input_attributes(name))
+    data = {name: (plan.dims, column, plan.result_attributes(name)) for name, column in columns.items()}
     return xarray.Dataset(data, coords=coords, attrs=attributes_of(plan))
 
 
@@ -269,12 +205,12 @@ def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
     return dataset
 
 
-def is_intact(dataset: xr.Dataset, plan: Plan) -> bool:
+def is_intact(dataset: xr.Dataset, plan: Grid) -> bool:
     """Return True if a dataset is readable, belongs to the planned sweep and contains only valid statuses."""
     try:
         codes = dataset[STATUS].values
         shapes = {dataset[name].shape for name in (STATUS, *plan.results)}
-        meanings = result_attributes(STATUS, designs=plan.designs)["flag_values"]
+        meanings = plan.result_attributes(STATUS)["flag_values"]
         for name in plan.results:
             dataset[name][(-1,) * len(plan.shape)].load()
         return shapes == {plan.shape} and bool(np.isin(codes, meanings).all())

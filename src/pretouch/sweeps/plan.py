@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,11 +16,11 @@ from pretouch.design.custom_objectives import CustomObjective
 from pretouch.motion import DAMPER, DRAG
 from pretouch.motion.scenario import scenario_with
 
-from .axes import ENCOUNTER_INPUTS, Axes, Axis, make_axes, with_input
-from .results import STATUS, check_results, is_of_whole_motion
-
-Region: TypeAlias = tuple[slice, ...]
-"""A part of the grid: one slice per axis."""
+from .axes import ENCOUNTER_INPUTS, Axes, Axis, inputs_of, make_axes
+from .encounters import solve_encounters, task_at
+from .grid import Columns, Grid, Region
+from .record import inputs_of_task, spoken
+from .results import STATUS, check_results, is_of_whole_motion, result_attributes
 
 # Encounters per chunk, so that a chunk takes a fraction of a second on one core; by (designs, general curve, whole
 # motion). The last digits of results may depend on the chunk, because the encounters of a call share series.
@@ -41,22 +40,14 @@ _CHUNK_OF_DRAG: Final = 1 << 15  # contacts under a drag take 20 us each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plan:
-    """A planned sweep: a grid of encounters, and the results to compute for each encounter.
+class Plan(Grid):
+    """A planned sweep over the inputs of a task.
 
     Args:
         task: the task with the values of all inputs that are not on an axis.
-        axes: the axes, in the order of the dimensions.
-        results: names of the results; the status is always added.
-        seed: seed of the random number generator that made the values, for the record; None if there is none.
-        chunk: shape of a chunk, which is computed by one call of the solver and stored in one file.
     """
 
     task: Task
-    axes: tuple[Axis, ...]
-    results: tuple[str, ...]
-    seed: int | None
-    chunk: tuple[int, ...]
 
     @property
     def designs(self) -> bool:
@@ -64,47 +55,29 @@ class Plan:
         return self.task.objective is not None
 
     @property
-    def dims(self) -> tuple[str, ...]:
-        """The names of the dimensions of the grid."""
-        return tuple(axis.name for axis in self.axes)
+    def subject(self) -> str:
+        """What the sweep computes, for its title."""
+        return "optimal gains" if self.designs else "contacts"
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The lengths of the dimensions of the grid."""
-        return tuple(map(len, self.axes))
+    def evaluate(self, region: Region) -> Columns:
+        """Return status and results of encounters in a part of the grid; results are NaN without contact or optimum."""
+        return solve_encounters(
+            self.task, [axis.at(part) for axis, part in zip(self.axes, region, strict=True)], self.results
+        )
 
-    @property
-    def size(self) -> int:
-        """The number of encounters in the sweep."""
-        return math.prod(self.shape)
+    def inputs(self) -> dict[str, Any]:
+        """Return all inputs that are not on an axis, in SI units and in a form that JSON can represent."""
+        return inputs_of_task(self.task)
 
-    @property
-    def chunk_grid(self) -> tuple[int, ...]:
-        """The number of chunks along each dimension of the grid."""
-        return tuple(-(-n // c) for n, c in zip(self.shape, self.chunk, strict=True))
+    def input_attributes(self, name: str) -> dict[str, Any]:
+        """Return name in plain words and unit of an input on an axis."""
+        number = self.task.law.number
+        words = number.label if name == "gain" and self.task.law != DAMPER else spoken(name)
+        return {"long_name": words, "units": inputs_of(self.task)[name] or "1"}
 
-    @property
-    def chunk_count(self) -> int:
-        """The number of chunks into which the grid is divided."""
-        return math.prod(self.chunk_grid)
-
-    def region(self, index: int) -> Region:
-        """Return the part of the grid that a chunk contains."""
-        # Chunks are numbered along the last dimension first.
-        place = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
-        return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in place)
-
-    def thinned(self, most: int) -> Plan:
-        """Return a small trial sweep with a few evenly spaced values of each axis."""
-        # It has one chunk with at most `most` encounters.
-        axes: list[tuple[int, Axis]] = []
-        room = most
-        for position, axis in sorted(enumerate(self.axes), key=lambda item: len(item[1])):
-            count = max(1, min(len(axis), int(room ** (1 / (len(self.axes) - len(axes))) + 1e-9)))
-            room //= count
-            axes.append((position, axis.at(np.linspace(0, len(axis) - 1, count).astype(np.int64))))
-        kept = tuple(axis for _, axis in sorted(axes, key=lambda item: item[0]))
-        return replace(self, axes=kept, chunk=tuple(map(len, kept)))
+    def result_attributes(self, name: str) -> dict[str, Any]:
+        """Return the metadata of a result, such as its name in plain words and its unit."""
+        return result_attributes(name, designs=self.designs, law=self.task.law)
 
 
 def make_plan(
@@ -199,15 +172,6 @@ def _check_values(plan: Plan) -> None:
             f"scale: found {OBSTACLE_SPEED!r}, which cannot scale the speed of an obstacle at rest, because this "
             "speed is 0; use a number in m/s"
         )
-
-
-def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
-    """Return the task at one point of the sweep grid, for inputs whose values cannot be passed as arrays."""
-    for axis, i in zip(axes, index, strict=True):
-        for name, values in axis.columns.items():
-            if name not in ENCOUNTER_INPUTS:
-                task = with_input(task, name, float(values[i]))
-    return task
 
 
 def _check_distances(plan: Plan) -> None:

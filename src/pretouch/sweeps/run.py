@@ -23,7 +23,8 @@ from .axes import Axes
 from .cluster import connected, run_on, worker_count
 from .dataset import DIGEST, attributes_of, differing_parts, is_intact, open_netcdf, write_netcdf
 from .executors import BlockRecord, Progress, chunks_per_block, run_block
-from .plan import Plan, make_plan
+from .grid import Grid
+from .plan import make_plan
 from .stores import MemoryStore, Store, ZarrStore, in_use, is_sweep, refuse_beyond_memory, remove_unused, replace_sweep
 
 if TYPE_CHECKING:
@@ -77,7 +78,6 @@ def sweep(
         inputs, versions and seed. Values are NaN without a contact or an optimal gain; `status` has the reason.
 
     Raises:
-        InvalidInputError: the request is invalid, or an output cannot be written.
         OutOfRangeError: an encounter starts outside the range of the sensor.
 
     Examples:
@@ -105,6 +105,22 @@ def sweep(
         if task.source is None:
             raise
         raise OutOfRangeError(task.source.explained(error)) from error
+    return run_sweep(plan, output, overwrite=overwrite, dask=dask, progress=progress)
+
+
+def run_sweep(
+    plan: Grid,
+    output: str | os.PathLike[str] | None,
+    *,
+    overwrite: bool = False,
+    dask: Any = None,
+    progress: Callable[[Progress], object] | None = None,
+) -> xr.Dataset:
+    """Compute all encounters of a planned sweep, or those that are missing in its output.
+
+    Raises:
+        InvalidInputError: the request is invalid, or the output cannot be written.
+    """
     require("xarray")
     target = None if output is None else Path(output)
     if target is None:
@@ -178,7 +194,7 @@ def _complete(
 
 
 def _to_zarr(
-    plan: Plan,
+    plan: Grid,
     target: Path,
     *,
     overwrite: bool,
@@ -205,7 +221,7 @@ def _to_zarr(
                 return store
 
 
-def _holds(target: Path, plan: Plan) -> bool:
+def _holds(target: Path, plan: Grid) -> bool:
     try:
         ZarrStore(target, plan)
     except OutputExistsError:
@@ -213,7 +229,7 @@ def _holds(target: Path, plan: Plan) -> bool:
     return True
 
 
-def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> xr.Dataset:
+def _to_netcdf(plan: Grid, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> xr.Dataset:
     """Compute a sweep into a temporary Zarr folder, write the NetCDF file, and remove the folder."""
     # Equal sweeps may run at the same time: all compute into the folder, the first to finish writes the file, and the
     # last removes the folder.
@@ -240,7 +256,7 @@ def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress
     return dataset
 
 
-def _is_written(plan: Plan, target: Path) -> bool:
+def _is_written(plan: Grid, target: Path) -> bool:
     """Return True if a NetCDF file contains the complete results of the planned sweep."""
     dataset = open_netcdf(target)
     if dataset is None:
@@ -249,7 +265,7 @@ def _is_written(plan: Plan, target: Path) -> bool:
         return dataset.attrs[DIGEST] == attributes_of(plan)[DIGEST] and is_intact(dataset, plan)
 
 
-def _finished(plan: Plan, target: Path, *, overwrite: bool) -> xr.Dataset | None:
+def _finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset | None:
     """Open the output file if it contains the same sweep; raise an error if the file must not be replaced."""
     if not target.exists():
         return None

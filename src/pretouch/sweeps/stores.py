@@ -27,8 +27,8 @@ from pretouch._core.files import temporary_path
 from pretouch._core.numbers import BoolArray
 
 from .dataset import DIGEST, attributes_of, differing_parts, make_dataset
-from .plan import Plan, Region
-from .results import STATUS, result_attributes
+from .grid import Grid, Region
+from .results import STATUS
 
 if sys.platform != "win32":  # Windows has no such locks
     import fcntl
@@ -45,7 +45,7 @@ _MOST_BYTES: Final = 4_000_000_000  # largest size of the results in memory
 _MOST_CHECKED: Final = 2_000  # chunks that are checked before a sweep is resumed, which takes about a second
 
 
-def refuse_beyond_memory(plan: Plan) -> None:
+def refuse_beyond_memory(plan: Grid) -> None:
     """Raise an error, before anything is computed, if the results of a sweep do not fit into memory."""
     bytes_each = 1 + 8 * len(plan.results)
     if plan.size * bytes_each > _MOST_BYTES:
@@ -65,7 +65,7 @@ class Store:
         arrays: ledger, status and results by name, as NumPy or Zarr arrays.
     """
 
-    def __init__(self, plan: Plan, chunks_per_block: int, arrays: dict[str, Any]) -> None:
+    def __init__(self, plan: Grid, chunks_per_block: int, arrays: dict[str, Any]) -> None:
         self.plan, self.chunks_per_block, self._arrays = plan, chunks_per_block, arrays
 
     def regions(self, block: int) -> list[Region]:
@@ -102,7 +102,7 @@ class Store:
 class MemoryStore(Store):
     """Storage that keeps the results of a sweep in memory."""
 
-    def __init__(self, plan: Plan, chunks_per_block: int) -> None:
+    def __init__(self, plan: Grid, chunks_per_block: int) -> None:
         arrays = {name: np.empty(plan.shape) for name in plan.results}
         ledger = np.zeros(-(-plan.chunk_count // chunks_per_block), dtype=np.uint8)
         status = np.empty(plan.shape, dtype=np.int8)
@@ -120,7 +120,7 @@ class ZarrStore(Store):
         OutputExistsError: the folder contains something else.
     """
 
-    def __init__(self, path: str | os.PathLike[str], plan: Plan) -> None:
+    def __init__(self, path: str | os.PathLike[str], plan: Grid) -> None:
         self.path = Path(path)
         attributes = _attributes(self.path)
         if attributes is None:
@@ -178,7 +178,7 @@ class ZarrStore(Store):
             codes = np.asarray(self._arrays[STATUS][region])
         except Exception:
             return False
-        meanings = result_attributes(STATUS, designs=self.plan.designs)["flag_values"]
+        meanings = self.plan.result_attributes(STATUS)["flag_values"]
         return bool(np.isin(codes, meanings).all())
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
@@ -203,7 +203,7 @@ class ZarrStore(Store):
             ) from None
 
     @classmethod
-    def create(cls, path: str | os.PathLike[str], plan: Plan, chunks_per_block: int) -> ZarrStore:
+    def create(cls, path: str | os.PathLike[str], plan: Grid, chunks_per_block: int) -> ZarrStore:
         """Create the Zarr folder of a sweep in one atomic step, with axes and metadata but without results.
 
         Args:
@@ -234,7 +234,7 @@ class ZarrStore(Store):
                     fill_value=-1 if status else np.nan,
                     compressors="auto" if status else None,  # results do not compress well
                     dimension_names=plan.dims,
-                    attributes=result_attributes(name, designs=plan.designs, law=plan.task.law),
+                    attributes=plan.result_attributes(name),
                 )
             subgroup, ledger = LEDGER.split("/")
             group.create_group(subgroup).create_array(

@@ -1,0 +1,100 @@
+"""Define the grid of a sweep, which is computed and stored in chunks."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Any, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .axes import Axis
+
+Region: TypeAlias = tuple[slice, ...]
+"""A part of the grid: one slice per axis."""
+
+Columns: TypeAlias = dict[str, NDArray[Any]]
+"""The status and every result by name, of one shape."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Grid(ABC):
+    """A grid of encounters with the results to compute for each, whatever computes them.
+
+    Args:
+        axes: the axes, in the order of the dimensions.
+        results: names of the results; the status is always added.
+        seed: seed of the random number generator that made the values, for the record; None if there is none.
+        chunk: shape of a chunk, which is computed by one call and stored in one file.
+    """
+
+    axes: tuple[Axis, ...]
+    results: tuple[str, ...]
+    seed: int | None
+    chunk: tuple[int, ...]
+
+    @property
+    @abstractmethod
+    def subject(self) -> str:
+        """What the sweep computes, for its title."""
+
+    @abstractmethod
+    def evaluate(self, region: Region) -> Columns:
+        """Return status and results of encounters in a part of the grid, as arrays of the shape of this part."""
+
+    @abstractmethod
+    def inputs(self) -> dict[str, Any]:
+        """Return all inputs that are not on an axis, in SI units and in a form that JSON can represent."""
+
+    @abstractmethod
+    def input_attributes(self, name: str) -> dict[str, Any]:
+        """Return name in plain words and unit of an input on an axis."""
+
+    @abstractmethod
+    def result_attributes(self, name: str) -> dict[str, Any]:
+        """Return the metadata of a result, such as its name in plain words and its unit."""
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """The names of the dimensions of the grid."""
+        return tuple(axis.name for axis in self.axes)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The lengths of the dimensions of the grid."""
+        return tuple(map(len, self.axes))
+
+    @property
+    def size(self) -> int:
+        """The number of encounters in the sweep."""
+        return math.prod(self.shape)
+
+    @property
+    def chunk_grid(self) -> tuple[int, ...]:
+        """The number of chunks along each dimension of the grid."""
+        return tuple(-(-n // c) for n, c in zip(self.shape, self.chunk, strict=True))
+
+    @property
+    def chunk_count(self) -> int:
+        """The number of chunks into which the grid is divided."""
+        return math.prod(self.chunk_grid)
+
+    def region(self, index: int) -> Region:
+        """Return the part of the grid that a chunk contains."""
+        # Chunks are numbered along the last dimension first.
+        place = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
+        return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in place)
+
+    def thinned(self, most: int) -> Self:
+        """Return a small trial sweep with a few evenly spaced values of each axis."""
+        # It has one chunk with at most `most` encounters.
+        axes: list[tuple[int, Axis]] = []
+        room = most
+        for position, axis in sorted(enumerate(self.axes), key=lambda item: len(item[1])):
+            count = max(1, min(len(axis), int(room ** (1 / (len(self.axes) - len(axes))) + 1e-9)))
+            room //= count
+            axes.append((position, axis.at(np.linspace(0, len(axis) - 1, count).astype(np.int64))))
+        kept = tuple(axis for _, axis in sorted(axes, key=lambda item: item[0]))
+        return replace(self, axes=kept, chunk=tuple(map(len, kept)))

@@ -9,6 +9,7 @@ from .projection import Projection, project
 from .result import RobotSimulation, RobotTrace, SiteContact
 from .site import SensorSite
 from .site_law import SiteLaw
+from .sweep import sweep_robot
 from .table import ProjectionTable, project_all
 from .tracking import ComputedTorque, OperationalSpace, PositionControl, Tracking
 from .viewer import view_robot
@@ -37,5 +38,6 @@ __all__ = [
     "project_workspace",
     "random_postures",
     "simulate_robot",
+    "sweep_robot",
     "view_robot",
 ]

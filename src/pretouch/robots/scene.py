@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,8 @@ MASS: Final = 0.5
 
 _BOTH: Final = 3  # bits of contype and conaffinity: the ball touches everything that can touch
 _HEAVY: Final = 1000.0  # kg: stands for an infinite mass
+_NAME: Final = "pretouch ball"
+_VERTICAL: Final = 0.9  # |vertical component| of an axis above which it counts as vertical
 _STRAIGHT: Final = 1e-9  # m/s or rad/s: rounding of the joint velocities
 
 
@@ -85,8 +88,11 @@ def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach:
     glance, axis, base = sight.glance(data), sight.axis(data), drivetrain_of(model, data, index).base
     moving = _moving(model, index, glance)
     if not 0 < glance.distance <= FARTHEST or not (len(moving) or len(base) or approach.robot_velocity):
-        place = np.array(data.site_xpos[index]) + (approach.distance + RADIUS) * axis
-        return _with_ball(path, data, place, axis, approach, gravity=bool(len(base)))
+        weight = MASS if math.isnan(approach.mass) else min(approach.mass, _HEAVY)
+        ball = Ball(distance=approach.distance, velocity=approach.obstacle_velocity, mass=weight)
+        scene = put_ball(model_with_ball(path, gravity=bool(len(base))), data, site, ball)
+        sizes = f"radius {format_quantity(RADIUS, 'm')} and mass {format_quantity(weight, 'kg')}"
+        return RobotScene(*scene, f"The object is an added ball with {sizes}.")
     if len(moving):
         point = np.array(data.site_xpos[index]) + glance.distance * axis
         body, velocity = int(model.geom_bodyid[glance.geom]), approach.obstacle_velocity * axis
@@ -108,32 +114,80 @@ def _moving(model: Model, site: int, glance: Glance) -> IntArray:
     return np.flatnonzero((np.asarray(model.dof_treeid) == tree) & (tree != own) & (tree >= 0))
 
 
-def _with_ball(
-    path: Path, data: Data, place: FloatArray, axis: FloatArray, approach: Approach, *, gravity: bool
-) -> RobotScene:
-    """Add a ball at a place to a model."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ball:
+    """A ball in front of a sensor.
+
+    Args:
+        distance: from the site along the axis to the surface of the ball, for a ball on the axis [m].
+        velocity: along the axis [m/s], negative toward the robot.
+        radius: its radius [m].
+        mass: its mass [kg].
+        offset: distance of its center from the axis [m], upward, or along x for a vertical axis.
+    """
+
+    distance: float
+    velocity: float
+    radius: float = RADIUS
+    mass: float = MASS
+    offset: float = 0.0
+
+
+def model_with_ball(path: Path, *, gravity: bool) -> Model:
+    """Load a model and add a ball, which `put_ball` places; without gravity, it flies straight."""
     library = mujoco()
     spec = library.MjSpec.from_file(str(path))
     for key in list(spec.keys):  # they lack the positions of the ball
         spec.delete(key)
-    weight = MASS if math.isnan(approach.mass) else min(approach.mass, _HEAVY)
-    body = spec.worldbody.add_body(name="pretouch ball", pos=place, gravcomp=0.0 if gravity else 1.0)
+    body = spec.worldbody.add_body(name=_NAME, gravcomp=0.0 if gravity else 1.0)
     body.add_freejoint()
     body.add_geom(
+        name=_NAME,
         type=library.mjtGeom.mjGEOM_SPHERE,
         size=[RADIUS, 0, 0],
-        mass=weight,
+        mass=MASS,
         contype=_BOTH,
         conaffinity=_BOTH,
         rgba=[0.9, 0.6, 0.2, 1.0],
     )
-    model = spec.compile()
-    state = library.MjData(model)
-    state.qpos[: len(data.qpos)], state.qvel[: len(data.qvel)] = data.qpos, data.qvel
-    state.qvel[len(data.qvel) : len(data.qvel) + 3] = approach.obstacle_velocity * axis
-    library.mj_forward(model, state)
-    sizes = f"radius {format_quantity(RADIUS, 'm')} and mass {format_quantity(weight, 'kg')}"
-    return RobotScene(model, state, f"The object is an added ball with {sizes}.")
+    return spec.compile()
+
+
+def put_ball(model: Model, data: Data, site: SensorSite, ball: Ball) -> tuple[Model, Data]:
+    """Put a ball in front of a site.
+
+    Args:
+        model: the model of `model_with_ball`, which is not changed.
+        data: the state of the robot, of this model or of the model without the ball.
+        site: the sensor.
+        ball: the ball.
+
+    Returns:
+        A copy of the model with a ball of this size and mass, and its state.
+    """
+    library, copied = mujoco(), copy.copy(model)
+    body, geom, radius = copied.body(_NAME).id, copied.geom(_NAME).id, ball.radius
+    copied.body_mass[body], copied.body_inertia[body] = ball.mass, 0.4 * ball.mass * radius**2
+    copied.geom_size[geom, 0] = copied.geom_rbound[geom] = radius
+    box = [0.0, 0.0, 0.0, radius, radius, radius]
+    copied.geom_aabb[geom] = box
+    first = copied.body_bvhadr[body]
+    copied.bvh_aabb[first : first + copied.body_bvhnum[body]] = box
+    state = library.MjData(copied)
+    library.mj_setConst(copied, state)
+    joint = copied.body(_NAME).jntadr[0]
+    place, speed = copied.jnt_qposadr[joint], copied.jnt_dofadr[joint]  # the ball is the last body
+    state.qpos[:place], state.qvel[:speed] = data.qpos[:place], data.qvel[:speed]
+    library.mj_kinematics(copied, state)
+    index = site_index(copied, site.name)
+    axis = np.array(state.site_xmat[index]).reshape(3, 3) @ site.direction
+    side = np.eye(3)[0 if abs(axis[2]) > _VERTICAL else 2]
+    side = side - (side @ axis) * axis
+    center = state.site_xpos[index] + (ball.distance + radius) * axis + ball.offset * side / np.linalg.norm(side)
+    state.qpos[place : place + 7] = (*center, 1.0, 0.0, 0.0, 0.0)
+    state.qvel[speed : speed + 3] = ball.velocity * axis
+    library.mj_forward(copied, state)
+    return copied, state
 
 
 def _jacobian(model: Model, data: Data, point: FloatArray, body: int) -> FloatArray:

@@ -118,6 +118,16 @@ def run_sweep(
 ) -> xr.Dataset:
     """Compute all encounters of a planned sweep, or those that are missing in its output.
 
+    Args:
+        plan: the sweep.
+        output: as in `sweep`.
+        overwrite: as in `sweep`.
+        dask: as in `sweep`.
+        progress: as in `sweep`.
+
+    Returns:
+        The dataset.
+
     Raises:
         InvalidInputError: the request is invalid, or the output cannot be written.
     """

@@ -39,12 +39,13 @@ def test_an_example_is_projected(path: Path) -> None:
 def test_the_programs_of_the_page_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(EXAMPLES.parents[1])
     blocks = re.findall(r"```python\n(.*?)```", Path("docs/how-to/robots.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 4
+    assert len(blocks) == 5
     for block in blocks:
         exec(block, {})  # noqa: S102 - the page is ours
     printed = capsys.readouterr().out
     assert "D_p = -0.7463 N s" in printed
     assert "sole" in printed
+    assert "contacts within 1 % of their prediction" in printed
 
 
 def fallen_leg(speed: float):

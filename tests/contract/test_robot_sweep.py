@@ -109,6 +109,12 @@ def test_the_dataset_has_units_and_predictions_that_hold(dataset: Any) -> None:
     assert np.isnan(dataset["relative_velocity"].values[~touched]).all()
 
 
+def test_a_figure_names_the_results_of_the_robot(dataset: Any) -> None:
+    figure = pt.plots.sweep(dataset, ["excursion", "predicted_relative_velocity"])
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert any("predicted" in label and "m/s" in label for label in labels)
+
+
 @pytest.mark.parametrize("suffix", ["zarr", "nc"])
 def test_an_interrupted_sweep_resumes(dataset: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix) -> None:
     if suffix == "nc":

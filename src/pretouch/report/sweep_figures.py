@@ -87,6 +87,8 @@ def _scale(variable: Any, values: FloatArray) -> Scale:
 
 def _label(variable: Any, scale: Scale, *, short: bool = False) -> str:
     name, long_name = str(variable.name), str(variable.attrs.get("long_name", "gain"))
+    if name not in QUANTITIES:  # of another simulation, such as that of a whole robot
+        return f"{long_name} [{scale.unit or '1'}]"
     q = QUANTITIES[name]
     if name == "gain" and long_name not in {"gain", "optimal gain"}:  # the number of another law
         return f"{long_name} [{scale.unit or '1'}]"

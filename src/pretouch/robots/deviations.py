@@ -79,10 +79,10 @@ def report_deviations(
         simulated, expected = (abs(math.fsum(column)) for column in zip(*known, strict=True))
         change = simulated / expected - 1 if expected else math.inf
         if abs(change) > LARGE:
-            more = "higher" if change > 0 else "lower"
+            percent, more = 100 * abs(change), "higher" if change > 0 else "lower"
             yield caution(
                 "PT507",
-                f"The contact speed of the site {site} is {100 * abs(change):.2g} % {more} than predicted. Rely on the "
+                f"The contact speed of the site {site} is {percent:{'.2g' if percent < 100 else '.0f'}} % {more} than predicted. Rely on the "
                 "simulation; other warnings name the reason if it is known.",
             )
 

@@ -35,7 +35,7 @@ ENCOUNTER: Final = "encounter"
 """Name of the axis of a sweep of simulated encounters of a robot."""
 
 _STATUSES: Final = ("contact", "no_contact", "refused")
-_CHUNK: Final = 8  # encounters, which take about a second
+_CHUNK: Final = 8  # encounters, which take a few seconds
 _PREDICTED: Final = "predicted_"
 _UNITS: Final = {
     "time": ("time of contact", "s"),
@@ -101,9 +101,9 @@ def sweep_robot(
         progress: function that is called with a `Progress` after each block.
 
     Returns:
-        An `xarray.Dataset` with the dimension "encounter". Its status is `contact`, `no_contact`, or `refused` if the robot
-        cannot start so, for example because the ball overlaps the robot. `simulate_robot` with the `noise_seed` of an
-        encounter repeats it. If every encounter is refused, the reason is raised as an error.
+        An `xarray.Dataset` with the dimension "encounter". Its status is `contact`, `no_contact`, or `refused` if the
+        robot cannot start so, for example because the ball overlaps the robot. Each encounter has its own
+        `noise_seed`. If every encounter is refused, the reason is raised as an error.
     """
     robot = load_model(path)
     site = site_index(robot, law.site.name)

@@ -80,10 +80,11 @@ def report_deviations(
         change = simulated / expected - 1 if expected else math.inf
         if abs(change) > LARGE:
             percent, more = 100 * abs(change), "higher" if change > 0 else "lower"
+            shown = f"{percent:.2g}" if percent < 100 else f"{percent:.0f}"
             yield caution(
                 "PT507",
-                f"The contact speed of the site {site} is {percent:{'.2g' if percent < 100 else '.0f'}} % {more} than predicted. Rely on the "
-                "simulation; other warnings name the reason if it is known.",
+                f"The contact speed of the site {site} is {shown} % {more} than predicted. Rely on the simulation; other "
+                "warnings name the reason if it is known.",
             )
 
 

@@ -13,7 +13,7 @@ import pretouch as pt
 from pretouch.robots import SensorSite, SiteLaw, load_model, make_data, random_postures, simulate_robot, sweep_robot
 from pretouch.robots.scene import Ball, model_with_ball, put_ball
 from pretouch.robots.sweep import RobotPlan
-from robot_scenes import ARM, CURVE, DISTANCE, arm_with_ball, controller, share
+from robot_scenes import ARM, CURVE, DISTANCE, SLIDE, arm_with_ball, controller, share, slide_with_ball
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 xr = pytest.importorskip("xarray", reason="needs the extra 'sweep'")
@@ -93,6 +93,16 @@ def test_a_ball_on_the_axis_meets_the_arm_as_in_a_scene_of_its_own() -> None:
     own = simulate_robot(*arm_with_ball("bent", 0.4, timestep=5e-4), [LAW])
     for name in ("relative_velocity", "excursion", "time"):
         assert share([float(found[name][0])], own.simulated("fingertip", name)) < 1e-9
+
+
+def test_a_robot_on_a_floating_base_falls_with_its_ball(tmp_path: Path) -> None:
+    path = tmp_path / "slide.xml"
+    path.write_text(SLIDE.format(base="<freejoint/>", mass=5.0, gravity="0 0 -9.81"))
+    law = SiteLaw(site=SensorSite("tip", CURVE), controller=controller())
+    found = sweep_robot(path, law, [{"slide": 0.0}], {"distance": DISTANCE, "velocity": -0.3})
+    own = simulate_robot(*slide_with_ball(5.0, 0.3, gravity=9.81), [law])
+    assert share([float(found["relative_velocity"][0])], own.simulated("tip", "relative_velocity")) < 1e-9
+    assert share([float(found["relative_velocity"][0])], found["predicted_relative_velocity"].values) < 0.01
 
 
 def test_the_dataset_has_units_and_predictions_that_hold(dataset: Any) -> None:

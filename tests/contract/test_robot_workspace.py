@@ -8,7 +8,7 @@ import pytest
 import pretouch as pt
 from pretouch.report import plots
 from pretouch.robots import SensorSite, load_model, make_data, project, project_workspace, random_postures
-from robot_scenes import ARM, CURVE
+from robot_scenes import ARM, CURVE, SLIDE
 
 pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 pytest.importorskip("xarray", reason="needs the extra 'sweep'")
@@ -58,7 +58,7 @@ def test_a_sweep_over_postures_says_where_one_gain_holds(tmp_path) -> None:
     assert "kg" in figure.axes[0].get_title(loc="left")
 
 
-def test_the_example_takes_any_model_by_its_path(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_the_example_takes_any_model_by_its_path(monkeypatch: pytest.MonkeyPatch, capsys, tmp_path) -> None:
     monkeypatch.syspath_prepend(str(ARM.parent))
     example = __import__("any_model")
     assert len(example.main(str(ARM), "fingertip", "+x", 3).projections) == 3
@@ -66,6 +66,12 @@ def test_the_example_takes_any_model_by_its_path(monkeypatch: pytest.MonkeyPatch
     leg = example.main(str(ARM.with_name("leg.xml")), "sole", "+x", 3)  # the sole faces the ground along its own x
     assert all(0 < projection.recoil_share < 1 for projection in leg.projections)
     assert f"{len(leg.projections)} postures" in capsys.readouterr().out
+    free = tmp_path / "free.xml"  # a body in free space with one slide
+    free.write_text(SLIDE.format(base="<freejoint/>", mass=2.0, gravity="0 0 -9.81"))
+    floating = example.main(str(free), "tip", "+x", 2)
+    # of a slide along its axis through both masses, kappa is the share of the slide's mass
+    assert [p.recoil_share for p in floating.projections] == pytest.approx([0.25 / 2.25] * 2, rel=1e-6)
+    capsys.readouterr()
     assert example.main(str(ARM.with_name("gripper.xml"))) is None
     assert "left" in capsys.readouterr().out
 

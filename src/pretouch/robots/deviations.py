@@ -83,8 +83,8 @@ def report_deviations(
             shown = f"{percent:.2g}" if percent < 100 else f"{percent:.0f}"
             yield caution(
                 "PT507",
-                f"The contact speed of the site {site} is {shown} % {more} than predicted. Rely on the simulation; other "
-                "warnings name the reason if it is known.",
+                f"The contact speed of the site {site} is {shown} % {more} than predicted. Rely on the simulation; "
+                "other warnings name the reason if it is known.",
             )
 
 

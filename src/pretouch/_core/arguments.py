@@ -1,7 +1,7 @@
 """Check the arguments of public functions and the fields of dataclasses against their type annotations.
 
 `check_arguments` decorates a function; `check_declared` of fields.py calls `rules_of_fields`. A rule is made once,
-when its function or class is first used. An argument whose type was accepted before costs one lookup.
+when its function or class is first used. Checking an argument whose type was accepted before takes one lookup.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Rule:
             before: text before the argument's name in messages.
 
         Returns:
-            The value to store: numbers, integers, booleans and rows of numbers become Python types.
+            The value to store: numbers, booleans and tuples of numbers become Python types.
 
         Raises:
             InvalidInputError: the value is not allowed.
@@ -135,13 +135,13 @@ def check_arguments(function: F) -> F:
                 if further is None:
                     return function(*args, **options)
         each = (*leading, *[further] * (len(args) - len(leading)))
-        kept = [_keep(rule, value) for rule, value in zip(each, args)]  # noqa: B905 - there may be fewer arguments
-        return function(*kept, **{name: _keep(by_name.get(name), value) for name, value in options.items()})
+        checked = [_check(rule, value) for rule, value in zip(each, args)]  # noqa: B905 - there may be fewer arguments
+        return function(*checked, **{name: _check(by_name.get(name), value) for name, value in options.items()})
 
     return cast("F", call)
 
 
-def _keep(rule: Rule | None, value: Any) -> Any:
+def _check(rule: Rule | None, value: Any) -> Any:
     return value if rule is None else rule.check(value)
 
 
@@ -171,11 +171,11 @@ def rules_of_fields(cls: Any) -> dict[str, Rule]:
     for f in fields(cls):
         if not f.init or "unit" in f.metadata or f.metadata.get("checked") is False:
             continue
-        home = next(base for base in cls.__mro__ if f.name in vars(base).get("__annotations__", {}))
-        if not home.__module__.startswith(_PACKAGE):  # a user's class checks the fields that it adds
+        owner = next(base for base in cls.__mro__ if f.name in vars(base).get("__annotations__", {}))
+        if not owner.__module__.startswith(_PACKAGE):  # a user's class checks the fields that it adds
             continue
         annotation = f.metadata.get("takes", f.type)
-        kind = _allowed(_evaluate(annotation, vars(sys.modules[home.__module__])))
+        kind = _allowed(_evaluate(annotation, vars(sys.modules[owner.__module__])))
         if kind is not None:
             rules[f.name] = Rule(f.name, kind, f.default)
     setattr(cls, RULES_ATTRIBUTE, rules)
@@ -229,17 +229,17 @@ _ALLOWED: Final[dict[Any, _Allowed]] = {
 _NUMBERS: Final = _Allowed({float, int, np.float64}, are_numbers, "a number or an array of numbers", "arrays", False)
 
 
-def _allowed(hint: Any) -> _Allowed | None:
+def _allowed(annotation: Any) -> _Allowed | None:
     """Return the argument values that a type annotation allows, or None if the annotation allows every value."""
-    origin, parts = get_origin(hint), get_args(hint)
-    if hint is ArrayLike or origin is np.ndarray:
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if annotation is ArrayLike or origin is np.ndarray:
         return _NUMBERS
-    simple = _ALLOWED.get(origin or hint)
+    simple = _ALLOWED.get(origin or annotation)
     if simple is not None:
         return simple._replace(quick=set(simple.quick))
     if origin is not None:
         return _composed(origin, parts)
-    return _instance(hint) if isinstance(hint, type) and hint not in {object, Any} else None
+    return _instance(annotation) if isinstance(annotation, type) and annotation not in {object, Any} else None
 
 
 def _composed(origin: Any, parts: tuple[Any, ...]) -> _Allowed | None:
@@ -250,7 +250,7 @@ def _composed(origin: Any, parts: tuple[Any, ...]) -> _Allowed | None:
         choices = ", ".join(map(str, parts))
         return _Allowed(set(), lambda v: isinstance(v, str) and v in parts, f"one of {choices}", choices, by_type=False)
     if origin is tuple and parts[-1:] != (Ellipsis,):
-        return _row(parts)
+        return _fixed_tuple(parts)
     if isinstance(origin, type) and issubclass(origin, Iterable):
         return _mapping(*parts) if issubclass(origin, Mapping) else _sequence(_allowed(parts[0]))
     return None
@@ -277,7 +277,8 @@ def _any_of(kinds: Sequence[_Allowed | None]) -> _Allowed | None:
 _COUNTS: Final = {1: "one", 2: "two", 3: "three"}
 
 
-def _row(parts: tuple[Any, ...]) -> _Allowed | None:
+def _fixed_tuple(parts: tuple[Any, ...]) -> _Allowed | None:
+    """Return the argument values that an annotation such as `tuple[float, float]` allows."""
     kind, count = _allowed(parts[0]), len(parts)
     if kind is None or any(part != parts[0] for part in parts):
         return None

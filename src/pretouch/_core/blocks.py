@@ -59,7 +59,7 @@ class PageTable(Value):
         head: titles of the columns; empty for none.
         note: a remark below the table.
         wraps: whether cells hold sentences, which may be broken into lines.
-        brief: whether the table is part of the short text.
+        brief: whether terminal output contains the table.
     """
 
     rows: tuple[tuple[Cell, ...], ...]
@@ -76,9 +76,8 @@ class PageTable(Value):
 class Paragraph(Value):
     """A paragraph in a report; text between backticks is shown as code.
 
-    A `quiet` paragraph explains, and is set in smaller type.
-
-    In every text, `[words](#anchor)` is a link to a section or a download of the page, in media that have links.
+    A `quiet` paragraph is an explanation in smaller type. In every text, `[words](#anchor)` is a link to a section or a
+    download of the page, in media that have links.
     """
 
     text: str
@@ -99,7 +98,7 @@ class Picture(Value):
     """A figure in a report, which is drawn only when the report is shown.
 
     Args:
-        figure: name of a function of `pretouch.report.plots`; any name if `of` is a figure already.
+        figure: name of a function of `pretouch.report.plots`; any name if `of` is a Matplotlib figure.
         of: the result that the figure shows, or a Matplotlib figure.
         name: text for readers who cannot see the figure.
         caption: how to read the figure.
@@ -157,7 +156,7 @@ class PageSection(Value):
     Args:
         title: the title.
         blocks: the blocks of the section; None is skipped.
-        titled: whether the short text shows the title as well.
+        titled: whether terminal output shows the title as well.
         anchor: id for links; empty for none.
     """
 
@@ -200,10 +199,10 @@ class Page(Value):
         status: how the computation ended, in words.
         good: whether the answer is a positive one.
         key_figures: the most important numbers, with their names.
-        reservations: sentences above the headline, about results that no data support.
+        reservations: sentences about results that no data support, shown next to the headline.
         warnings: sentences to read before relying on the answer.
-        findings: short sentences on limits and reasons, for the short text of a terminal.
-        next_step: what to do next, in one sentence, for the same text.
+        findings: short sentences on limits and reasons, for the terminal.
+        next_step: what to do next, in one sentence, for the terminal.
         lead: name of the figure that a report shows first, below the answer.
         blocks: all further blocks; None is skipped.
         source: name of the input file, for the title.
@@ -332,13 +331,13 @@ def cell_as_text(cell: Cell) -> str:
 class InNotebooks:
     """Base class of results that Jupyter notebooks show as a headline, a figure and a table.
 
-    A class names the function that makes its page as text, so that values do not import what renders them.
+    Each class gives the name of the function that makes its page, so that results do not import the report.
     """
 
     __slots__ = ()
 
     page: ClassVar[str]
-    """Module and function that make the page, such as `pretouch.design.page:gain_page`."""
+    """Name of the function that makes the page, with its module, such as `pretouch.design.page:gain_page`."""
 
     def plot(self) -> Any:
         """Draw the main figure of this result, the one that its report shows first.

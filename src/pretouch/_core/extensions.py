@@ -17,13 +17,14 @@ if TYPE_CHECKING:
 class Extensions:
     """Lookup of classes by name, both built-in classes and classes that installed packages offer as entry points.
 
-    Entry points are read when a name is not built in, so that they cost no time otherwise. A package cannot replace a
+    Entry points are read only if a name is not built in, because reading them takes time. A package cannot replace a
     built-in kind.
 
     Args:
         group: the group of entry points, such as "pretouch.laws".
         built_in: returns the built-in classes or values by name.
-        problem: returns what is wrong with an object under a name, as in "is an int, expected ..."; empty if nothing.
+        problem: function of a name and an object; returns why the object is invalid, as in "found 3, expected ...", or
+            an empty text.
     """
 
     group: str
@@ -39,16 +40,16 @@ class Extensions:
         built_in = self.built_in()
         if name in built_in:
             return built_in[name]
-        found = None
+        match = None
         for entry in self._entries():
             if entry.name in built_in:
                 raise InvalidInputError(f"{self._label(entry)} has the name of a built-in kind; rename it")
             if entry.name == name:
-                if found is not None:
-                    other = _package(found)
+                if match is not None:
+                    other = _package(match)
                     raise InvalidInputError(f"{self._label(entry)} is also in the package {other}; uninstall one")
-                found = entry
-        return None if found is None else self._load(found)
+                match = entry
+        return None if match is None else self._load(match)
 
     def names(self) -> tuple[str, ...]:
         """Return all available class names, the built-in classes first."""
@@ -85,7 +86,8 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
     """Create a function that checks whether an object is a subclass of a given base class.
 
     Args:
-        base: the base class; its attribute `kind`, or `name`, must be the name of the entry point, if it has one.
+        base: the base class; if a subclass has an attribute `kind` or `name`, this attribute must equal the name of the
+            entry point.
         of: the public name of the base class, for messages.
 
     Returns:

@@ -82,13 +82,13 @@ def units_of_fields(cls: Any) -> dict[str, str]:
 def check_declared(value: Any, *, arrays: bool = False, before: str = "", instead: str = "") -> None:
     """Check every field of a frozen dataclass, and convert physical quantities to floats.
 
-    Dataclasses call it in `__post_init__`.
+    Dataclasses call this function in `__post_init__`.
 
     Args:
         value: the instance.
         arrays: whether arrays are allowed.
         before: text before the field's name in messages.
-        instead: the reason why arrays are not allowed, for the message.
+        instead: end of the message about a forbidden array: the reason why arrays are not allowed.
     """
     kind: Any = type(value)
     if kind.__dict__.get(RULES_ATTRIBUTE) != {}:  # empty if all fields are quantities
@@ -102,9 +102,7 @@ def check_declared(value: Any, *, arrays: bool = False, before: str = "", instea
 def check_types(value: Any, before: str = "") -> None:
     """Check the types of all fields of a frozen dataclass except its physical quantities.
 
-    Dataclasses call it in `__post_init__`.
-
-    NumPy numbers are converted to Python numbers.
+    Dataclasses call this function in `__post_init__`. It converts NumPy numbers to Python numbers.
 
     Args:
         value: the instance.

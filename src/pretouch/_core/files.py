@@ -76,9 +76,8 @@ def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
 def temporary_path(target: Path) -> Path:
     """Return an unused path for a temporary file, in the same folder as the target file.
 
-    The caller renames the temporary file to the target when the file is complete.
-
-    Temporary files of the same target that a killed process left behind are removed an hour after their last change.
+    The caller renames the temporary file to the target when the file is complete. This function also removes temporary
+    files of the same target that a killed process left behind, one hour after their last change.
 
     Args:
         target: the file to be written.
@@ -90,8 +89,8 @@ def temporary_path(target: Path) -> Path:
     with suppress(OSError):  # a folder that cannot be listed may still be writable
         siblings = [entry for entry in os.scandir(target.parent) if entry.name.startswith(f".{name}.")]
         for entry in siblings:
-            ours = _LEFTOVER.fullmatch(entry.name.removeprefix(f".{name}"))
-            if ours and entry.stat(follow_symlinks=False).st_mtime < time.time() - _ABANDONED:
+            leftover = _LEFTOVER.fullmatch(entry.name.removeprefix(f".{name}"))
+            if leftover and entry.stat(follow_symlinks=False).st_mtime < time.time() - _ABANDONED:
                 remove_tree(Path(entry.path))
     return target.with_name(f".{name}.{secrets.token_hex(6)}.tmp")
 
@@ -108,8 +107,8 @@ def remove_tree(path: Path) -> None:
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
     """Write a UTF-8 text file atomically, and replace an existing file only if `overwrite` is true.
 
-    The text is written to a temporary file in the same folder first, so that a crash leaves no partial file. Whether
-    the target exists is checked in the moment of renaming, without a race.
+    The text is written to a temporary file in the same folder first, so that a crash leaves no partial file. Unless
+    `overwrite` is true, renaming the temporary file fails if the target exists.
 
     Args:
         path: the file; its folder must exist.

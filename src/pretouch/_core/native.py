@@ -32,7 +32,7 @@ VARIANTS: Final = ("base", "avx2", "avx512")
 """The kinds of processors for which kernels are compiled."""
 
 INTERFACE: Final = "07fbe8a42c595e4e"
-"""Hash of the C headers that these calls match; native/build.py reports when they have changed."""
+"""Hash of the C headers for which this module was written; native/build.py reports when the headers have changed."""
 
 _SWITCH: Final = "PRETOUCH_VARIANT"
 _LIBRARY: Final = "PRETOUCH_LIBRARY"  # path of another build of the library, such as one with sanitizers
@@ -41,15 +41,15 @@ _FLOAT: Final = np.dtype(np.float64)
 _word: Final = ctypes.c_size_t.from_address
 
 
-def _head() -> int | None:
+def _data_offset() -> int | None:
     """Return the byte offset of the data pointer in a NumPy array object, or None if the offset is unknown."""
     if sys.implementation.name != "cpython":
         return None
-    probe, head = np.zeros(1), object.__basicsize__  # the data pointer is the first field in NumPy's ABI
-    return head if _word(id(probe) + head).value == probe.ctypes.data else None
+    probe, offset = np.zeros(1), object.__basicsize__  # the data pointer is the first field in NumPy's ABI
+    return offset if _word(id(probe) + offset).value == probe.ctypes.data else None
 
 
-_HEAD: Final = _head()
+_DATA_OFFSET: Final = _data_offset()
 
 
 @lru_cache(maxsize=1)
@@ -62,13 +62,13 @@ def _library() -> ctypes.CDLL:
         library = ctypes.CDLL(str(path))
     except OSError as error:
         raise _broken(path, f"cannot be loaded ({' '.join(str(error).split())})") from None
-    wanted = os.environ.get(_SWITCH, "")
-    if wanted not in {"", *VARIANTS}:
-        raise InvalidInputError(f"{_SWITCH}: found {wanted!r}, expected one of {', '.join(VARIANTS)}")
-    number = VARIANTS.index(wanted) if wanted else -1
-    if wanted and library.pretouch_choose_variant(number) != number:
+    requested = os.environ.get(_SWITCH, "")
+    if requested not in {"", *VARIANTS}:
+        raise InvalidInputError(f"{_SWITCH}: found {requested!r}, expected one of {', '.join(VARIANTS)}")
+    number = VARIANTS.index(requested) if requested else -1
+    if requested and library.pretouch_choose_variant(number) != number:
         raise InvalidInputError(
-            f"{_SWITCH}: found the processor variant {wanted}, which this processor does not support; choose "
+            f"{_SWITCH}: found the processor variant {requested}, which this processor does not support; choose "
             "another variant"
         )
     return library
@@ -105,8 +105,8 @@ def _broken(path: Path, what: str) -> BrokenCoreError:
 
 
 def variant() -> str:
-    """Return the instruction set for which the compiled kernels were built: `base`, `avx2` or `avx512`."""
-    best = _library().pretouch_best_variant()  # this checks PRETOUCH_VARIANT as well
+    """Return the processor variant whose kernels pretouch uses: `base`, `avx2` or `avx512`."""
+    best = _library().pretouch_best_variant()  # _library has checked PRETOUCH_VARIANT
     return os.environ.get(_SWITCH) or VARIANTS[best]
 
 
@@ -166,9 +166,9 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
             f"the compiled function needs a contiguous array of the type {dtype}, but received an array of the "
             f"type {array.dtype} with the strides {array.strides}"
         )
-    if _HEAD is None:
+    if _DATA_OFFSET is None:
         return int(array.__array_interface__["data"][0])
-    return _word(id(array) + _HEAD).value  # ten times as fast as the array interface
+    return _word(id(array) + _DATA_OFFSET).value  # ten times as fast as the array interface
 
 
 def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _FLOAT) -> int:
@@ -217,7 +217,7 @@ def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ..
 
 
 def columns(arrays: Sequence[NDArray[np.float64]], count: int | None = None) -> bytes:
-    """Pack the memory addresses and strides of several arrays as bytes for a compiled function.
+    """Pack the memory addresses of several arrays, each with the stride 0 or 1, as bytes for a compiled function.
 
     Args:
         arrays: arrays with one number for all encounters, or one number for each encounter.
@@ -249,9 +249,7 @@ _CAPSULE_POINTER.argtypes, _CAPSULE_POINTER.restype = (ctypes.py_object, ctypes.
 class Structure(ctypes.Structure):
     """Base class of C structures in Python; two structures are equal if all their bytes are equal.
 
-    Instances can be pickled and copied.
-
-    Fields can be changed, but not while the instance is a key of a dictionary.
+    Instances can be pickled and copied. Do not change a field while the instance is a key of a dictionary.
     """
 
     _fields_: ClassVar[Any]
@@ -334,13 +332,13 @@ def machine_code(function: Any) -> int | None:
     Raises:
         InvalidInputError: the argument is none of these.
     """
-    stated = getattr(function, "address", function)
-    if isinstance(stated, int) and not isinstance(stated, bool):
-        pointer: int | None = stated
+    number = getattr(function, "address", function)
+    if isinstance(number, int) and not isinstance(number, bool):
+        pointer: int | None = number
     elif isinstance(function, _FUNCTION):
         pointer = ctypes.cast(function, ctypes.c_void_p).value
     elif isinstance(function, tuple) and type(function).__name__ == "LowLevelCallable":
-        pointer = _of_capsule(tuple.__getitem__(function, 0))  # the __getitem__ of its class hides the parts
+        pointer = _of_capsule(tuple.__getitem__(function, 0))  # LowLevelCallable.__getitem__ raises an error
     elif type(function).__name__ == "PyCapsule":
         pointer = _of_capsule(function)
     elif callable(function):

@@ -178,7 +178,7 @@ class ChebyshevBasis:
         to_terms: maps values at the nodes to coefficients, shape (degree + 1, n): by interpolation, or by least squares
             if there are more nodes than coefficients.
         to_slope: maps values at the nodes to the coefficients of the first derivative, shape (degree, n).
-        to_bend: the same for the second derivative, shape (degree - 1, n).
+        to_bend: maps values at the nodes to the coefficients of the second derivative, shape (degree - 1, n).
     """
 
     nodes: FloatArray
@@ -199,12 +199,12 @@ def chebyshev_basis(at: tuple[float, ...] | int, degree: int | None = None) -> C
     Returns:
         The basis.
     """
-    where = chebyshev_nodes(at) if isinstance(at, int) else np.array(at)
-    highest = len(where) - 1 if degree is None else degree
-    values = np.asarray(np.polynomial.chebyshev.chebvander(where, highest))
-    to_terms = np.linalg.inv(values) if highest == len(where) - 1 else np.linalg.pinv(values)
+    nodes = chebyshev_nodes(at) if isinstance(at, int) else np.array(at)
+    highest = len(nodes) - 1 if degree is None else degree
+    values = np.asarray(np.polynomial.chebyshev.chebvander(nodes, highest))
+    to_terms = np.linalg.inv(values) if highest == len(nodes) - 1 else np.linalg.pinv(values)
     return ChebyshevBasis(
-        nodes=where,
+        nodes=nodes,
         values=values,
         to_terms=to_terms,
         to_slope=np.asarray(np.polynomial.chebyshev.chebder(to_terms), dtype=np.float64),

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Final, TypeAlias
 
 Listener: TypeAlias = Callable[[str], object]
-"""A function of a sentence that says what is done."""
+"""A function that receives the progress as a sentence."""
 
 _INTERVAL: Final = 1.0  # time between two calls [s]
 
@@ -28,7 +28,7 @@ class _Progress:
                 seconds = time.monotonic() - self._start
                 self._listener(f"{self._solved:,} encounters solved in {seconds:.0f} s, still running")
 
-    def name(self, work: str) -> None:
+    def announce(self, work: str) -> None:
         with self._lock:
             if self._is_due():
                 self._listener(f"{work} ({time.monotonic() - self._start:.0f} s)")
@@ -73,4 +73,4 @@ def note_solved(count: int) -> None:
 def note_work(work: str) -> None:
     """Tell the progress listener which work begins, for example `trying changes, 3 of 9`."""
     if _current is not None:
-        _current.name(work)
+        _current.announce(work)

@@ -243,7 +243,7 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
         value: a number in SI, or text such as `"42.2 mm"`.
         unit: the expected SI unit, such as `m/s`; empty for a pure number.
         name: name of the quantity in messages.
-        bare_text: whether text without a unit is a number in SI; otherwise it is refused, since its unit is missing.
+        bare_text: whether text without a unit counts as a number in SI; if False, such text raises an error.
 
     Returns:
         The value in SI.
@@ -268,10 +268,10 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
             parsed = parse_unit(match.group(2))
         except UnitError as error:
             raise UnitError(f"{name}: {error}; expected a unit of {expected}") from None
-        wanted = parse_unit(unit)
+        required = parse_unit(unit)
         if not bare_text and (instead := missing_unit(value, unit)):
             raise UnitError(f"{name}: found {value!r}, expected {instead}")
-        if match.group(2) and parsed.exponents != wanted.exponents:
+        if match.group(2) and parsed.exponents != required.exponents:
             raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
         number = _scaled(match.group(1), parsed.factor)
         if math.isinf(number) and "inf" not in match.group(1):
@@ -309,7 +309,7 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
     """Convert a quantity from the command line to SI, and refuse values so extreme that products would overflow.
 
     Args:
-        value: a number, or text with or without a unit: on a command line, a number without a unit is text, too.
+        value: a number, or text with or without a unit; text without a unit counts as a number in SI.
         unit: the expected SI unit.
         name: name of the quantity in messages.
 

@@ -12,15 +12,15 @@ class Entry:
     """Name, symbol and SI unit of a quantity, such as the contact time, that results report.
 
     Args:
-        words: its name in words.
+        words: name of the quantity in words.
         symbol: the letter's symbol.
-        unit: its SI unit.
-        whole: whether it depends on the whole motion, not only on its end.
-        value: function of the state at contact and of the impact model that returns it; None if objectives and
-            constraints cannot use it.
-        limit: short name of its constraint; empty if it has none.
-        needs_impact: whether it needs the impact model.
-        is_magnitude: whether limits and Pareto fronts use its magnitude, not its signed value.
+        unit: SI unit.
+        whole: whether the quantity depends on the whole motion, not only on the state at contact.
+        value: returns the quantity from the state at contact and the impact model; None if objectives and constraints
+            cannot use the quantity.
+        limit: short name of the constraint on the quantity; empty if there is none.
+        needs_impact: whether the quantity depends on the impact model.
+        is_magnitude: whether limits and Pareto fronts use the magnitude of the quantity instead of the signed value.
     """
 
     words: str
@@ -95,7 +95,7 @@ QUANTITIES: Final[dict[str, Entry]] = {
     "gain": Entry("gain", "D_p", "N*s", value=lambda state, _: state.columns.column("gain"), limit="gain"),
     "objective": Entry("objective", "f", ""),
 }
-"""Every quantity of results, objectives, limits and sweeps, by its name in code; user-defined ones are added."""
+"""Every quantity of results, objectives, limits and sweeps, by its name in code; users can add quantities."""
 
 
 def words_for(name: str) -> str:

@@ -21,12 +21,12 @@ class WarningCode:
     """The explanation of one kind of warning.
 
     Args:
-        code: its code, such as PT101.
+        code: code of the warning, such as PT101.
         title: what the warning is about, in a few words.
-        meaning: what it means.
-        why: why it matters.
+        meaning: what the warning means.
+        why: why the warning matters.
         remedy: what to do.
-        example: an example of its text.
+        example: example of the text of such a warning.
     """
 
     code: str
@@ -57,8 +57,8 @@ def caution(code: str, text: str) -> str:
 
 def split_code(text: str) -> tuple[str, str]:
     """Return the code of a warning and its text; the code is empty if the text has none."""
-    found = _CODED.match(text)
-    return (found[1], text[found.end() :]) if found else ("", text)
+    match = _CODED.match(text)
+    return (match[1], text[match.end() :]) if match else ("", text)
 
 
 def with_context(context: str, text: str) -> str:
@@ -107,7 +107,7 @@ _TABLE: Final = (
         "PT104",
         "Several distances are inconsistent",
         "The readings at several distances do not agree with any curve through the other readings.",
-        "These readings are left out. If they were right, the curve has another shape than the fitted one.",
+        "The fit leaves these readings out. If they are right, the true curve has another shape than the fitted curve.",
         "Measure again at these distances. Check the object, its orientation, and whether it moved.",
         "The readings at 3 distances are inconsistent with every curve through the other readings",
     ),
@@ -130,8 +130,8 @@ _TABLE: Final = (
     (
         "PT107",
         "The slope is uncertain",
-        "The 95 % uncertainty of the slope g is larger than a design needs, where most of the virtual force acts.",
-        "The virtual force is proportional to the slope. Its relative error is that of the slope.",
+        "Where most of the virtual force acts, the 95 % uncertainty of the slope g is too large for a design.",
+        "The virtual force is proportional to the slope, so the force has the same relative error as the slope.",
         "Follow the remedy in the message: more distances, more readings, or readings without an object.",
         "The uncertainty of the sensor slope g is 38 % at 24 mm, but a design needs at most 15 %",
     ),
@@ -154,7 +154,7 @@ _TABLE: Final = (
     (
         "PT110",
         "There is no usable signal",
-        "The output does not fall with the distance, or too few distances are above the noise.",
+        "The output does not fall with the distance, or exceeds the noise at too few distances.",
         "Without a signal there is no slope, and no curve is fitted.",
         "Check power, orientation, range and amplification of the sensor. Measure in finer steps near the sensor.",
         "The sensor output does not fall significantly with the distance (rank test, p = 0.4)",
@@ -186,7 +186,7 @@ _TABLE: Final = (
     # --- what the calibration says about an answer
     (
         "PT201",
-        "The readings allow another contact",
+        "The readings allow another contact speed",
         "On other sensor curves that fit the same readings, the contact speed is clearly different.",
         "The answer depends more on the choice of the curve than on the readings.",
         "Measure at more distances between contact and start, several times at each distance.",
@@ -229,7 +229,7 @@ _TABLE: Final = (
         "PT303",
         "The uniform motion is approximate",
         "The method `uniform-motion`, L(16) to L(19), does not start from the given state.",
-        "The optimal gain shifts by about 10 %.",
+        "The optimal gain shifts, for example by 10 % in the letter's example.",
         "Use the method `auto` or `integration`.",
         "the uniform motion L(16)-(19) does not start from the given state",
     ),
@@ -253,7 +253,7 @@ _TABLE: Final = (
         "PT306",
         "The computed motion is less accurate than usual",
         "The impulse of the computed virtual force differs from the gain times the change of ln xi.",
-        "Every motion must fulfill this balance. A larger error means that the numbers have fewer correct digits.",
+        "Every exact motion fulfills this balance. A larger error means that the numbers have fewer correct digits.",
         "Check the curve for steps and kinks. Please report the scenario if it has none.",
         "the impulse balance of the computed motion has a relative error of 1e-07",
     ),
@@ -276,7 +276,7 @@ _TABLE: Final = (
     (
         "PT309",
         "Some random encounters have no contact",
-        "In a share of the fresh random encounters, the object does not reach the robot.",
+        "In some of the fresh random encounters, the object does not reach the robot.",
         "The risk measure excludes these encounters, or is infinite.",
         "Truncate the distributions with `between`, or accept that some encounters end without contact.",
         "in 3 % of the fresh encounters there is no contact",
@@ -317,7 +317,7 @@ _TABLE: Final = (
     (
         "PT403",
         "The robot chases the object, or contact is harder",
-        "With this gain the virtual force points toward the object, or the contact speed is higher than without.",
+        "With this gain the virtual force points toward the object, or the contact speed is higher than with gain 0.",
         "The gain does the opposite of mitigation.",
         "Check the sign of the gain. Then check noise, delay and stability of the loop.",
         "D_p = 0.5 N s makes the robot chase the object: mitigating gains are negative.",
@@ -334,7 +334,7 @@ _TABLE: Final = (
         "PT405",
         "The object is detected late, or never",
         "The first reading above the floor comes late, or no reading is above it.",
-        "What happens before detection has no effect: the excursion is shorter and the contact harder.",
+        "The law cannot act before detection, so the excursion is shorter and the contact harder.",
         "Lower the floor, reduce the noise, or use a faster sensor. See [a slow sensor](../how-to/slow-sensor.md).",
         "The object was never detected in 4 % of the runs.",
     ),
@@ -349,8 +349,8 @@ _TABLE: Final = (
     (
         "PT407",
         "The robot pushes after the impact",
-        "The contact force after the impact is larger than with no mitigation, or grows beyond the impact itself.",
-        "The drive of the robot, or the admittance, pulls it back while the object is still there.",
+        "The contact force after the impact is larger than without mitigation, or larger than at the impact itself.",
+        "The drive or the admittance pulls the robot back toward the object while the object is still there.",
         "Let the controller yield to contact forces (`contact_gain`), or limit the force.",
         "After the impact, the robot's drive pushes with a force of up to 40 N on average",
     ),
@@ -439,7 +439,7 @@ _TABLE: Final = (
         "PT503",
         "Joints without an actuator",
         "Some joints of the robot model have no actuator.",
-        "They are treated as free, which changes the moved mass.",
+        "pretouch treats these joints as free, which changes the moved mass.",
         "Add the actuators, or lock the joints.",
         "No actuator moves the following joints, which are treated as free: wrist",
     ),
@@ -503,8 +503,8 @@ _TABLE: Final = (
     (
         "PT604",
         "The times of the readings are wrong",
-        "Readings arrive out of order, have equal times, or faster than the controller takes them.",
-        "The law uses the rate of change, so a wrong time is a wrong force.",
+        "Readings arrive out of order, have equal times, or arrive faster than the controller takes them.",
+        "The law uses the rate of change, so a wrong time results in a wrong force.",
         "Use the time stamps of the sensor, not of the arrival (`--clock header`).",
         "12 readings have earlier times than readings before them",
     ),
@@ -536,7 +536,7 @@ _TABLE: Final = (
         "PT608",
         "The offset of the controller is wrong",
         "Without an object, the median reading differs from the offset that the controller subtracts.",
-        "The rest acts like a signal, and the virtual force becomes too weak or too strong.",
+        "The difference acts like a signal, and the virtual force becomes too weak or too strong.",
         "Set `offset` in `[controller]` to the median.",
         "Without an object, the median reading is 152, but the controller subtracts 120",
     ),

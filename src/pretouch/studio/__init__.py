@@ -1,4 +1,5 @@
-"""Serve a page in the browser on which gains are chosen by dragging, with the rest of pretouch behind it.
+"""Serve the studio, a page in the browser on which users choose a gain by dragging.
 
-The page itself needs no server: its computations run in the browser, with the compiled core as WebAssembly.
+The browser itself computes motions, optimal gains and limits, with the compiled core as WebAssembly. The server fits
+calibrations, simulates, verifies and exports.
 """

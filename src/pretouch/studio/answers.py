@@ -1,4 +1,4 @@
-"""Answer the requests of the page: what a scenario contains, fits, uncertain encounters and simulated runs."""
+"""Answer requests of the page: describe a scenario, fit a curve, solve uncertain encounters and simulate runs."""
 
 from __future__ import annotations
 
@@ -33,15 +33,16 @@ _MOST: Final = 4000  # readings that are drawn
 
 
 def describe_scenario(files: OpenedFiles, text: str) -> dict[str, Any]:
-    """Read a scenario file, and return its values as texts with units, and what the page cannot compute itself.
+    """Read a scenario file, and return its values as texts with units, with all data that the page cannot compute.
 
     Args:
         files: the opened files.
-        text: the scenario file (TOML).
+        text: the text of the scenario file (TOML).
 
     Returns:
-        `fields` by `section.key`; `fixed`, the described sensor curve and rows of objective and limits; `notes` on what
-        the page does not show.
+        `fields`, the values by `section.key`; `fixed`, the sensor curve and the terms of objective and limits that only
+        Python can compute; `notes`, sentences on parts of the scenario that the page ignores; `sections`, whether three
+        optional sections exist.
     """
     from pretouch.config import load_scenario  # noqa: PLC0415 - only when a file is read
 
@@ -70,7 +71,7 @@ def _texts(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _fixed(task: Task, document: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return what Python has computed of a scenario because the page does not, and notes on what is not shown."""
+    """Return sensor curve, objective terms and limits that only Python can compute, and notes on all ignored parts."""
     from pretouch.design.problem import GainProblem  # noqa: PLC0415
     from pretouch.design.search import GainAxis  # noqa: PLC0415
     from pretouch.design.search.compiled import limit_rows, supported_terms  # noqa: PLC0415
@@ -88,23 +89,23 @@ def _fixed(task: Task, document: dict[str, Any]) -> tuple[dict[str, Any], list[s
     if objective.get("kind") not in {"excursion", "time"} or "force_scale" in objective:
         terms = supported_terms(problem)
         if terms is None:
-            notes.append("objective: the search of the page cannot compute it; run pretouch design")
+            notes.append("objective: the search of the page cannot compute this objective; run pretouch design")
         fixed["terms"] = [[float(x) for x in row] for row in terms or ()]
     others = [c for c in task.limits if c.name not in _LIMITS]
     rows = limit_rows(problem, others)
     if rows is None:
-        notes.append("constraints: the search of the page cannot compute some of them; run pretouch design")
+        notes.append("constraints: the search of the page cannot compute some constraints; run pretouch design")
     fixed["limits"] = [[float(x) for x in row] for row in rows or ()]
     return fixed, notes
 
 
 def change_scenario(text: str, changes: dict[str, Any]) -> dict[str, Any]:
-    """Return a scenario file in which some keys have new values; comments stay."""
+    """Return the text of a scenario file in which some keys have new values; comments are preserved."""
     return {"text": change_text(text, changes)}
 
 
 def read_readings(files: OpenedFiles, name: str) -> dict[str, Any]:
-    """Return the readings of an uploaded calibration file, and the fit with the window that pretouch finds."""
+    """Return the readings of an uploaded calibration file, and the fit of the best curve to the usable range."""
     from pretouch.calibration import read_calibration  # noqa: PLC0415 - SciPy, only when needed
 
     calibration = read_calibration(files.file(name))
@@ -119,7 +120,7 @@ def read_readings(files: OpenedFiles, name: str) -> dict[str, Any]:
 
 
 def fit_readings(files: OpenedFiles, name: str, window: tuple[float, float] | None) -> dict[str, Any]:
-    """Fit the best sensor curve to the readings inside a window [m], or to all for the window that pretouch finds."""
+    """Fit the best sensor curve to the readings between two distances [m], or without a window to the usable range."""
     from pretouch.calibration import rank_models, read_calibration  # noqa: PLC0415
 
     calibration = read_calibration(files.file(name))
@@ -132,7 +133,7 @@ def fit_readings(files: OpenedFiles, name: str, window: tuple[float, float] | No
 
 
 def _cut(calibration: Calibration, near: float, far: float) -> Calibration:
-    """Return the readings at distances inside a window [m]; readings without an object stay."""
+    """Return the readings between two distances [m], and all readings without an object."""
     from pretouch.calibration import Calibration as Readings  # noqa: PLC0415
 
     inside = (calibration.distances >= near - 1e-12) & (calibration.distances <= far + 1e-12)
@@ -150,7 +151,7 @@ def _cut(calibration: Calibration, near: float, far: float) -> Calibration:
 
 
 def _fit_as_dict(fit: SensorFit, verdict: str) -> dict[str, Any]:
-    """Return what the page draws of a fit, and the fields of a scenario with this curve."""
+    """Return the data of a fit that the page draws, and the keys of a scenario file that describe the curve."""
     sensor, window = fit.sensor, fit.window
     drawn = np.linspace(window.l_min, window.l_max, _POINTS)
     fields = {f"sensor.{name}": f"{value!r} {unit}".strip() for name, value, unit in _parameters(fit)}
@@ -181,7 +182,8 @@ def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
     """Solve encounters with random uncertain inputs, for one gain.
 
     Returns:
-        Contact speed [m/s] and largest excursion [m] of each, and the share that meets each limit.
+        Contact speed [m/s] and largest excursion [m] of each encounter, and the share of encounters that meets each
+        limit.
 
     Raises:
         InvalidInputError: the scenario has no uncertain inputs.
@@ -212,7 +214,7 @@ def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
 
 
 def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | None = None) -> dict[str, Any]:
-    """Simulate one encounter on the loop with sensor noise, and return its motion."""
+    """Simulate one encounter on the sampled loop with sensor noise, and return its motion until contact."""
     from dataclasses import replace  # noqa: PLC0415
 
     from pretouch.config import load_scenario  # noqa: PLC0415
@@ -221,8 +223,8 @@ def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | 
     task = load_scenario(files.write_scenario(text))
     if task.loop is None:
         raise InvalidInputError(
-            "loop: the scenario describes no loop; add the sections [chain] and [controller], such as those of "
-            "examples/loop.toml"
+            "loop: the scenario does not describe the sampled loop; add the sections [chain] and [controller], such as "
+            "those of examples/loop.toml"
         )
     loop = task.loop if seed is None else replace(task.loop, seed=seed)
     encounter = simulate_encounter(task.replace(loop=loop, gain=task.gain if gain is None else gain))
@@ -243,5 +245,5 @@ def simulate_run(files: OpenedFiles, text: str, gain: float | None, seed: int | 
 
 
 def message_of(error: PretouchError, folder: Path) -> str:
-    """Return the message of an error for the page, without the names of temporary files."""
+    """Return the message of an error for the page, without the folder of temporary files."""
     return str(error).replace(f"{folder}/", "").replace("upload-", "")

@@ -1,8 +1,8 @@
-"""The web application of the studio: the page, and what the page asks of Python.
+"""Define the web application of the studio, which serves the page and answers its requests.
 
-The application serves one user on one machine. Every request needs the token of this start, the name of this machine as
-host, and, from a page, the origin of this server: so no other page, and no other name that resolves to this machine,
-reaches it.
+The application serves one user on one machine. Every request must have the token, which is new at each start, and the
+host 127.0.0.1 or localhost. If a request has an origin, it must be this server. Therefore no other web page can use the
+application, not even under a domain name that resolves to 127.0.0.1.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ _HEADERS: Final = {
 
 
 class _RefusedRequestError(Exception):
-    """A request that is refused before it is read.
+    """Raised for a request that the server does not answer.
 
     Args:
-        status: the status of HTTP.
+        status: the HTTP status code.
         message: the reason.
     """
 
@@ -56,11 +56,11 @@ class _RefusedRequestError(Exception):
 
 
 class Application:
-    """The application of one start.
+    """The web application of a running studio.
 
     Args:
         files: the opened files.
-        token: the secret of this start.
+        token: the secret that every request must contain.
         port: the port of the server.
     """
 
@@ -100,7 +100,7 @@ class Application:
         self.files.close()
 
     def _check(self, request: Any, token: str) -> None:
-        """Refuse a request with a foreign host or origin, or without the token."""
+        """Raise an error for a request with a foreign host or origin, or without the token."""
         host = request.headers.get("host", "")
         if host not in self._hosts:
             raise _RefusedRequestError(421, "host: this server answers only as 127.0.0.1 or localhost")
@@ -108,10 +108,12 @@ class Application:
         if origin is not None and origin != f"http://{host}":
             raise _RefusedRequestError(403, "origin: this server answers only its own page")
         if not secrets.compare_digest(token.encode(), self.token.encode()):
-            raise _RefusedRequestError(403, "token: open the address that pretouch studio has printed at this start")
+            raise _RefusedRequestError(
+                403, "token: found none or another one; open the address that pretouch studio printed when it started"
+            )
 
     async def _guarded(self, request: Any, token: str, work: Callable[[], Awaitable[Any]]) -> Any:
-        """Return the response to a checked request, or the reason why there is none."""
+        """Check a request, and return the response, or the message of an error with its HTTP status code."""
         responses = require("starlette.responses", extra="studio")
         try:
             self._check(request, token)
@@ -169,7 +171,7 @@ class Application:
             asked = json.loads(content)
             asked = asked if isinstance(asked, dict) else {}
         except ValueError:
-            raise InvalidInputError("request: found no JSON object, expected one from the page") from None
+            raise InvalidInputError("request: the content is not JSON, expected a JSON object from the page") from None
         if name not in self._answers:
             raise InvalidInputError(f"request: found {name!r}, expected one of {', '.join(self._answers)}")
         return self._answers[name](_Asked(asked))
@@ -209,7 +211,7 @@ class _Asked:
         self._values = values
 
     def of(self, name: str, kind: type) -> Any:
-        """Return an argument of a type; an integer serves as a number."""
+        """Return an argument, and raise an error if it has another type; an integer also counts as a float."""
         value = self._values.get(name)
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
@@ -224,17 +226,17 @@ class _Asked:
 
     @property
     def gain(self) -> float | None:
-        """The number of the law; None for that of the scenario, or the designed one."""
+        """The number of the law; None for the number in the scenario, or the designed number if there is none."""
         return None if self._values.get("gain") is None else float(self.of("gain", float))
 
     @property
     def seed(self) -> int | None:
-        """The seed of the noise; None for that of the scenario."""
+        """The seed of the noise; None for the seed in the scenario."""
         return None if self._values.get("seed") is None else int(self.of("seed", int))
 
     @property
     def window(self) -> tuple[float, float] | None:
-        """Two distances [m]; None for the window that pretouch finds."""
+        """The window as two distances [m]; None for the usable range that pretouch finds."""
         if self._values.get("window") is None:
             return None
         ends = self.of("window", list)

@@ -1,4 +1,4 @@
-"""Describe sensor curves to the page in the browser."""
+"""Describe a sensor curve as a JSON object for the page of the studio."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from pretouch.motion.curve import LARGEST_START, approach_windows, curve_pieces,
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 
 _IN_THE_PAGE: Final[tuple[type[SensorModel], ...]] = (InversePower, ExponentialFirstOrder, ExponentialSecondOrder)
-"""Curves that the page computes from their parameters."""
+"""The sensor curves that the page computes from their parameters."""
 
-_RANGE: Final = 256.0  # range of the polynomials, relative to the start; a motion may recede before it returns
+_RANGE: Final = 256.0  # range of the polynomials, relative to the initial distance, because the object may recede first
 _PROBES: Final = 257
 
 
 def describe_curve(sensor: SensorModel, distance: float) -> dict[str, Any]:
-    """Describe a sensor curve as a JSON object, as `sensorCurve` of page/core.js reads it.
+    """Describe a sensor curve as a JSON object, in the form that `sensorCurve` of page/core.js reads.
 
-    The page computes some curves from their parameters. All others are described by polynomials.
+    The page computes some curves from their parameters. Piecewise polynomials describe all other curves.
 
     Args:
         sensor: the curve, which must be valid down to contact.
@@ -35,7 +35,11 @@ def describe_curve(sensor: SensorModel, distance: float) -> dict[str, Any]:
     if type(curve) in _IN_THE_PAGE:
         return {"model": curve.name, "recess": recess, "maximum_distance": largest, **curve.parameters}
     if distance > LARGEST_START or low > 0:
-        return {"model": curve.name, "unusable": f"the curve of this sensor is valid only from {low:g} m on"}
+        if low > 0:
+            reason = f"the curve of this sensor is valid only from {low:g} m on, but must be valid down to contact"
+        else:
+            reason = f"the encounter starts at {distance:g} m, but must start at {LARGEST_START:g} m or less"
+        return {"model": curve.name, "unusable": reason}
     reach = min(reach_to(distance), high)
     top, open_ended = next(curve_tops(sensor, max(low, 0.0), reach, _RANGE * reach))
     windows = approach_windows(sensor, 0.0, reach)

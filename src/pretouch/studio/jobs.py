@@ -1,4 +1,4 @@
-"""Run long computations in processes of their own, which report their progress and can be canceled."""
+"""Run long computations in separate processes, which report their progress and can be canceled."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from pretouch._core.files import as_json
 VERBS: Final = ("verify", "pareto", "sweep", "export")
 """The computations that a job can run."""
 
-_MOST: Final = 3  # running jobs
-_KEPT: Final = 20  # finished jobs whose results are kept
-_GRACE: Final = 2.0  # time in which a canceled process may end [s]
+_MOST: Final = 3  # largest number of running jobs
+_KEPT: Final = 20  # largest number of finished jobs whose results are kept
+_GRACE: Final = 2.0  # time until a canceled process that has not ended is killed [s]
 
 
 @dataclass(slots=True)
 class Job:
-    """A computation in a process of its own.
+    """A computation in a separate process.
 
     Args:
-        verb: what is computed, one of VERBS.
-        folder: the folder of its files.
+        verb: the computation, one of VERBS.
+        folder: the folder of the files that the computation writes.
         process: the process.
-        receiver: the end of the pipe from which its messages are read.
+        receiver: the end of the pipe from which the server reads the messages of the process.
         state: running, done, failed or canceled.
-        progress: the last message about its progress.
-        result: the text, the JSON object and the status, when it is done.
+        progress: the last message about the progress.
+        result: headline, text and JSON object of a computation that is done, or the message of one that failed.
     """
 
     verb: str
@@ -47,16 +47,16 @@ class Job:
     result: dict[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what the page shows of the job."""
+        """Return state, progress, files and result of the job as a JSON object for the page."""
         files = {name: (self.folder / name).exists() for name in ("report.html", "export.zip")}
         return {"verb": self.verb, "state": self.state, "progress": self.progress, "files": files, **self.result}
 
 
 class Jobs:
-    """The jobs of one start of the studio.
+    """All jobs of a running studio.
 
     Args:
-        folder: a folder for their files.
+        folder: a folder for the files of the jobs.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -71,7 +71,7 @@ class Jobs:
         Args:
             verb: one of VERBS.
             file: the scenario file.
-            gain: the number of the law; None for that of the file, or the designed one.
+            gain: the number of the law; None for the number in the file, or the designed number if the file has none.
 
         Returns:
             The identifier.
@@ -83,7 +83,10 @@ class Jobs:
             raise InvalidInputError(f"verb: found {verb!r}, expected one of {', '.join(VERBS)}")
         with self._lock:
             if sum(job.state == "running" for job in self._jobs.values()) >= _MOST:
-                raise InvalidInputError(f"jobs: {_MOST} computations are running; wait for one, or cancel it")
+                raise InvalidInputError(
+                    f"jobs: {_MOST} computations are running, but more are not allowed; wait until one has finished, "
+                    "or cancel one"
+                )
             name = secrets.token_hex(8)
             folder = self._folder / f"job-{name}"
             folder.mkdir()
@@ -143,7 +146,7 @@ def _end(process: Any) -> None:
 
 
 def _run(verb: str, file: str, gain: float | None, folder: str, sender: Connection) -> None:
-    """Compute in the process of a job, and send progress and result."""
+    """Run the computation of a job in its process, and send progress and result."""
     from pretouch._core.progress import listening  # noqa: PLC0415 - in the new process
 
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -157,7 +160,7 @@ def _run(verb: str, file: str, gain: float | None, folder: str, sender: Connecti
 
 
 def _compute(verb: str, file: Path, gain: float | None, folder: Path, sender: Connection) -> dict[str, Any]:
-    """Return the result of a computation, and write its report."""
+    """Return the result of a computation, and write its report or its exported files."""
     from pretouch.config import load_scenario  # noqa: PLC0415
 
     task = load_scenario(file)

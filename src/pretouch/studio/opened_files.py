@@ -1,4 +1,4 @@
-"""Keep the files that the user has opened in the studio, and refuse every other path."""
+"""Manage the files that the user has opened in the studio, and refuse access to all other files."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from typing import Any, Final
 from pretouch._core.errors import InvalidInputError, ScenarioFileError, UnitError, require
 
 _FILE_KEYS: Final = (("sensor", "calibration"), ("sensor", "no_object"), ("robot", "model"))
-"""The keys of a scenario file that name another file."""
+"""The keys of a scenario file whose values are names of other files."""
 
 _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _EFFECTS: Final = frozenset({"ratio", "excursion", "acceleration", "contact_speed", "impact_force"})
 
 
 class OpenedFiles:
-    """Files of one start of the studio.
+    """The files that a running studio may read, and its folder of temporary files.
 
-    The page sends texts, no paths. A scenario may name only files that the opened file names, or that were uploaded.
+    The page sends the text of a scenario and no paths. A scenario may name only files that the opened scenario file
+    names, and uploaded files.
 
     Args:
-        opened: the scenario file with which the studio was started; None without one.
+        opened: the scenario file with which the studio was started; None if it was started without a file.
     """
 
     def __init__(self, opened: Path | None = None) -> None:
@@ -44,7 +45,7 @@ class OpenedFiles:
         self._folder.cleanup()
 
     def _allow_files(self, text: str, folder: Path) -> None:
-        """Allow the files that a scenario file of the user names."""
+        """Allow access to the files that a scenario file of the user names."""
         try:
             document = tomllib.loads(text)
         except tomllib.TOMLDecodeError:
@@ -53,7 +54,7 @@ class OpenedFiles:
             self._files[name] = folder / name
 
     def add_file(self, name: str, content: bytes) -> str:
-        """Store an uploaded file, and return the name by which a scenario may name it."""
+        """Store an uploaded file, and return its name for use in a scenario."""
         plain = re.sub(r"[^\w.-]", "_", Path(name.replace("\\", "/")).name).lstrip(".") or "calibration.csv"
         path = self.folder / f"upload-{plain}"
         path.write_bytes(content)
@@ -61,20 +62,27 @@ class OpenedFiles:
         return plain
 
     def file(self, name: str) -> Path:
-        """Return the path of a file that was opened.
+        """Return the path of an uploaded file, or of a file that the opened scenario file names.
 
         Raises:
-            InvalidInputError: no such file was opened.
+            InvalidInputError: the name is of another file.
         """
         if name not in self._files:
             raise InvalidInputError(
-                f"file: the scenario names the file {name!r}, which has not been opened here; open it in the studio, "
-                "or start the studio with this scenario file"
+                f"file: the scenario names the file {name!r}, which has not been opened in the studio; upload the "
+                "file, or start the studio with this scenario file"
             )
         return self._files[name]
 
     def write_scenario(self, text: str) -> Path:
-        """Write a text of the page as a scenario file, in which every name of a file is that of an opened file."""
+        """Write the text of a scenario to a temporary file, and replace each file name in it by the path of that file.
+
+        Returns:
+            The path of the temporary file.
+
+        Raises:
+            ScenarioFileError: the text is not TOML.
+        """
         tomlkit = require("tomlkit", extra="studio")
         try:
             document: Any = tomlkit.parse(text)
@@ -100,7 +108,7 @@ class OpenedFiles:
             raise InvalidInputError(
                 "save: the studio was started without a file; download the scenario, or run: pretouch studio FILE"
             )
-        self.write_scenario(text)  # refuses what is no TOML, or names other files
+        self.write_scenario(text)  # raises an error if the text is not TOML or names a file that was not opened
         partial = self.opened.with_name(f".{self.opened.name}.partial")
         partial.write_text(text, encoding="utf-8")
         partial.replace(self.opened)
@@ -118,7 +126,7 @@ def _names(document: Any) -> Iterator[tuple[str, str, str]]:
 
 
 def _is_reading(value: str) -> bool:
-    """Return True if a reading without an object is a value and no file, by the rule of the scenario file."""
+    """Return True if the value of the key `no_object` is a reading and not the name of a file."""
     from pretouch.config.sensor import read_output  # noqa: PLC0415 - only for a file with this key
 
     try:
@@ -161,7 +169,7 @@ def change_text(text: str, changes: dict[str, Any]) -> str:
 
 
 def _like(before: Any, value: Any) -> Any:
-    """Return a value as a number if it has no unit, with the comment of the value before."""
+    """Return a TOML item, a number if the value has no unit, with the comment of the value that it replaces."""
     tomlkit = require("tomlkit", extra="studio")
     if isinstance(value, list):
         item = tomlkit.array()

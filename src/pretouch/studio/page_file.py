@@ -1,8 +1,8 @@
-"""Put the page and the live figures together from their modules, as single files that work without a server.
+"""Bundle the JavaScript modules of the page and of the live figures into single files that need no server.
 
-A document that is opened from a file cannot load JavaScript modules, so that the modules are joined to one script. Each
-module imports by name from modules before it, and no two modules define the same name: joining only removes the words
-`import` and `export`.
+A browser does not load JavaScript modules into a document that is opened from a file, so this code joins the modules to
+one script. Each module imports by name from modules before it, and no two modules define the same name. Therefore it is
+sufficient to remove the import statements and the word `export`.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def page_text(server: Mapping[str, Any] | None = None, *, nonce: str | None = No
     """Return the page as one HTML document, which makes no request to any address except its own server.
 
     Args:
-        server: what the page needs to reach its server; None for a page without one.
-        nonce: the nonce of the scripts, if the server allows only these.
+        server: the data with which the page connects to its server, such as the token; None for a page without server.
+        nonce: the nonce of the scripts, if the content security policy of the server requires one.
 
     Returns:
         The document.
@@ -61,7 +61,7 @@ def page_text(server: Mapping[str, Any] | None = None, *, nonce: str | None = No
 def figures_text() -> str:
     """Return a script that mounts all live figures of a document, for example `<div data-pretouch-figure="gain">`.
 
-    The script is no module, so that it works in documents that are opened from a file.
+    The script is not a JavaScript module, so that it works in documents that are opened from a file.
 
     Returns:
         The script.
@@ -72,18 +72,18 @@ def figures_text() -> str:
     wait = f"const begin = () => {{ {run} }};\n"
     wait += "if (document.readyState === 'loading') addEventListener('DOMContentLoaded', begin); else begin();"
     text = f"{_library()}\n{_joined(_FIGURES, wait)}\n"
-    return text.encode("ascii", "backslashreplace").decode()  # right in documents of every encoding
+    return text.encode("ascii", "backslashreplace").decode()  # correct in documents of every encoding
 
 
 def _joined(names: Sequence[str], run: str) -> str:
-    """Join modules to one script, which then runs a statement."""
+    """Join JavaScript modules to one script, and append statements that run at the end."""
     modules = [(_FOLDER / f"{name}.js").read_text(encoding="utf-8") for name in names]
     bare = "\n".join(_EXPORT.sub("", _IMPORT.sub("", text)) for text in modules)
     return f'"use strict";\n(() => {{\n{_tight(bare)}\n{run}\n}})();'
 
 
 def _tight(text: str) -> str:
-    """Remove indentation and whole lines of comments, which browsers need not load."""
+    """Remove indentation and comments that fill whole lines, to make the script smaller."""
     lines = [
         line.strip() for line in re.sub(r"^\s*/\*\*.*?\*/\n", "", text, flags=re.MULTILINE | re.DOTALL).split("\n")
     ]
@@ -103,7 +103,7 @@ def _page_style() -> str:
 
 
 def _figure_style() -> str:
-    """Return the style of figures in another document; Furo's themes, too, choose between light and dark."""
+    """Return the style of figures in another document; the colors also follow the light and dark themes of Furo."""
     light, dark = _colors()
     own = ".pretouch-figure"
     return "\n".join(
@@ -118,7 +118,7 @@ def _figure_style() -> str:
 
 
 def _colors() -> list[str]:
-    """Return the declarations of the colors, light and dark."""
+    """Return the CSS declarations of the colors, first for light and then for dark pages."""
     found = re.findall(r"\{ (.*?) \}", _read("colors.css"), flags=re.DOTALL)
     return [re.sub(r"\s+", " ", part) for part in found]
 
@@ -133,7 +133,7 @@ def _escaped(text: str) -> str:
 
 @lru_cache(maxsize=1)
 def _data() -> dict[str, Any]:
-    """Return the compiled core, compressed and as text, and the units."""
+    """Return the compiled core, compressed with gzip and encoded as base64, and the table of units."""
     path = _FOLDER / "core.wasm"
     try:
         content = path.read_bytes()

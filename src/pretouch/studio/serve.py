@@ -26,22 +26,22 @@ def serve_studio(
     open_browser: bool = True,
     announce: Callable[[str], object] = print,
 ) -> None:
-    """Serve the studio on 127.0.0.1 until it is interrupted.
+    """Serve the studio on 127.0.0.1 until the user or the system ends the process.
 
     Args:
         file: a scenario file (TOML); None to start with the example of the letter.
         port: the port; 0 for a free one.
         open_browser: whether to open the page in the browser.
-        announce: function of the address, which contains the token of this start.
+        announce: function that receives the address, which contains the token.
     """
     uvicorn = require("uvicorn", extra="studio")
     require("starlette", extra="studio")
     require("tomlkit", extra="studio")
-    page_text()  # without the compiled core of the page, say so before anything starts
+    page_text()  # raises an error if the compiled core of the page is missing
     if file is not None:
         from pretouch.config.document import read_document  # noqa: PLC0415 - only with a file
 
-        read_document(file)  # one sentence for a file that is missing or no TOML
+        read_document(file)  # raises an error if the file is missing or not TOML
     listener = _listener(port)
     application = Application(OpenedFiles(file), secrets.token_urlsafe(24), listener.getsockname()[1])
     address = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={application.token}"
@@ -51,7 +51,7 @@ def serve_studio(
     settings = uvicorn.Config(
         application.asgi(), log_level="error", access_log=False, server_header=False, timeout_graceful_shutdown=1
     )
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # so that a stopped server, too, removes its files
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # so that a terminated server also removes its files
     try:
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(settings).run(sockets=[listener])
@@ -60,15 +60,15 @@ def serve_studio(
 
 
 def _listener(port: int) -> Any:
-    """Return a socket that listens on 127.0.0.1, which no other machine reaches."""
+    """Return a socket that listens on 127.0.0.1, so that no other machine can connect."""
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind(("127.0.0.1", port))
-        listener.listen()  # a browser that is quicker than the server waits
+        listener.listen()  # so that a browser that connects before the server is ready waits
     except OSError as error:
         listener.close()
         raise InvalidInputError(
-            f"port: {port} cannot be used ({error.strerror or error}); choose another one, or leave out --port"
+            f"port: {port} cannot be used ({error.strerror or error}); choose another port, or leave out --port"
         ) from None
     return listener

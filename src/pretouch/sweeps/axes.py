@@ -79,7 +79,7 @@ class Axis(Value):
 
     Args:
         name: name of the dimension: an input, or a custom name such as `sample`.
-        columns: the inputs that change along it, each with its values in SI, shape (n,).
+        columns: the inputs that change along the axis, each with its values in SI, shape (n,).
         zipped: whether the axis has a custom name and several inputs with paired values.
     """
 
@@ -112,7 +112,7 @@ def make_axes(axes: Axes, task: Task) -> tuple[Axis, ...]:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise InvalidInputError(
-            f"axes: the input {twice} is given twice, but can have only one axis; remove one of the two axes"
+            f"axes: the input {twice} is on two axes, but an input can have only one axis; remove one of the two"
         )
     return checked
 

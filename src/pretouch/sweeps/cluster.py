@@ -57,7 +57,7 @@ def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[B
     The workers must have access to the store at the same path.
     """
     distributed = require("distributed", extra="dask")
-    # a task, not scattered data: after the loss of a worker it is computed again
+    # the store is a task and not scattered data, so that Dask opens it again after the loss of a worker
     opened = client.submit(_open, str(store.path.resolve()), store.plan, pure=False)
     pending = iter(blocks)
 
@@ -66,17 +66,17 @@ def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[B
         return None if block is None else client.submit(_run, opened, block, pure=False, retries=_RETRIES)
 
     first = [future for _ in range(_QUEUED * worker_count(client)) if (future := submit()) is not None]
-    waiting = distributed.as_completed(first)
-    for future in waiting:
+    completed = distributed.as_completed(first)
+    for future in completed:
         report(future.result())
         following = submit()
         if following is not None:
-            waiting.add(following)
+            completed.add(following)
 
 
 def _open(path: str, plan: Grid) -> ZarrStore:
     """Open the stored sweep on a Dask worker."""
-    # So the plan is sent once and not with every block.
+    # A separate task sends the plan once and not with every block.
     _check_folder(Path(path))
     return ZarrStore(path, plan)
 

@@ -57,8 +57,8 @@ def differing_parts(attributes: dict[str, Any], plan: Grid) -> str:
         stored = json.loads(attributes["inputs"])
     except (KeyError, ValueError, TypeError):
         return "inputs"
-    wanted = json.loads(as_json(_inputs_of(plan)))
-    return ", ".join(k for k in wanted if stored.get(k) != wanted[k]) or "seed or version of pretouch"
+    planned = json.loads(as_json(_inputs_of(plan)))
+    return ", ".join(k for k in planned if stored.get(k) != planned[k]) or "seed or version of pretouch"
 
 
 def _column(values: Any) -> dict[str, Any]:
@@ -122,9 +122,8 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
 class _DeferringFile(io.RawIOBase):
     """A new file that stores its first write error, which the method `check` raises.
 
-    After a write error, it ignores later writes.
-
-    Without this class, HDF5 crashes the process if it cannot write its buffers when it closes a file.
+    After a write error, the file ignores later writes. Without this class, HDF5 crashes the process if it cannot write
+    its buffers when it closes a file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -175,13 +174,13 @@ class _DeferringFile(io.RawIOBase):
         return len(view)
 
     def truncate(self, size: int | None = None, /) -> int:
-        wanted = self.tell() if size is None else size
+        length = self.tell() if size is None else size
         if self._failure is None:
             try:
-                self._file.truncate(wanted)
+                self._file.truncate(length)
             except OSError as error:
                 self._failure = error
-        return wanted
+        return length
 
     def close(self) -> None:
         self._file.close()

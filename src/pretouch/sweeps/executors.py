@@ -66,14 +66,14 @@ def chunks_per_block(plan: Grid, *, workers: int = 1) -> int:
     The results of the sweep do not depend on this number.
 
     Args:
-        plan: the sweep. The trial also detects mistakes in it before the work begins.
+        plan: the sweep. The trial also detects mistakes in the sweep before the work begins.
         workers: number of workers; each should get several blocks.
 
     Returns:
         The number of chunks that together take about a second.
     """
-    few = plan.thinned(1)
-    few.evaluate(few.region(0))
+    single = plan.thinned(1)
+    single.evaluate(single.region(0))
     if plan.chunk_count == 1:
         return 1
     encounters = math.prod(plan.chunk)
@@ -90,20 +90,20 @@ def run_block(plan: Grid, store: Store, block: int) -> BlockRecord:
     computing = writing = 0.0
 
     def write(region: Region, columns: Columns) -> float:
-        begun = time.perf_counter()
+        start = time.perf_counter()
         store.write(region, columns)
-        return time.perf_counter() - begun
+        return time.perf_counter() - start
 
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="pretouch-writer") as writer:
-        waiting = None
+        pending = None
         for region in store.regions(block):
-            begun = time.perf_counter()
+            start = time.perf_counter()
             columns = plan.evaluate(region)
-            computing += time.perf_counter() - begun
-            if waiting is not None:
-                writing += waiting.result()
-            waiting = writer.submit(write, region, columns)
-        if waiting is not None:
-            writing += waiting.result()
+            computing += time.perf_counter() - start
+            if pending is not None:
+                writing += pending.result()
+            pending = writer.submit(write, region, columns)
+        if pending is not None:
+            writing += pending.result()
     store.finish(block)
     return BlockRecord(encounters=store.size(block), computing=computing, writing=writing)

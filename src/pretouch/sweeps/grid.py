@@ -16,12 +16,12 @@ Region: TypeAlias = tuple[slice, ...]
 """A part of the grid: one slice per axis."""
 
 Columns: TypeAlias = dict[str, NDArray[Any]]
-"""The status and every result by name, of one shape."""
+"""The status and every result of some encounters, by name, as arrays of one shape."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid(ABC):
-    """A grid of encounters with the results to compute for each, whatever computes them.
+    """A grid of encounters and the results to compute for each encounter; a subclass defines the computation.
 
     Args:
         axes: the axes, in the order of the dimensions.
@@ -89,12 +89,12 @@ class Grid(ABC):
 
     def thinned(self, most: int) -> Self:
         """Return a small trial sweep with a few evenly spaced values of each axis."""
-        # It has one chunk with at most `most` encounters.
+        # The trial has one chunk with at most `most` encounters.
         axes: list[tuple[int, Axis]] = []
         room = most
         for position, axis in sorted(enumerate(self.axes), key=lambda item: len(item[1])):
             count = max(1, min(len(axis), int(room ** (1 / (len(self.axes) - len(axes))) + 1e-9)))
             room //= count
             axes.append((position, axis.at(np.linspace(0, len(axis) - 1, count).astype(np.int64))))
-        kept = tuple(axis for _, axis in sorted(axes, key=lambda item: item[0]))
-        return replace(self, axes=kept, chunk=tuple(map(len, kept)))
+        in_order = tuple(axis for _, axis in sorted(axes, key=lambda item: item[0]))
+        return replace(self, axes=in_order, chunk=tuple(map(len, in_order)))

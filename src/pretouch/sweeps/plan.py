@@ -156,7 +156,7 @@ def _check_values(plan: Plan) -> None:
     first = {n: float(v[0]) for axis in plan.axes for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS}
     positions = {name: first[name] for name in ("obstacle.position", "plant.position") if name in first}
     for axis in plan.axes:
-        # all distances are checked below; here a large distance is used
+        # _check_distances checks all distances; here a large distance replaces them
         near = {"obstacle.position": 1.0, "plant.position": 0.0} if positions else {}
         columns = {n: v for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS and n not in near}
         changed = {name: value for name, value in {**first, **columns, **near}.items() if name != "gain"}

@@ -1,4 +1,4 @@
-"""Describe the inputs of a sweep for its record, so that a stored sweep is recognized."""
+"""Describe the inputs of a sweep as JSON, which shows whether a stored sweep has the same inputs."""
 
 from __future__ import annotations
 
@@ -71,5 +71,5 @@ class _Probes:
     def column(self, name: str) -> FloatArray:
         """Return reproducible pseudorandom values of one quantity at contact."""
         seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
-        size = np.random.default_rng(seed).uniform(0.01, 1.0, _PROBES)
-        return -size if name == "relative_velocity" else size
+        magnitudes = np.random.default_rng(seed).uniform(0.01, 1.0, _PROBES)
+        return -magnitudes if name == "relative_velocity" else magnitudes

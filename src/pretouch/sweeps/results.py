@@ -27,7 +27,8 @@ ALWAYS: Final = (
     "closest_distance",
     "settling_distance",
     "impulse_residual",
-)  # results that have values for runs without contact, too
+)
+"""The results that also have values in encounters without contact."""
 
 OF_DESIGNS: Final = ("gain", "objective")
 """The results that only designs have."""
@@ -89,7 +90,11 @@ def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) 
     if name == STATUS:
         labels = list(DESIGN_CODES) if designs else [status.label for status in ContactStatus]
         meanings = " ".join(labels)
-        return {"long_name": "how it ended", "flag_values": list(range(len(labels))), "flag_meanings": meanings}
+        return {
+            "long_name": "status of the encounter",
+            "flag_values": list(range(len(labels))),
+            "flag_meanings": meanings,
+        }
     if name == "gain" and law != DAMPER:
         return {"long_name": f"optimal {law.number.label}", "units": law.number.unit}
     words = f"optimal {name}" if name in OF_DESIGNS else f"{words_for(name)}{', optimal gain' if designs else ''}"
@@ -97,8 +102,8 @@ def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) 
     return {"long_name": words, "units": unit or "1"}
 
 
-_MOST_VALUES: Final = 10_000  # encounters, up to which the object contains all values
-_MOST_READ: Final = 10**7  # encounters, up to which the ranges of results are computed
+_MOST_VALUES: Final = 10_000  # largest number of encounters whose values are in the JSON object
+_MOST_READ: Final = 10**7  # largest number of encounters for which the ranges of results are computed
 
 
 def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
@@ -107,9 +112,8 @@ def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
     size = int(np.prod(status.shape))
     axes = {}
     for name in dataset.coords:
-        values = dataset[name].values
-        kept = values if len(values) <= _MOST_VALUES else None
-        axes[str(name)] = {**_described(dataset[name]), "along": dataset[name].dims[0], "values": kept}
+        values = dataset[name].values if dataset[name].size <= _MOST_VALUES else None
+        axes[str(name)] = {**_described(dataset[name]), "along": dataset[name].dims[0], "values": values}
     results = {}
     for name in dataset.data_vars:
         if name != STATUS:

@@ -35,7 +35,7 @@ S = TypeVar("S", bound=Store)
 
 _NETCDF: Final = (".nc", ".nc4")
 _ZARR: Final = ".zarr"
-_MOVE_THE_LIMIT: Final = ("admittance.", "sensor.", "obstacle.position", "plant.position")
+_CHANGE_THE_LIMIT: Final = ("admittance.", "sensor.", "obstacle.position", "plant.position")
 
 
 @check_arguments
@@ -116,7 +116,7 @@ def run_sweep(
     dask: Any = None,
     progress: Callable[[Progress], object] | None = None,
 ) -> xr.Dataset:
-    """Compute all encounters of a planned sweep, or those that are missing in its output.
+    """Compute the encounters of a planned sweep; if the sweep was interrupted, compute only the missing encounters.
 
     Args:
         plan: the sweep.
@@ -162,10 +162,10 @@ def _sweep_task(task: Task, axes: Axes) -> Task:
 @with_file_location
 def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
     """Return the bounds of stable gains; raise an error if a sweep axis changes these bounds."""
-    moving = [name for name in names if name.startswith(_MOVE_THE_LIMIT)]
-    if moving and task.stability_margin is not None:
+    changing = [name for name in names if name.startswith(_CHANGE_THE_LIMIT)]
+    if changing and task.stability_margin is not None:
         raise InvalidInputError(
-            f"stability_margin: a sweep over {moving[0]} cannot require a gain margin, because the stability "
+            f"stability_margin: a sweep over {changing[0]} cannot require a gain margin, because the stability "
             "limit changes with this input; remove stability_margin, or set a fixed gain"
         )
     return task.stable_bounds()
@@ -175,23 +175,23 @@ def _complete(
     store: S, progress: Callable[[Progress], object] | None, run_blocks: Callable[..., None] | None = None
 ) -> S:
     """Compute the remaining blocks of encounters of a sweep and report progress."""
-    # They are computed in this process unless `run_blocks` is given.
+    # This process computes the blocks unless `run_blocks` is given.
     start, finished = time.perf_counter(), store.intact()
     before = sum(store.size(int(block)) for block in np.flatnonzero(finished))
-    at = Progress(finished=before, total=store.plan.size, seconds=0.0)
+    current = Progress(finished=before, total=store.plan.size, seconds=0.0)
 
     def report(record: BlockRecord) -> None:
-        nonlocal at
-        at = replace(
-            at,
-            finished=at.finished + record.encounters,
-            computed=at.computed + (0 if record.repeated else record.encounters),
-            computing=at.computing + record.computing,
-            writing=at.writing + record.writing,
+        nonlocal current
+        current = replace(
+            current,
+            finished=current.finished + record.encounters,
+            computed=current.computed + (0 if record.repeated else record.encounters),
+            computing=current.computing + record.computing,
+            writing=current.writing + record.writing,
             seconds=time.perf_counter() - start,
         )
         if progress is not None:
-            progress(at)
+            progress(current)
 
     report(BlockRecord(encounters=0))
     blocks = [int(block) for block in np.flatnonzero(~finished)]
@@ -210,28 +210,28 @@ def _to_zarr(
     overwrite: bool,
     dask: Any,
     progress: Any,
-    then: Callable[[ZarrStore], object] = lambda _: None,
+    on_complete: Callable[[ZarrStore], object] = lambda _: None,
 ) -> ZarrStore:
     """Start or resume a sweep whose results are stored in a Zarr folder."""
-    # `then` is called while the folder is still locked.
+    # `on_complete` is called while the folder is still locked.
     require("zarr")
     with nullcontext() if dask is None else connected(dask) as client:
         while True:
-            if overwrite and target.exists() and not _holds(target, plan):
+            if overwrite and target.exists() and not _contains_sweep(target, plan):
                 replace_sweep(target)
             if not target.exists():
                 workers = 1 if client is None else worker_count(client)
                 ZarrStore.create(target, plan, chunks_per_block(plan, workers=workers))
             with in_use(target) as exists:
-                if not exists:  # another process has removed it meanwhile
+                if not exists:  # another process has removed the folder meanwhile
                     continue
                 store = ZarrStore(target, plan)
                 _complete(store, progress, None if client is None else partial(run_on, client, store))
-                then(store)
+                on_complete(store)
                 return store
 
 
-def _holds(target: Path, plan: Grid) -> bool:
+def _contains_sweep(target: Path, plan: Grid) -> bool:
     try:
         ZarrStore(target, plan)
     except OutputExistsError:
@@ -244,7 +244,7 @@ def _to_netcdf(plan: Grid, target: Path, *, overwrite: bool, dask: Any, progress
     # Equal sweeps may run at the same time: all compute into the folder, the first to finish writes the file, and the
     # last removes the folder.
     folder = target.with_name(f"{target.name}.unfinished{_ZARR}")
-    dataset = _finished(plan, target, overwrite=overwrite)
+    dataset = _open_finished(plan, target, overwrite=overwrite)
     if dataset is None:
 
         def write(store: ZarrStore) -> None:
@@ -254,10 +254,10 @@ def _to_netcdf(plan: Grid, target: Path, *, overwrite: bool, dask: Any, progress
                 with store.dataset() as computed:
                     write_netcdf(computed, target, overwrite=overwrite)
             except OutputExistsError:
-                if not _is_written(plan, target):  # an equal sweep has written it at the same time
+                if not _is_written(plan, target):  # else an equal sweep has written the file at the same time
                     raise
 
-        _to_zarr(plan, folder, overwrite=overwrite, dask=dask, progress=progress, then=write)
+        _to_zarr(plan, folder, overwrite=overwrite, dask=dask, progress=progress, on_complete=write)
         dataset = open_netcdf(target)
     if is_sweep(folder):  # an earlier run may have been killed before it removed the folder
         remove_unused(folder)
@@ -275,7 +275,7 @@ def _is_written(plan: Grid, target: Path) -> bool:
         return dataset.attrs[DIGEST] == attributes_of(plan)[DIGEST] and is_intact(dataset, plan)
 
 
-def _finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset | None:
+def _open_finished(plan: Grid, target: Path, *, overwrite: bool) -> xr.Dataset | None:
     """Open the output file if it contains the same sweep; raise an error if the file must not be replaced."""
     if not target.exists():
         return None

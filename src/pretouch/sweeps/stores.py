@@ -1,8 +1,8 @@
 """Store the results of a sweep in memory or in a Zarr folder, so that an interrupted sweep can be resumed.
 
-The data of a block are written first, each chunk atomically as a file. Then its entry in the ledger is written, a file
-of one byte. If the process is killed, only unfinished blocks are lost. A block with damaged data is computed
-again. A process that writes to a folder locks it, so that no other process removes it.
+A store first writes the data of a block, each chunk atomically as a file. Then it marks the block as finished in the
+ledger, in a file of one byte. If the process is killed, only unfinished blocks are lost. A block with damaged data is
+computed again. A process that writes to a folder locks the folder, so that no other process removes it.
 
 The ledger is an array in a subgroup of the Zarr group, so that `xarray.open_zarr` shows only axes, status and results.
 """
@@ -42,7 +42,7 @@ LEDGER: Final = "pretouch-ledger/finished"
 
 _PER_BLOCK: Final = "chunks_per_block"
 _MOST_BYTES: Final = 4_000_000_000  # largest size of the results in memory
-_MOST_CHECKED: Final = 2_000  # chunks that are checked before a sweep is resumed, which takes about a second
+_MOST_CHECKED: Final = 2_000  # largest number of chunks that are checked before resuming, which takes about a second
 
 
 def refuse_beyond_memory(plan: Grid) -> None:
@@ -117,7 +117,7 @@ class ZarrStore(Store):
         plan: the sweep that the folder must contain.
 
     Raises:
-        OutputExistsError: the folder contains something else.
+        OutputExistsError: the folder does not contain this sweep, or its files are damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str], plan: Grid) -> None:
@@ -212,7 +212,7 @@ class ZarrStore(Store):
             chunks_per_block: number of chunks per block.
 
         Returns:
-            The store; if another process has created the same store meanwhile, that store.
+            The new store, or the same store if another process has created it meanwhile.
 
         Raises:
             InvalidInputError: the parent does not exist or cannot be written.
@@ -321,7 +321,7 @@ def in_use(path: Path) -> Iterator[bool]:
             _unlock(lock)
 
 
-_NO_LOCKS: Final = -1  # instead of a lock, on systems without locks
+_NO_LOCKS: Final = -1  # stands for a lock on systems without locks
 
 
 def _locked(path: Path, *, exclusive: bool) -> int | None:

@@ -80,7 +80,7 @@ def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
 
 
 def lead_picture(page: Page) -> Picture | None:
-    """Return the figure that a report page shows first, or else its first figure; None if it has none."""
+    """Return the lead figure of a report page, or else the first figure of the page; None if there is no figure."""
     return _without_lead(page.blocks, page.lead)[0] or next(_pictures(page.blocks), None)
 
 
@@ -149,7 +149,7 @@ def _explanation(code: str) -> PageSection:
 
 
 def _with_links(text: str) -> str:
-    """Return a warning as HTML, in which its codes are links to their explanations on the page."""
+    """Return a warning as HTML, in which codes are links to their explanations on the page."""
     return re.sub(r"\b(PT\d{3}): ", lambda m: f'<a href="#{m[1].lower()}">{m[1]}:</a> ', _inline(text))
 
 

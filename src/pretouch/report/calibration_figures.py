@@ -70,7 +70,7 @@ def calibration(report: CalibrationReport) -> Figure:
 
 def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
     """Draw all calibration readings with offset, detection floor, clipping level, usable range and fitted curves."""
-    scale = _begin(axes, report, "Readings and their use" if report.fits else "Readings: no usable signal")
+    scale = _set_up(axes, report, "Readings and their use" if report.fits else "Readings: no usable signal")
     outputs = report.calibration.outputs
     axes.set_ylabel(f"output [{_unit(report)}]", parse_math=False)
     levels = [level for level, *_ in _levels(report)]
@@ -88,7 +88,7 @@ def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
 
 def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
     """Draw the sensor output minus its offset versus the distance, on a logarithmic axis."""
-    scale = _begin(axes, report, "Signal, logarithmic", zoom=True)
+    scale = _set_up(axes, report, "Signal, logarithmic", zoom=True)
     points = _points(report)
     axes.set_ylabel(f"output \u2212 offset [{_unit(report)}], log. axis", parse_math=False)
     value = np.exp(points.log_output)
@@ -101,7 +101,7 @@ def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
 
 def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
     """Draw the slope g of the fitted curves, and difference quotients between neighboring readings."""
-    scale = _begin(axes, report, "Slope g: the damping force is D\u209a g l\u2032", zoom=True)
+    scale = _set_up(axes, report, "Slope g: the damping force is D\u209a g l\u2032", zoom=True)
     points = _points(report)
     axes.set_ylabel("slope g = d ln \u03be / dl [1/m]")
     middle = (points.distance[1:] + points.distance[:-1]) / 2
@@ -120,7 +120,7 @@ def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
 
 def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
     """Draw the residuals of the log output for each fitted curve, with the range that noise explains."""
-    scale = _begin(axes, report, "Residuals of the models", zoom=True)
+    scale = _set_up(axes, report, "Residuals of the models", zoom=True)
     points = _points(report)
     axes.set_ylabel("residual of ln \u03be [1]")
     bounds = _TWO_SIGMA * points.deviation
@@ -146,7 +146,7 @@ def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
         )
 
 
-def _begin(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = False) -> Scale:
+def _set_up(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = False) -> Scale:
     """Set the title and the distance axis of a plot; with `zoom`, show only the usable distance range."""
     distances = report.calibration.distances
     scale = scale_for("m", float(distances.max()))

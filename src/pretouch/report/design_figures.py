@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 _TERMS: Final = (2, 3, 4)  # places in the palette
-_WIDE_COST: Final = 100.0  # the same for a cost
+_WIDE_COST: Final = 100.0  # ratio of the largest to the smallest cost, from which the axis is logarithmic
 _ROUND: Final = (-0.1, -1.0, -10.0, -100.0, -0.01, 0.1, 1.0, 10.0)  # gains that are marked along the curve [N s]
 _CLOSE: Final = 0.06  # of the panel: least distance between two marks
 
@@ -47,11 +47,11 @@ def trade_off(design: GainDesign) -> Figure:
         smallest distance over the gain.
     """
     if not design.trade_off.reached.any():
-        return panel_figure(_misses(design))
-    return panel_figure(_objective(design), _plane(design), height=3.5)
+        return panel_figure(_no_contact_panel(design))
+    return panel_figure(_objective_panel(design), _trade_off_panel(design), height=3.5)
 
 
-def _misses(design: GainDesign) -> Panel:
+def _no_contact_panel(design: GainDesign) -> Panel:
     """Return a plot of the smallest distance versus the gain, for designs in which no gain results in contact."""
     scanned = design.scan_result
     gain = _shown_gain(design, np.asarray(scanned.gain, float))
@@ -66,7 +66,7 @@ def _misses(design: GainDesign) -> Panel:
     )
 
 
-def _objective(design: GainDesign) -> Panel:
+def _objective_panel(design: GainDesign) -> Panel:
     """Return a plot of the objective and its terms versus the gain, with the optimum and the infeasible gains."""
     gain, total = np.asarray(_shown_gain(design, design.trade_off.gain)), design.trade_off.objective
     finite = total[np.isfinite(total)]
@@ -91,13 +91,13 @@ def _objective(design: GainDesign) -> Panel:
         title="Objective over the gain",
         curves=curves,
         marks=marks,
-        spans=list(_blocked(design, gain)),
+        spans=list(_infeasible_ranges(design, gain)),
         y_log=wide,
         y_limits=limits,
     )
 
 
-def _plane(design: GainDesign) -> Panel:
+def _trade_off_panel(design: GainDesign) -> Panel:
     """Return a plot of the contact speed versus the excursion, or versus another term of the objective."""
     name = traded_quantity(design)
     state, reached = design.trade_off.state, design.trade_off.reached
@@ -107,19 +107,19 @@ def _plane(design: GainDesign) -> Panel:
     across = _scale(unit_of(name), np.array([*cost, *(p[0] for p in points)]))
     up = _scale("m/s", np.array([*speed, *(p[1] for p in points)]))
     x, y = cost / across.factor, speed / up.factor
-    marks = [Mark(x=c / across.factor, y=v / up.factor, **how) for c, v, how in points]
+    marks = [Mark(x=c / across.factor, y=v / up.factor, **style) for c, v, style in points]
     marks += _round_gains(design, x, y, marks)
-    kept = np.where(design.trade_off.feasible, y, np.nan)
+    feasible = np.where(design.trade_off.feasible, y, np.nan)
     path = Curve(x=x, y=y, quiet=True)
     costs = np.array([*x[np.isfinite(x)], *(mark.x for mark in marks)])
     wide = bool(costs.min() > 1e-6 * costs.max() and costs.max() > _WIDE_COST * costs.min())
-    equal = [] if wide else _equals(design, name, across, up, (float(costs.max()), float(np.nanmax(y))))
+    contour = [] if wide else _optimal_contour(design, name, across, up, (float(costs.max()), float(np.nanmax(y))))
     levels, positions = _limits(design, name, across, up)
     return Panel(
         x_label=f"{words_for(name)} [{across.unit}]",
         y_label=f"{words_for('relative_velocity')} |l\u2032| [{up.unit}]",
         title="Trade-off along the gain",
-        curves=[path, *([Curve(x=x, y=kept, style=0)] if np.isfinite(kept).any() else []), *equal],
+        curves=[path, *([Curve(x=x, y=feasible, style=0)] if np.isfinite(feasible).any() else []), *contour],
         marks=marks,
         levels={text: at for text, at in levels.items() if at < 1.1 * np.nanmax(y)},
         positions={text: at for text, at in positions.items() if at < 1.1 * costs.max()},
@@ -139,16 +139,17 @@ def _gain_axis(design: GainDesign) -> dict[str, Any]:
 
 def _terms(design: GainDesign) -> dict[str, FloatArray]:
     parts = design.definition.parts(design.trade_off.state, abs(design.scenario.obstacle.velocity), design.impact)
-    weighed = {t.quantity for t in design.definition.terms if t.weight > 0} or set(parts)
-    return {name: np.where(design.trade_off.reached, value, np.nan) for name, value in parts.items() if name in weighed}
+    relevant = {t.quantity for t in design.definition.terms if t.weight > 0} or set(parts)
+    reached = design.trade_off.reached
+    return {name: np.where(reached, value, np.nan) for name, value in parts.items() if name in relevant}
 
 
-def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
+def _infeasible_ranges(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
     """Yield each range of infeasible gains with the reason, such as an exceeded limit."""
     trade = design.trade_off
     reasons = np.full(len(gain), "", dtype=object)
     for outcome in design.constraints:
-        for i in np.flatnonzero(trade.reached & _breaks(design, outcome)):
+        for i in np.flatnonzero(trade.reached & _violates(design, outcome)):
             name = outcome.name.replace("_", " ")
             reasons[i] = f"{reasons[i]}, {name}" if reasons[i] else f"violated: {name}"
     reasons[~trade.reached] = "no contact"
@@ -162,7 +163,7 @@ def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
             yield Span(start=float(edges[first]), end=float(edges[last]), label=ordered[first], kind=kind)
 
 
-def _breaks(design: GainDesign, outcome: ConstraintOutcome) -> BoolArray:
+def _violates(design: GainDesign, outcome: ConstraintOutcome) -> BoolArray:
     magnitude = np.abs(quantity_of(outcome.quantity, design.trade_off.state, design.impact))
     return np.asarray(magnitude > outcome.limit * (1 + 1e-9))
 
@@ -176,14 +177,14 @@ def _edges(gain: FloatArray, *, logarithmic: bool) -> FloatArray:
 def _points(design: GainDesign, name: str) -> Iterator[tuple[float, float, dict[str, Any]]]:
     """Yield the marked points, with their style, in the plot of contact speed versus excursion."""
     nearest = design.nearest if design.result is None else None
-    for run, how in (
+    for run, style in (
         (design.no_mitigation, {"label": "no mitigation", "style": 1, "shape": "square"}),
         (design.result, {"label": "chosen", "style": 0}),
         (nearest, {"label": "nearest to the limits", "style": 0}),
     ):
         if run is not None and run.reached.all():
             cost = abs(float(quantity_of(name, run.end, design.impact)))
-            yield cost, abs(float(run.end.relative_velocity)), how
+            yield cost, abs(float(run.end.relative_velocity)), style
 
 
 def _scale(unit: str, values: FloatArray) -> Scale:
@@ -202,7 +203,7 @@ def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[di
     return levels, positions
 
 
-def _equals(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple[float, float]) -> list[Curve]:
+def _optimal_contour(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple[float, float]) -> list[Curve]:
     """Return the contour line on which the objective has its optimal value."""
     if not shows_equals(design):
         return []

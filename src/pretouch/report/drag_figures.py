@@ -47,7 +47,7 @@ def drag(design: DragDesign) -> Figure:
         magnitudes = (np.abs(v) for v in (end.relative_velocity, end.displacement, end.largest_acceleration))
         laws.append((f"letter's gain for {nominal:g} m/s", *magnitudes))
     length = scale_for("m", max(float(np.nanmax(law[2])) for law in laws))
-    moved = all(float(np.min(law[3])) > 0 for law in laws)
+    positive = all(float(np.min(law[3])) > 0 for law in laws)
     rows: list[tuple[str, list[Any], str, bool]] = [
         ("Contact speed", [100 * law[1] / speed for law in laws], _SHARE, False),
         (
@@ -56,7 +56,7 @@ def drag(design: DragDesign) -> Figure:
             f"excursion at contact [{length.unit}]",
             False,
         ),
-        ("Acceleration", [law[3] for law in laws], "largest acceleration [m/s\u00b2]", moved),
+        ("Acceleration", [law[3] for law in laws], "largest acceleration [m/s\u00b2]", positive),
     ]
     panels = [
         Panel(

@@ -64,7 +64,7 @@ def loop_motion(
     trace = replace(loop, contact=None).run(scenario, sensor, gain).trace()
     end = result.end
     last = float(end.time) if result.reached.all() else min(horizon, float(end.time))
-    kept = trace.time < last
+    before_end = trace.time < last
     relative_velocity = scenario.obstacle.velocity_at(trace.time) - trace.velocity
     columns = {
         "time": (trace.time, end.time),
@@ -74,7 +74,10 @@ def loop_motion(
         "virtual_force": (trace.virtual_force, end.virtual_force),
     }
     whole = last == end.time
-    joined = {name: np.append(values[kept], at) if whole else values[kept] for name, (values, at) in columns.items()}
+    joined = {
+        name: np.append(values[before_end], at) if whole else values[before_end]
+        for name, (values, at) in columns.items()
+    }
     return LoopMotion(**joined, result=result)
 
 
@@ -140,8 +143,8 @@ def runs_of(design: GainDesign) -> list[DrawnMotion]:
         design: the design.
 
     Returns:
-        The motions. They are simulated on the sampled loop if the design used it, otherwise in continuous time by the
-        letter's admittance, L(1); a custom evaluation function of a user has no motion.
+        The motions on the sampled loop if the design used the loop, otherwise the motions in continuous time by the
+        letter's admittance, L(1). A custom evaluation function of a user has no motion.
     """
     (low, high), number = design.bounds, design.number
     if design.gain is not None:
@@ -151,11 +154,11 @@ def runs_of(design: GainDesign) -> list[DrawnMotion]:
     else:
         gain, label = (high if abs(high) < abs(low) else low), "weakest: "
     horizon = _horizon(design)
-    chosen = _solve(design, gain, design.method, horizon)
-    still = _solve(design, 0.0, design.no_mitigation.method, horizon)
+    mitigated = _solve(design, gain, design.method, horizon)
+    unmitigated = _solve(design, 0.0, design.no_mitigation.method, horizon)
     return [
-        DrawnMotion("no mitigation", still, 1),
-        DrawnMotion(minus(f"{label}{number.plot_symbol} = {number.plot_text(gain, '#.4g')}"), chosen, 0),
+        DrawnMotion("no mitigation", unmitigated, 1),
+        DrawnMotion(minus(f"{label}{number.plot_symbol} = {number.plot_text(gain, '#.4g')}"), mitigated, 0),
     ]
 
 
@@ -166,13 +169,13 @@ def _panel(design: GainDesign, runs: list[DrawnMotion], clock: Scale, what: tupl
     scale = scale_for(unit, float(np.nanmax(np.abs([*values, *levels.values()]))))
     curves = [_curve(run, name, clock, scale, float(np.nanmax(np.abs(values)))) for run in runs]
     last = max(float(run.motion.time[-1]) for run in runs)
-    held = [o.limit for o in design.constraints if o.name == "time" and o.limit < 1.5 * last]
+    time_limits = [o.limit for o in design.constraints if o.name == "time" and o.limit < 1.5 * last]
     return Panel(
         x_label=f"time [{clock.unit}]",
         y_label=f"{label} [{scale.unit}]",
         curves=[*curves, *(_reference(design, last, values, clock, scale) if name == "position" else ())],
         levels={text: at / scale.factor for text, at in levels.items()},
-        positions=dict.fromkeys(["time limit"] if held else [], min(held, default=0.0) / clock.factor),
+        positions=dict.fromkeys(["time limit"] if time_limits else [], min(time_limits, default=0.0) / clock.factor),
     )
 
 
@@ -198,7 +201,7 @@ def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale
 
 
 def _horizon(design: GainDesign) -> float:
-    """Return the time [s] up to which a motion is drawn that may end without contact."""
+    """Return the time [s] at which the plot of a motion without contact ends."""
     ends = [r for r in (design.result, design.nearest, design.no_mitigation) if r is not None]
     times = [float(r.end.time) for r in ends if _reached(r)]
     mass, damping = float(design.scenario.admittance.mass), float(design.scenario.admittance.damping)
@@ -215,9 +218,9 @@ def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Moti
     loop = design.problem.task.evaluate
     if isinstance(loop, ClosedLoop):
         return loop_motion(loop, design.scenario, design.sensor, gain, horizon=horizon)
-    known = method if method in {"closed-form", "integration", "uniform-motion"} else "auto"
+    solver = method if method in {"closed-form", "integration", "uniform-motion"} else "auto"
     law = design.problem.task.law
-    return law.motion(design.scenario, design.sensor, gain, method=known, horizon=horizon, samples=_SAMPLES)
+    return law.motion(design.scenario, design.sensor, gain, method=solver, horizon=horizon, samples=_SAMPLES)
 
 
 def _limits(design: GainDesign, name: str) -> dict[str, float]:

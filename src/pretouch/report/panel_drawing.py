@@ -195,10 +195,10 @@ def _end_names(panel: Panel) -> list[Name]:
         if curve.end:
             ends.setdefault(curve.end, []).append((curve, look))
     names = []
-    for text, those in ends.items():
-        loud = [look.color for curve, look in those if not curve.quiet]
+    for text, sharing in ends.items():
+        loud = [look.color for curve, look in sharing if not curve.quiet]
         color = loud[0] if len(set(loud)) == 1 else INK if loud else QUIET
-        points = np.array([[values[curve.known][-1] for values in _xy(curve)] for curve, _ in those])
+        points = np.array([[values[curve.known][-1] for values in _xy(curve)] for curve, _ in sharing])
         sample = {"color": color, "linestyle": "None", "marker": "o", "markersize": 5.5, "markeredgewidth": 0.0}
         points = points[np.argsort(-points[:, 0], kind="stable")]
         names.append(Name(text, color, points[:, 0], points[:, 1], sample, "point"))
@@ -294,10 +294,10 @@ def _with_power(label: str, power: int) -> str:
 
 def _within_limits(curve: Curve, panel: Panel, which: str) -> Any:
     """Return which points of a curve are within the axis limits of a plot."""
-    # All points are within, if the panel sets no limits or no point is within them.
+    # If the panel has no limits, or no point is within the limits, all points count as within.
     limits, values = getattr(panel, f"{which}_limits"), np.asarray(getattr(curve, which), float)
-    inside = (values >= limits[0]) & (values <= limits[1]) if limits else np.ones(len(values), dtype=bool)
-    return inside if inside.any() else np.ones(len(values), dtype=bool)
+    within = (values >= limits[0]) & (values <= limits[1]) if limits else np.ones(len(values), dtype=bool)
+    return within if within.any() else np.ones(len(values), dtype=bool)
 
 
 def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 _SHADES: Final = ("#7fb2d6", "#ffffff")  # from low to high: dark enough to be distinct, light enough for text
-_SHORT: Final = 12  # points of a path, about 4 pixels apart, below which there is no room for a number
+_SHORT: Final = 12  # least points of a path, about 4 pixels apart, on which there is room for a number
 _BOX: Final[dict[str, Any]] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
 _LEVELS: Final = 8
-_CROWDED: Final = 0.6  # of the plane
+_CROWDED: Final = 0.6  # share of the map between two levels, from which the levels are quantiles
 
 
 def draw_map(axes: Axes, shown: Map) -> None:
@@ -45,7 +45,7 @@ def draw_map(axes: Axes, shown: Map) -> None:
 
 def number_contours(axes: Axes) -> None:
     """Write values on the contour lines of a map, if possible far from other lines."""
-    # Everything else in the plot must be final.
+    # All other artists of the plot must be final.
     contours = [c for c in axes.collections if isinstance(c, ContourSet) and not c.filled]
     lines = [(level, run) for c in contours for level, runs in zip(c.levels, c.allsegs, strict=True) for run in runs]
     paths = [inside(axes, dense_points(np.asarray(axes.transData.transform(run)))) for _, run in lines]

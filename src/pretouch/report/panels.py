@@ -41,9 +41,9 @@ class Curve(Value):
     Args:
         x: horizontal coordinates, shape (N,), in the unit of the panel's x label.
         y: vertical coordinates, shape (N,), in the unit of the panel's y label; NaN breaks the line.
-        label: its name, written next to it in its color; empty for none.
+        label: name of the curve, written next to the curve in the same color; empty for none.
         style: index of the palette, 0 to 4, for color, line style and marker; None for the position among the curves
-            of the panel that are not quiet. A quiet curve ignores it.
+            of the panel that are not quiet. A quiet curve ignores its style.
         kind: `line`, `points` for measured or sampled values, or `both`.
         low: lower ends, shape (N,): with `high` a band around a line, or a bar through every point.
         high: upper ends, shape (N,).
@@ -97,7 +97,7 @@ class Curve(Value):
 
     @property
     def known(self) -> Any:
-        """Return which points of the curve have finite x and y."""
+        """Which points of the curve have finite x and y, as a boolean array."""
         return np.isfinite(np.asarray(self.x, float)) & np.isfinite(np.asarray(self.y, float))
 
     def __repr__(self) -> str:
@@ -111,8 +111,8 @@ class Mark(Value):
     Args:
         x: horizontal coordinate, in the unit of the panel's x label.
         y: vertical coordinate, in the unit of the panel's y label.
-        label: its name, written next to it; empty for none.
-        style: index of the palette for its color, 0 to 4; None for black.
+        label: name of the point, written next to the point; empty for none.
+        style: index of the palette for the color, 0 to 4; None for black.
         shape: `dot`, `ring` or `square`.
 
     Raises:
@@ -138,17 +138,15 @@ class Mark(Value):
 class Span(Value):
     """A range of the horizontal axis that is hatched or shaded over the whole height of a plot.
 
-    Its name is written inside the range.
-
     Args:
         start: lower end, in the unit of the panel's x label.
         end: upper end, larger than `start`.
-        label: its name; empty for none.
+        label: name of the range, written inside the range; empty for none.
         kind: `blocked` (hatched, for infeasible values), `missing` (hatched in the other direction, for missing values)
             or `used` (shaded).
 
     Raises:
-        InvalidInputError: it ends before it starts, or the kind is unknown.
+        InvalidInputError: `end` is not larger than `start`, or the kind is unknown.
     """
 
     start: float
@@ -174,8 +172,8 @@ class Map(Value):
     Missing values are hatched.
 
     Args:
-        x: coordinates of its columns, shape (N,), N >= 2, in the unit of the panel's x label.
-        y: coordinates of its rows, shape (M,), M >= 2, in the unit of the panel's y label.
+        x: coordinates of the columns of `values`, shape (N,), N >= 2, in the unit of the panel's x label.
+        y: coordinates of the rows of `values`, shape (M,), M >= 2, in the unit of the panel's y label.
         values: shape (M, N), in the unit of the panel's title; NaN for missing values.
 
     Raises:
@@ -217,9 +215,10 @@ class Panel(Value):
         levels: horizontal reference lines: name to y.
         positions: vertical reference lines: name to x.
         x_log: True for a logarithmic horizontal axis, on which all numbers must be positive or NaN.
-        y_log: the same for the vertical axis.
-        x_limits: limits of the horizontal axis; None takes them from the data.
-        y_limits: the same for the vertical axis; with None, positive data near zero start at zero.
+        y_log: True for a logarithmic vertical axis, on which all numbers must be positive or NaN.
+        x_limits: limits of the horizontal axis; None for limits that contain all data.
+        y_limits: limits of the vertical axis; None for limits that contain all data, from zero for positive data near
+            zero.
 
     Raises:
         InvalidInputError: a unit is missing, there is neither a curve nor a map, a number on a logarithmic axis is not

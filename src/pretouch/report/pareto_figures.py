@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _WORSE: Final = 2e-3  # of the extent of the front: a point that is worse by this in all quantities is dominated
 _MOST_DOMINATED: Final = 400  # dominated points that are drawn
-_CHOSEN: Final = {
+_PARAMETERS: Final = {
     "natural_frequency": ("natural frequency", "rad/s"),
     "damping_ratio": ("damping ratio", ""),
 }
@@ -89,19 +89,19 @@ def admittance(design: AdmittanceDesign) -> Figure:
             if np.isfinite(value[:, j]).any()
         ]
     marks = []
-    best, before = design.certificate, design.unchanged
+    best, unchanged = design.certificate, design.unchanged
     if best is not None:
         at = best.local_minima[0]
         x = at.damping_ratio if only_ratio else at.natural_frequency
         marks.append(Mark(x=x, y=at.objective, label="chosen"))
-    given = before.scenario.admittance
+    original = unchanged.scenario.admittance
     low, high = float(across.min()), float(across.max())
-    x = float(given.natural_frequency)
+    x = float(original.natural_frequency)
     if only_ratio:
-        x = float(given.damping_ratio) if given.stiffness > 0 else float("nan")
-    if before.objective is not None and low <= x <= high:
-        marks.append(Mark(x=x, y=float(before.objective), label="without change", shape="square"))
-    name, unit = _CHOSEN["damping_ratio" if only_ratio else "natural_frequency"]
+        x = float(original.damping_ratio) if original.stiffness > 0 else float("nan")
+    if unchanged.objective is not None and low <= x <= high:
+        marks.append(Mark(x=x, y=float(unchanged.objective), label="without change", shape="square"))
+    name, unit = _PARAMETERS["damping_ratio" if only_ratio else "natural_frequency"]
     panel = Panel(
         x_label=f"{name} [{unit or '1'}]",
         y_label="objective f of the best gain [1]",
@@ -144,7 +144,7 @@ def _bound(front: ParetoFront) -> Panel:
     """Return a plot of the excursion versus the contact speed, compared with the bound for every controller."""
     c = front.comparison
     if c is None or front.result is None:
-        raise InvalidInputError("front: found one without a physical bound")
+        raise InvalidInputError("front: this Pareto front has no physical bound to draw")
     speed = np.abs(front.result.end.relative_velocity)
     up, across = scale_for("m", float(np.max(c.excursion))), scale_for("m/s", float(speed.max()))
     order = np.argsort(speed, kind="stable")
@@ -184,10 +184,10 @@ def _parameters(front: ParetoFront) -> Iterator[Panel]:
     sign, minus = (-1.0, "\u2212") if front.bounds[1] <= 0 else (1.0, "")
     n = front.number
     rows = [("gain", f"{n.name} {minus}{n.plot_symbol}", pretty_unit(n.unit), sign)]
-    rows += [(free, *_CHOSEN[free], 1.0) for free in front.free[1:]]
-    for chosen, label, unit, factor in rows:
-        values = factor * getattr(front, chosen)
-        points = [(p, factor * getattr(p, chosen)) for p in front.marked if p.feasible]
+    rows += [(free, *_PARAMETERS[free], 1.0) for free in front.free[1:]]
+    for parameter, label, unit, factor in rows:
+        values = factor * getattr(front, parameter)
+        points = [(p, factor * getattr(p, parameter)) for p in front.marked if p.feasible]
         if _is_curve(front):
             curve = Curve(x=_broken(front, x), y=_broken(front, values), style=0)
         else:

@@ -23,7 +23,7 @@ _MOST_SPANS: Final = 100  # detections that are shaded
 
 @check_arguments
 def replay(replay: Replay) -> Figure:
-    """Draw what the law did with a recording.
+    """Draw a recording with the virtual force and the motion that the law computed from it.
 
     Args:
         replay: the replay.
@@ -35,9 +35,9 @@ def replay(replay: Replay) -> Figure:
     steps, end = replay.steps, float(replay.steps.time[-1])
     clock = scale_for("s", end)
     is_distance = replay.recording.kind == "distance"
-    own = replay.recording.values if is_distance else replay.readings
+    recorded = replay.recording.values if is_distance else replay.readings
     panels = [
-        _panel(replay, clock, replay.recording.time, own, ("distance", "m") if is_distance else ("reading", "")),
+        _panel(replay, clock, replay.recording.time, recorded, ("distance", "m") if is_distance else ("reading", "")),
         _panel(replay, clock, steps.time, steps.log_level, ("ln(\u03be / floor)", "1")),
         _panel(replay, clock, steps.time, steps.virtual_force, ("virtual force F\u209a", "N")),
         _panel(replay, clock, steps.time, steps.position, ("commanded motion", "m")),
@@ -46,7 +46,7 @@ def replay(replay: Replay) -> Figure:
 
 
 def _panel(replay: Replay, clock: Scale, time: FloatArray, values: FloatArray, axis: tuple[str, str]) -> Panel | None:
-    """Return a plot of one quantity over time; None if it has no finite value."""
+    """Return a plot of one quantity over time; None if the quantity has no finite value."""
     label, unit = axis
     end = float(replay.steps.time[-1])
     order = np.argsort(time, kind="stable")

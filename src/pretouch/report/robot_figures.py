@@ -57,11 +57,11 @@ def robot(result: RobotSimulation, run: int = 0) -> Figure:
             )
         return Panel(x_label=f"time [{clock.unit}]", y_label=f"{label} [{scale.unit}]", curves=curves)
 
-    known = [course for course in predicted if course is not None]
+    courses = [course for course in predicted if course is not None]
     joints = tuple(f"joint {i + 1}" for i in range(min(trace.torque.shape[1], 4)))
     panels = [
-        panel("distance l", "m", trace.distance, result.sites, [(c.time, c.distance) for c in known]),
-        panel("reference of the site", "m", trace.reference, result.sites, [(c.time, c.position) for c in known]),
+        panel("distance l", "m", trace.distance, result.sites, [(c.time, c.distance) for c in courses]),
+        panel("reference of the site", "m", trace.reference, result.sites, [(c.time, c.position) for c in courses]),
         panel("contact force", "N", trace.force, result.sites),
         panel("torque of the drives", "N*m", trace.torque, joints),
     ]
@@ -69,7 +69,7 @@ def robot(result: RobotSimulation, run: int = 0) -> Figure:
 
 
 def workspace(dataset: Any) -> Figure:
-    """Draw where on a robot one gain holds: reflected mass, contact speed and remaining excursion.
+    """Draw maps of reflected mass, contact speed and remaining excursion at many places of a robot, for one gain.
 
     Args:
         dataset: the dataset of a sweep after `Workspace.describe`.

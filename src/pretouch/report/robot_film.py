@@ -39,14 +39,14 @@ _PLANAR: Final = (
 
 @dataclass(frozen=True, slots=True)
 class _Film:
-    """The frames of a film and the rows of the trace that they show.
+    """The frames of a film, and the data of its filmstrip.
 
     Args:
         frames: images, shape (height, width, 3).
-        stills: which of them form the filmstrip.
-        labels: text below each still.
-        slower: by how much the animation is slower than the encounter.
-        remark: why the frames are drawings; empty if MuJoCo has rendered them.
+        stills: indices of the frames that form the filmstrip.
+        labels: title of each still.
+        slower: duration of the animation divided by the duration of the encounter.
+        remark: reason why the frames are drawings; empty if MuJoCo has rendered the frames.
     """
 
     frames: list[Frame]
@@ -65,7 +65,8 @@ def robot_film(result: RobotSimulation, run: int = 0) -> Figure:
         run: number of the run.
 
     Returns:
-        Six frames from the start until shortly after contact, rendered by MuJoCo; planar drawings without OpenGL.
+        Six frames from the start until shortly after contact. MuJoCo renders the frames; without OpenGL, the frames are
+        planar drawings.
     """
     film = _film_of(result, run, _STILLS)
     figure = new_figure(10.5, 5.7)
@@ -79,16 +80,16 @@ def robot_film(result: RobotSimulation, run: int = 0) -> Figure:
 
 
 def film_html(result: RobotSimulation, run: int = 0) -> str:
-    """Return the film of one run as HTML: an animation, which readers can switch off, and a filmstrip.
+    """Return the film of one run as HTML: a filmstrip and an animation.
 
-    The animation stands still for readers whose system asks for reduced motion.
+    On systems with the setting "reduced motion", a still replaces the animation.
 
     Args:
         result: the result of `simulate_robot`.
         run: number of the run.
 
     Returns:
-        The elements, with all images in them.
+        The HTML elements, which contain all images.
     """
     film = _film_of(result, run, _FRAMES)
     still = _address([film.frames[film.stills[-2]]])
@@ -130,7 +131,7 @@ def _film_of(result: RobotSimulation, run: int, count: int) -> _Film:
 
 
 def _label(time: float, distance: float, contact: SiteContact) -> str:
-    """Return the text below a still: its time and the distance of the first site."""
+    """Return the title of a still: its time and the distance of the first site."""
     clock = format_quantity(time, "s", 3)
     if time >= contact.time:
         return f"{clock}, {'contact' if time < contact.time + _MOMENT else 'after contact'}"

@@ -29,9 +29,7 @@ _ROBUST, _NOMINAL, _NONE = 0, 1, 2  # palette indices: a gain has the same style
 
 @check_arguments
 def robust(design: RobustDesign) -> Figure:
-    """Draw the risk measure versus the gain, and the distribution of the objective for two gains.
-
-    These are the robust and the nominal gain.
+    """Draw the risk measure versus the gain, and the distribution of the objective for robust and nominal gain.
 
     Args:
         design: a design of any status.
@@ -54,10 +52,10 @@ def outcome(design: RobustDesign) -> Figure:
         design: a design of any status.
 
     Returns:
-        At most four panels: for each quantity with a constraint, the relative speed at contact, the largest excursion
-        and the time of contact. A panel shows the share of encounters in which the quantity is below a value: with the
-        robust gain (or the nearest gain, if none is feasible), with the nominal gain and without mitigation. The limit
-        is shown as well.
+        At most four panels: first the quantities with a constraint, then the relative speed at contact, the largest
+        excursion and the time of contact. A panel shows the share of encounters in which the quantity is below a value:
+        with the robust gain (or the nearest gain, if none is feasible), with the nominal gain and without mitigation.
+        The limit is shown as well.
 
     Raises:
         ResultUnavailableError: no encounter ends in contact.
@@ -158,9 +156,9 @@ def _objective_panel(design: RobustDesign) -> Panel:
 
 
 def _quantities(design: RobustDesign) -> list[str]:
-    wanted = [limit.constraint.quantity for limit in design.limits]
-    wanted += ["relative_velocity", "largest_excursion", "time"]
-    return list(dict.fromkeys(wanted))[:4]
+    names = [limit.constraint.quantity for limit in design.limits]
+    names += ["relative_velocity", "largest_excursion", "time"]
+    return list(dict.fromkeys(names))[:4]
 
 
 def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, RobustOutcomes]]) -> Panel:
@@ -172,7 +170,7 @@ def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, R
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
-    """Yield two plots over one input: the best gain, and by how much the objective of the robust gain is larger."""
+    """Yield two plots over one input: the best gain, and the loss of robust and nominal gain in percent."""
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"

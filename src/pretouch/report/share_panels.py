@@ -35,10 +35,10 @@ def share_panel(
         columns: name, palette index and values in SI of each curve; a run without a value is NaN or infinite, and its
             curve stays below 100 %.
         label: name of the quantity, without its unit.
-        scale: the unit in which it is shown; an empty unit is written as 1.
-        of: what is counted: runs, or encounters.
+        scale: display unit of the quantity; an empty unit is written as 1.
+        of: the counted objects: runs, or encounters.
         title: title of the panel.
-        marks: highlighted points, in that unit and in percent.
+        marks: highlighted points, with x in the display unit and y in percent.
         positions: vertical reference lines: name to SI value.
         levels: horizontal reference lines: name to percent.
 
@@ -77,8 +77,8 @@ def outcome_panel(
     Args:
         name: name of the quantity in `pretouch._core.vocabulary`.
         columns: see `share_panel`.
-        limit: its limit in SI and the required share of runs; None without a limit.
-        symbol: symbol after its name.
+        limit: limit of the quantity in SI, and the required share of runs; None without a limit.
+        symbol: symbol after the name of the quantity.
         of: see `share_panel`.
         marks: returns highlighted points in the unit of the panel; only points in the color of a curve are drawn.
 
@@ -90,10 +90,10 @@ def outcome_panel(
     whole = largest if limit is None else max(largest, limit[0])
     scale = scale_for(unit_of(name), whole)
     visible = [not len(values) or float(values.max()) > NEGLIGIBLE * whole for values in finite]
-    kept = [c for c, shown in zip(columns, visible, strict=True) if shown] or columns
-    drawn = {style for _, style, _ in kept}
+    shown = [column for column, is_visible in zip(columns, visible, strict=True) if is_visible] or columns
+    drawn = {style for _, style, _ in shown}
     return share_panel(
-        kept,
+        shown,
         f"{words_for(name)} {symbol}".strip(),
         scale,
         of=of,

@@ -26,7 +26,7 @@ _AIR: Final = 1.05
 _AFTER: Final = 0.1  # of the time of contact: how long a persistent contact is shown
 _LONGEST: Final = 3.0  # times the contact time on the loop: later contacts are not shown
 _SETTLED: Final = 0.02  # of the approach: tolerance of the smallest distance of a run without contact
-_BEFORE: Final = 0.06  # of the duration of contact, shown before it
+_BEFORE: Final = 0.06  # of the shown time of the contact: time that is shown before the contact
 _FIRST: Final = 1.6  # times the duration of the impact: how long a persistent contact is shown in detail
 
 
@@ -47,8 +47,8 @@ def simulation(encounter: SimulatedEncounter) -> Figure:
 
     Returns:
         Panels over the same time axis: distance, relative velocity, virtual force, and the readings of the law compared
-        with the output of an ideal sensor, with the moments of detection and contact. With a contact model also the
-        contact force over the same time axis, and in milliseconds from the first touch.
+        with the output of an ideal sensor, with the moments of detection and contact. With a contact model, one more
+        panel shows the contact force over the same time axis, and another panel shows the force of the first contact.
     """
     end = _shown_until(encounter)
     clock = scale_for("s", end)
@@ -98,12 +98,12 @@ def _loop_series(encounter: SimulatedEncounter) -> _TimeSeries:
 
 def _unmitigated_series(encounter: SimulatedEncounter) -> _TimeSeries:
     """Return the time series of the run without mitigation, until its first contact."""
-    # The contact panel shows the rest.
+    # The contact force is not cut, because the panel of the contact shows the whole force.
     run, trace = encounter.unmitigated, encounter.unmitigated_trace
     columns = _columns_of(encounter, run, trace)
     until = run.time if run.touched else run.end_time
-    kept = {k: (t[t <= until], v[t <= until]) for k, (t, v) in columns.items() if k != "contact_force"}
-    return _TimeSeries("no mitigation", _NONE, {**kept, "contact_force": columns["contact_force"]})
+    cut = {k: (t[t <= until], v[t <= until]) for k, (t, v) in columns.items() if k != "contact_force"}
+    return _TimeSeries("no mitigation", _NONE, {**cut, "contact_force": columns["contact_force"]})
 
 
 def _columns_of(
@@ -122,19 +122,19 @@ def _columns_of(
     }
     joined = {name: (moments[order], np.concatenate(pair)[order]) for name, pair in parts.items()}
     period = encounter.loop.law.period
-    held = {name: _held(time, values, period) for name, values in _held_columns(trace).items()}
-    return {**joined, **held}
+    steps = {name: _step_curve(time, values, period) for name, values in _step_columns(trace).items()}
+    return {**joined, **steps}
 
 
-def _held_columns(trace: LoopTrace) -> dict[str, FloatArray]:
+def _step_columns(trace: LoopTrace) -> dict[str, FloatArray]:
     """Return the quantities that are constant between two controller steps; NaN before the first reading."""
     reading = trace.reading.copy()
     reading[: int((reading != 0.0).argmax()) if (reading != 0.0).any() else 0] = np.nan
     return {"virtual_force": trace.virtual_force, "reading": reading}
 
 
-def _held(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
-    """Return values that are held between samples as a step curve."""
+def _step_curve(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
+    """Return values that are constant between samples as a step curve."""
     return np.column_stack([time, time + period]).ravel(), np.repeat(values, 2)
 
 
@@ -191,8 +191,8 @@ def _largest(values: FloatArray) -> float:
 
 def thin_out(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
     """Remove the part of a time series after the end of the plot, and thin out its points without losing extremes."""
-    kept = time <= end
-    time, values = time[kept], np.where(np.isfinite(values[kept]), values[kept], np.nan)
+    visible = time <= end
+    time, values = time[visible], np.where(np.isfinite(values[visible]), values[visible], np.nan)
     if len(time) <= MOST_POINTS:
         return time, values
     groups = np.array_split(np.arange(len(time)), MOST_POINTS // 2)

@@ -182,8 +182,8 @@ def drawing() -> Iterator[None]:
         yield
 
 
-_OVERLAP: Final = 0.5  # of the smaller one: axes that overlap by more are one panel
-_WIDE: Final = 0.6  # of the figure: wider panels stand one below the other
+_OVERLAP: Final = 0.5  # share of the smaller width and height, from which two overlapping axes are one panel
+_WIDE: Final = 0.6  # share of the width of the figure, from which a panel fills a row
 
 
 def draw_svg(figure: Figure, name: str) -> str:
@@ -206,7 +206,7 @@ def draw_svg(figure: Figure, name: str) -> str:
     whole = re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{name}-", text)
     if len(panels) < 2:
         return whole
-    # a narrow screen shows the panels one below the other: views of the same drawing
+    # on a narrow screen, each panel is a view of the same drawing, one below the other
     use = f'<use href="#{name}-all"/>'
     views = (
         f'<svg viewBox="{x:.1f} {y:.1f} {w:.1f} {h:.1f}" style="max-width: {w:.0f}pt">{use}</svg>'
@@ -217,7 +217,7 @@ def draw_svg(figure: Figure, name: str) -> str:
 
 def _panel_boxes(figure: Figure) -> list[tuple[float, float, float, float]]:
     """Return the position and the size [pt] of each plot in a figure with several columns."""
-    # x, y (from the top), width and height
+    # Each box has x, y (from the top), width and height.
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - loaded with Matplotlib
     from matplotlib.transforms import Bbox  # noqa: PLC0415
 

@@ -73,7 +73,7 @@ def _axis(flat: xr.Dataset | xr.DataArray, dim: str) -> tuple[FloatArray, Scale,
     values = np.asarray(flat[dim].values, dtype=np.float64)
     scale = _scale(flat[dim], values)
     name = words_for(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"
-    if dim == "gain":  # of the letter's law, or of another law, whose name is in long_name
+    if dim == "gain":  # the gain of the letter's law, or the number of another law, whose name is in long_name
         name = str(flat[dim].attrs.get("long_name", name))
         name = "gain D_p" if name == "gain" else name
     return values / scale.factor, scale, f"{name} [{scale.unit or '1'}]"
@@ -87,7 +87,7 @@ def _scale(variable: Any, values: FloatArray) -> Scale:
 
 def _label(variable: Any, scale: Scale, *, short: bool = False) -> str:
     name, long_name = str(variable.name), str(variable.attrs.get("long_name", "gain"))
-    if name not in QUANTITIES:  # of another simulation, such as that of a whole robot
+    if name not in QUANTITIES:  # a result of another simulation, such as of a whole robot
         return f"{long_name} [{scale.unit or '1'}]"
     q = QUANTITIES[name]
     if name == "gain" and long_name not in {"gain", "optimal gain"}:  # the number of another law
@@ -126,11 +126,11 @@ def _curve(x: FloatArray, y: FloatArray, label: str, ordered: bool, style: int |
 
 
 def _map(flat: xr.Dataset, name: str, across: str, up: str) -> Panel:
-    thin = {dim: slice(None, None, -(-flat.sizes[dim] // _MOST_CELLS)) for dim in (across, up)}
-    few = flat[name].transpose(up, across).isel(thin)
-    (x, _, x_label), (y, _, y_label) = _axis(few, across), _axis(few, up)
-    values = np.asarray(few.values, dtype=np.float64)
-    scale = _scale(few, values)
+    steps = {dim: slice(None, None, -(-flat.sizes[dim] // _MOST_CELLS)) for dim in (across, up)}
+    thinned = flat[name].transpose(up, across).isel(steps)
+    (x, _, x_label), (y, _, y_label) = _axis(thinned, across), _axis(thinned, up)
+    values = np.asarray(thinned.values, dtype=np.float64)
+    scale = _scale(thinned, values)
     holes = "" if np.isfinite(values).all() else ", hatched: no value"
     return Panel(
         x_label=x_label,

@@ -43,14 +43,14 @@ def verdict(verdict: Verdict) -> Figure:
 
     Returns:
         Panels of the speed at contact, the contact force if simulated, the largest excursion, the time of contact, and
-        any other quantity with a limit: the share of runs in which it is below a value, with and without mitigation
-        on the loop. Rings are predicted values; dotted lines are limits and the required share.
+        any other quantity with a limit. Each panel shows the share of runs in which the quantity is below a value, with
+        and without mitigation on the loop. Rings are predicted values; dotted lines are limits and the required share.
 
     Raises:
         ResultUnavailableError: there is no gain, or no run ends in contact.
     """
     if verdict.mitigated is None or verdict.unmitigated is None:
-        raise ResultUnavailableError("verdict: there is no gain, so that nothing was simulated")
+        raise ResultUnavailableError("verdict: there is no gain, so nothing was simulated")
     panels = [_outcome_panel(verdict, name) for name in _quantities(verdict)]
     shown = [panel for panel in panels if panel is not None]
     if not shown:
@@ -135,7 +135,7 @@ def verdict_run(verdict: Verdict) -> Figure:
         ResultUnavailableError: there is no gain.
     """
     if verdict.gain is None or verdict.mitigated is None or verdict.predicted is None:
-        raise ResultUnavailableError("verdict: there is no gain, so that nothing was simulated")
+        raise ResultUnavailableError("verdict: there is no gain, so nothing was simulated")
     end = _shown_until(verdict, verdict.mitigated, verdict.predicted)
     shown = [
         _run_until_contact(verdict, index, label, style, end) for label, style, index in _chosen_runs(verdict.mitigated)
@@ -175,12 +175,10 @@ def _run_until_contact(verdict: Verdict, index: int, label: str, style: int, end
     """Return a run until its first contact, which may lie between two controller steps."""
     result: Any = verdict.mitigated
     trace, touched = result.trace(index), bool(result.touched[index])
-    kept = trace.time < (result.time[index] if touched else end)
-    time, obstacle = trace.time[kept], trace.obstacle_position[kept]
-    moved = (
-        np.gradient(obstacle, time) if len(time) > 1 else np.full(len(time), np.nan)
-    )  # the motion of the obstacle is prescribed
-    columns = [time, trace.distance[kept], moved - trace.velocity[kept]]
+    visible = trace.time < (result.time[index] if touched else end)
+    time, obstacle = trace.time[visible], trace.obstacle_position[visible]
+    obstacle_velocity = np.gradient(obstacle, time) if len(time) > 1 else np.full(len(time), np.nan)
+    columns = [time, trace.distance[visible], obstacle_velocity - trace.velocity[visible]]
     if touched:
         last = (result.time[index], 0.0, result.relative_velocity[index])
         columns = [np.append(column, value) for column, value in zip(columns, last, strict=True)]

@@ -38,7 +38,7 @@ def verdict_stability(verdict: Verdict) -> Figure:
         margin 2), and the verified gain.
 
     Raises:
-        ResultUnavailableError: there is no stability check, no gain is unstable, or every gain is.
+        ResultUnavailableError: there is no stability check, no gain is unstable, or every gain is unstable.
     """
     check = verdict.stability
     if check is None or verdict.gain is None or not math.isfinite(check.strongest) or check.strongest == 0:
@@ -117,18 +117,18 @@ class _Part(NamedTuple):
     style: int
     gain: FloatArray
     objective: FloatArray
-    kept: BoolArray
+    feasible: BoolArray
 
     def curves(self, sign: float, top: float) -> Iterator[Curve]:
         """Yield the objective over the gain, gray where a limit is missed and colored where all limits are met."""
         values = np.where(np.isfinite(self.objective) & (self.objective <= 1.02 * top), self.objective, np.nan)
-        kept = np.where(self.kept, values, np.nan)
-        both = np.isfinite(kept).any()
-        if np.isfinite(np.where(self.kept, np.nan, values)).any():
-            name = "" if both else f"{self.label}: limits missed"
+        feasible = np.where(self.feasible, values, np.nan)
+        any_feasible = np.isfinite(feasible).any()
+        if np.isfinite(np.where(self.feasible, np.nan, values)).any():
+            name = "" if any_feasible else f"{self.label}: limits missed"
             yield Curve(x=sign * self.gain, y=values, label=name, quiet=True)
-        if both:
-            yield Curve(x=sign * self.gain, y=kept, label=self.label, style=self.style)
+        if any_feasible:
+            yield Curve(x=sign * self.gain, y=feasible, label=self.label, style=self.style)
 
 
 def _finite(values: FloatArray) -> FloatArray:

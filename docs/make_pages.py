@@ -25,7 +25,7 @@ DOCS = Path(__file__).parent
 MADE = "<!-- written by docs/make_pages.py -->"
 GROUPS = {
     "PT1": "Calibration",
-    "PT2": "What the calibration says about an answer",
+    "PT2": "Calibration and encounter",
     "PT3": "Design",
     "PT4": "Sampled loop",
     "PT5": "Robot models",
@@ -99,7 +99,8 @@ def commands_page() -> str:
         MADE,
         "# Commands and options",
         "",
-        "[The command line](cli.md) explains the output and the exit status.",
+        "This page lists all commands with their arguments and options. [The command line](cli.md) explains the output",
+        "and the exit status.",
         "",
     ]
     for name in group.list_commands(context):
@@ -177,8 +178,9 @@ def keys_page() -> str:
         MADE,
         "# All sections and keys",
         "",
-        "This page is written from the schema that reads scenario files. [The scenario file](scenario-file.md)",
-        "explains the sections and keys.",
+        "This page lists every key of a scenario file, with the values that it accepts and its default. A section can",
+        "have several kinds: a key is required, or allowed, only in the kinds that have it. [The scenario",
+        "file](scenario-file.md) explains the sections, their kinds and the keys.",
     ]
     section = ""
     for name, key, description in _keys():

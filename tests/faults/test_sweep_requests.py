@@ -86,7 +86,7 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
         (
             {"a": {"plant.velocity": [0.0]}, "plant.velocity": [0.1]},
             {"gain": -0.5},
-            r"the input plant\.velocity is given twice, but can have only one axis",
+            r"the input plant\.velocity is on two axes",
         ),
         (
             {"admittance.natural_frequency": [5.0], "admittance.damping": [1.0]},

@@ -68,7 +68,7 @@ def with_context(context: str, text: str) -> str:
 
 
 def codes_in(texts: Iterable[str]) -> tuple[str, ...]:
-    """Return the codes that occur in texts, each once and in order."""
+    """Return the codes of warnings that occur in texts, each once and in ascending order."""
     return tuple(sorted({code for text in texts for code in _CODED.findall(text) if code in WARNING_CODES}))
 
 
@@ -203,8 +203,8 @@ _TABLE: Final = (
     (
         "PT203",
         "The object recedes at the start",
-        "The velocity of the obstacle is positive, so it moves away from the robot.",
-        "There is nothing to mitigate.",
+        "The relative velocity at the start is positive, so the distance between robot and object increases.",
+        "An object that recedes can touch the robot only if it comes back later.",
         'Give the obstacle a negative velocity, for example `velocity = "-0.3 m/s"`.',
         "The object recedes at the start.",
     ),

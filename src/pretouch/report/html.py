@@ -92,7 +92,7 @@ def report_html(result: Any, *, calibration: CalibrationReport | None = None, so
 
 
 def page_html(page: Page) -> str:
-    """Return a report page as HTML, with the versions of the software and a signature line."""
+    """Return a report page as HTML, with the versions of the software, and signed with a hash."""
     shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
     title = f"{page.kind}{'' if page.kind.endswith('?') else ':'} {page.source}" if page.source else page.kind
     body = page_as_html(explained(page), _draw)

@@ -47,7 +47,7 @@ class Curve(Value):
         kind: `line`, `points` for measured or sampled values, or `both`.
         low: lower ends, shape (N,): with `high` a band around a line, or a bar through every point.
         high: upper ends, shape (N,).
-        quiet: True for a thin grey line, such as one of many similar motions.
+        quiet: True for a thin gray line, such as one of many similar motions.
         end: text at the last finite point, which is marked with a dot; a text that several curves of a panel share is
             written once. A dot outside the limits of the panel is not drawn.
 

@@ -107,7 +107,7 @@ def film_html(result: RobotSimulation, run: int = 0) -> str:
 
 
 def _film_of(result: RobotSimulation, run: int, count: int) -> _Film:
-    """Draw `count` frames of a run at equal time steps."""
+    """Draw `count` frames at equal steps of a run; the frame nearest to the first contact shows the contact."""
     trace, contacts = result.trace(run), [contacts[run] for contacts in result.contacts]
     rows = np.linspace(0, len(trace.time) - 1, count).round().astype(int)
     touches = [c.time for c in contacts if not math.isnan(c.time)]

@@ -80,7 +80,7 @@ def verdict_gain(verdict: Verdict) -> Figure:
 
     Returns:
         One panel: the objective of the nominal encounter in continuous time, and its mean over the runs on the loop;
-        thin and grey for gains that miss a limit. The ideal optimum, the verified gain, the best gain on the loop and
+        thin and gray for gains that miss a limit. The ideal optimum, the verified gain, the best gain on the loop and
         the stability limit are marked.
 
     Raises:

@@ -188,7 +188,7 @@ def _compute(verb: str, file: Path, gain: float | None, folder: Path, sender: Co
 
 
 def _sweep(task: Any, sender: Connection) -> dict[str, Any]:
-    """Compute contacts, or optimal gains, over approach speeds from a quarter to twice that of the encounter."""
+    """Compute contacts, or optimal gains, over speeds from a quarter to twice the approach speed of the encounter."""
     import numpy as np  # noqa: PLC0415
 
     from pretouch.sweeps import sweep  # noqa: PLC0415

@@ -129,12 +129,13 @@ def _chunk_size(task: Task, results: tuple[str, ...]) -> int:
 
 
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """Return the shape of the blocks into which a grid is divided, so that no block has too many encounters.
+    """Return the shape of the chunks into which a grid is divided, with at most `most` encounters per chunk.
 
-    The last axes are taken whole, and the first axis that does not fit is divided.
+    From the last axis to the first, an axis that fits stays whole. The first axis that does not fit is divided, and a
+    chunk contains one value of each axis before.
 
     Returns:
-        The shape of a part, with at most `most` encounters.
+        The shape of a chunk.
 
     Examples:
         >>> part_shape((100, 30, 10), 1000), part_shape((100, 30, 10), 100)

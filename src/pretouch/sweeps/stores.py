@@ -1,4 +1,4 @@
-"""Store the results of a sweep in memory or in a Zarr folder, so that an interrupted sweep can be resumed.
+"""Store results of a sweep in memory or in a Zarr folder, so that an interrupted sweep can be resumed.
 
 A store first writes the data of a block, each chunk atomically as a file. Then it marks the block as finished in the
 ledger, in a file of one byte. If the process is killed, only unfinished blocks are lost. A block with damaged data is

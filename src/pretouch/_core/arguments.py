@@ -134,8 +134,8 @@ def check_arguments(function: F) -> F:
             else:
                 if further is None:
                     return function(*args, **options)
-        each = (*leading, *[further] * (len(args) - len(leading)))
-        checked = [_check(rule, value) for rule, value in zip(each, args)]  # noqa: B905 - there may be fewer arguments
+        all_rules = (*leading, *[further] * (len(args) - len(leading)))
+        checked = [_check(rule, value) for rule, value in zip(all_rules, args)]  # noqa: B905 - there may be fewer arguments
         return function(*checked, **{name: _check(by_name.get(name), value) for name, value in options.items()})
 
     return cast("F", call)

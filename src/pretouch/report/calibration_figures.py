@@ -212,14 +212,14 @@ def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, st
         outlier[list(report.best.outliers)] = True
     clipped = outputs >= (np.inf if window.saturation is None else window.saturation)
     used = np.isin(distances, window.distances) & ~outlier & ~clipped
-    faint = ~used & ~outlier & ~clipped & (outputs <= window.floor)
-    rest = ~used & ~outlier & ~clipped & ~faint
+    no_signal = ~used & ~outlier & ~clipped & (outputs <= window.floor)
+    outside = ~used & ~outlier & ~clipped & ~no_signal
     for name, mask, marker, color, fill in (
         ("used", used, "o", INK, "white"),
         ("outlier, not used", outlier & ~clipped, "X", BASELINE, BASELINE),
         ("clipped", clipped, "s", BASELINE, "white"),
-        ("no signal", faint, "v", QUIET, "white"),
-        ("outside the window", rest, "D", QUIET, "white"),
+        ("no signal", no_signal, "v", QUIET, "white"),
+        ("outside the window", outside, "D", QUIET, "white"),
     ):
         if mask.any():
             yield name, mask, marker, color, fill

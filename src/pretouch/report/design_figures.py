@@ -228,11 +228,11 @@ def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[M
     for gain in _ROUND:
         if not design.bounds[0] <= gain <= design.bounds[1]:
             continue
-        here = np.array([np.interp(gain, design.trade_off.gain[order], values[order]) for values in (x, y)])
-        apart = [np.abs((here - [mark.x, mark.y]) / size).max() for mark in (*marks, *new_marks)]
-        if np.isfinite(here).all() and min(apart, default=1.0) > _CLOSE:
+        point = np.array([np.interp(gain, design.trade_off.gain[order], values[order]) for values in (x, y)])
+        distances = [np.abs((point - [mark.x, mark.y]) / size).max() for mark in (*marks, *new_marks)]
+        if np.isfinite(point).all() and min(distances, default=1.0) > _CLOSE:
             label = minus(design.number.plot_text(gain, "g"))
-            new_marks.append(Mark(x=float(here[0]), y=float(here[1]), label=label, shape="ring"))
+            new_marks.append(Mark(x=float(point[0]), y=float(point[1]), label=label, shape="ring"))
     return new_marks
 
 

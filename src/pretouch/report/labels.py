@@ -65,12 +65,12 @@ def label_near(
     label = _new_label(axes, text, color=color, fontsize=size, fontweight=weight)
     anchors = _display(axes, x, y)
     places, boxes = _candidates(anchors, axes.figure.dpi / 72, *size_of(label), side)
-    taken = boxes_in(axes, label)
+    occupied = boxes_in(axes, label)
     apart = np.array([-_WORD_SPACE, 0.0, _WORD_SPACE, 0.0])
-    free = free_places(axes, boxes, taken + apart) & (places[:, 3] <= reach)
+    free = free_places(axes, boxes, occupied + apart) & (places[:, 3] <= reach)
     marks = marks_in(axes) if marks is None else marks
-    every = np.concatenate(marks)
-    choice = _best_place(anchors, places, boxes, every, taken=taken, free=np.flatnonzero(free))
+    all_marks = np.concatenate(marks)
+    choice = _best_place(anchors, places, boxes, all_marks, occupied=occupied, free=np.flatnonzero(free))
     if choice < 0:
         label.remove()
         return None
@@ -84,7 +84,7 @@ def _best_place(
     boxes: FloatArray,
     marks: FloatArray,
     *,
-    taken: FloatArray,
+    occupied: FloatArray,
     free: Any,
 ) -> int:
     """Return the index of the best free position for a label; -1 if no position is free."""
@@ -96,7 +96,7 @@ def _best_place(
         cost, anchor = places[i, 4] + _COVERING * covered, anchors[int(places[i, 0])]
         if cost >= best or covered >= 1 or _behind(anchor, boxes[i], places[i, 3], marks):
             continue
-        if not _crosses(anchor, boxes[i], places[i, 3], taken):
+        if not _crosses(anchor, boxes[i], places[i, 3], occupied):
             best, choice = cost, int(i)
     return choice
 
@@ -152,13 +152,13 @@ def _new_label(axes: Axes, text: str, **style: Any) -> Annotation:
     )
 
 
-def _crosses(anchor: FloatArray, box: FloatArray, gap: float, taken: FloatArray) -> bool:
+def _crosses(anchor: FloatArray, box: FloatArray, gap: float, occupied: FloatArray) -> bool:
     """Return True if the leader line between a label and its anchor point would cross another label."""
-    if gap <= _LEADERLESS or not len(taken):
+    if gap <= _LEADERLESS or not len(occupied):
         return False
     end = np.clip(anchor, box[:2], box[2:])
     path = anchor + np.linspace(0.0, 1.0, 25)[:, None] * (end - anchor)
-    inside = (path[:, None] > taken[:, :2] - _AIR) & (path[:, None] < taken[:, 2:] + _AIR)
+    inside = (path[:, None] > occupied[:, :2] - _AIR) & (path[:, None] < occupied[:, 2:] + _AIR)
     return bool(inside.all(axis=2).any())
 
 
@@ -191,15 +191,15 @@ def _candidates(
     return np.column_stack([rank, way, gap, cost]), np.column_stack([low, low + size])
 
 
-def free_places(axes: Axes, boxes: FloatArray, taken: FloatArray) -> Any:
+def free_places(axes: Axes, boxes: FloatArray, occupied: FloatArray) -> Any:
     """Return which label boxes lie inside the axes and do not overlap existing labels."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     inside = (boxes[:, 0] >= x0 + 1) & (boxes[:, 2] <= x1 + 4) & (boxes[:, 1] >= y0 + 1) & (boxes[:, 3] <= y1 + 2)
     apart = (
-        (boxes[:, None, 0] > taken[:, 2] + _AIR)
-        | (boxes[:, None, 2] < taken[:, 0] - _AIR)
-        | (boxes[:, None, 1] > taken[:, 3] + _AIR)
-        | (boxes[:, None, 3] < taken[:, 1] - _AIR)
+        (boxes[:, None, 0] > occupied[:, 2] + _AIR)
+        | (boxes[:, None, 2] < occupied[:, 0] - _AIR)
+        | (boxes[:, None, 1] > occupied[:, 3] + _AIR)
+        | (boxes[:, None, 3] < occupied[:, 1] - _AIR)
     )
     return inside & apart.all(axis=1)
 

@@ -193,8 +193,8 @@ def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale
     """Return the reference motion of the robot as a curve, if the curve is visible in the plot."""
     reference, time = design.scenario.reference, np.linspace(0.0, last, 50)
     path = reference.position + (reference.velocity + reference.acceleration * time / 2) * time
-    air = 0.1 * np.ptp(values)
-    visible = np.where((path >= values.min() - air) & (path <= values.max() + air), path, np.nan)
+    margin = 0.1 * np.ptp(values)
+    visible = np.where((path >= values.min() - margin) & (path <= values.max() + margin), path, np.nan)
     if np.isnan(visible).all():
         return []
     return [Curve(x=time / clock.factor, y=visible / scale.factor, label="reference", quiet=True)]

@@ -36,9 +36,10 @@ def as_column(values: ArrayLike, name: str) -> FloatArray:
     column = np.array(array, dtype=np.float64)
     column[np.ma.getmaskarray(np.ma.asarray(values))] = np.nan
     if np.isinf(column).any():
-        at = int(np.flatnonzero(np.isinf(column))[0])
+        index = int(np.flatnonzero(np.isinf(column))[0])
         raise InvalidInputError(
-            f"{name}: the value at index {at} is {column[at]:g}, but values must be finite; use NaN for a missing point"
+            f"{name}: the value at index {index} is {column[index]:g}, but values must be finite; use NaN for a "
+            "missing point"
         )
     column.setflags(write=False)
     return column
@@ -70,11 +71,11 @@ def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
         )
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
         raise InvalidInputError(f"{name}: found {short_repr(values)}, expected a list of {kind.__name__}s")
-    every = tuple(values)
-    for value in every:
+    items = tuple(values)
+    for value in items:
         if not isinstance(value, kind):
             raise InvalidInputError(f"{name}: found {type(value).__name__}, expected {kind.__name__}")
-    return every
+    return items
 
 
 def check_choice(value: Any, choices: tuple[str, ...], name: str) -> None:
@@ -83,24 +84,24 @@ def check_choice(value: Any, choices: tuple[str, ...], name: str) -> None:
         raise InvalidInputError(f"{name}: found {value!r}, expected one of {', '.join(choices)}")
 
 
-def check_ends(low: Any, high: Any, who: str) -> None:
+def check_ends(low: Any, high: Any, subject: str) -> None:
     """Check that lower and upper ends of error bars or bands are both given and in ascending order."""
     if (low is None) != (high is None):
         present, missing = ("high", "low") if low is None else ("low", "high")
         raise InvalidInputError(
-            f"{who}: the argument {present} is given without the argument {missing}; give both arguments or neither"
+            f"{subject}: the argument {present} is given without the argument {missing}; give both arguments or neither"
         )
     if low is not None and np.any(low > high):
-        at = int(np.flatnonzero(low > high)[0])
-        ends = f"low = {low[at]:g} above high = {high[at]:g} at index {at}"
-        raise InvalidInputError(f"{who}: found {ends}, expected low <= high")
+        index = int(np.flatnonzero(low > high)[0])
+        ends = f"low = {low[index]:g} above high = {high[index]:g} at index {index}"
+        raise InvalidInputError(f"{subject}: found {ends}, expected low <= high")
 
 
-def check_style(style: Any, who: str) -> None:
+def check_style(style: Any, subject: str) -> None:
     """Check that the number of a line style exists in the color palette."""
     if style is not None and (isinstance(style, bool) or style not in range(len(CURVES))):
         raise InvalidInputError(
-            f"{who}: found the style {style!r}, expected an index of the color palette from 0 to "
+            f"{subject}: found the style {style!r}, expected an index of the color palette from 0 to "
             f"{len(CURVES) - 1}, or None"
         )
 

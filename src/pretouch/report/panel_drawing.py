@@ -104,15 +104,15 @@ _LINE: Final[dict[str, Any]] = {"color": LIMIT, "linestyle": ":", "linewidth": 1
 
 
 def _looks(panel: Panel) -> Iterator[tuple[Curve, _Look]]:
-    place = 0
+    position = 0
     for curve in panel.curves:
         if curve.quiet:
             yield curve, _Look(_FAINT, "-", "o")
         else:
-            chosen = place if curve.style is None else curve.style
+            chosen = position if curve.style is None else curve.style
             color, dashes = CURVES[chosen]
             yield curve, _Look(color, dashes, MARKERS[chosen])
-            place += 1
+            position += 1
 
 
 def _color(style: int | None) -> str:
@@ -251,8 +251,8 @@ def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
     share = np.linspace(0.02, 0.98, len(anchors))
     score = -8.0 * np.abs(share - 0.65)
     if any(len(other) for other in others):
-        rest = np.concatenate(others)
-        nearest = np.sqrt(((anchors[:, None] - rest) ** 2).sum(axis=2)).min(axis=1)
+        other_points = np.concatenate(others)
+        nearest = np.sqrt(((anchors[:, None] - other_points) ** 2).sum(axis=2)).min(axis=1)
         score += np.minimum(nearest, _CLEAR)
         if (nearest > _APART).any():
             anchors, score = anchors[nearest > _APART], score[nearest > _APART]
@@ -321,8 +321,8 @@ def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
         return low * math.exp(-before * reach), high * math.exp(after * reach)
     reach = high - low
     if reach <= 1e-12 * max(abs(low), abs(high)):
-        air = 0.5 * abs(high) or 1.0
-        return low - air, high + air
+        margin = 0.5 * abs(high) or 1.0
+        return low - margin, high + margin
     near = 0.15 if which == "y" else 0.03
     start = 0.0 if 0 <= low <= near * high else low - before * reach
     end = 0.0 if which == "y" and near * low <= high <= 0 else high + after * reach
@@ -333,6 +333,6 @@ def _room_for_ends(axes: Axes, panel: Panel) -> float:
     """Return the share of the plot width that is reserved for labels at the right ends of curves."""
     low, high = axes.get_ylim()
     down = [c.end for c in panel.curves if c.end and np.asarray(c.y, float)[c.known][-1] < low + 0.05 * (high - low)]
-    room = _LETTER * max((len(line) for text in down for line in text.split("\n")), default=0)
-    share = room / max(axes.bbox.width - room, 1.0)
+    width = _LETTER * max((len(line) for text in down for line in text.split("\n")), default=0)
+    share = width / max(axes.bbox.width - width, 1.0)
     return share if share < _MOST_ROOM else 0.0

@@ -134,7 +134,7 @@ def legend_above(axes: Axes, entries: Sequence[tuple[str, str, Any]]) -> None:
     if not entries:
         return
     renderer: Any = FigureCanvasAgg(axes.figure).get_renderer()  # type: ignore[arg-type, no-untyped-call]
-    room = axes.bbox.width
+    width = axes.bbox.width
     for columns in range(min(len(entries), 4), 0, -1):
         legend = axes.legend(
             [line for *_, line in entries],
@@ -154,7 +154,7 @@ def legend_above(axes: Axes, entries: Sequence[tuple[str, str, Any]]) -> None:
         for text, (label, *_) in zip(legend.get_texts(), entries, strict=True):
             text.set(parse_math=False, text=label)
             if columns == 1:
-                _break(text, label, room - _SAMPLE / 72 * axes.figure.dpi, 0, renderer, hyphens=True)
+                _break(text, label, width - _SAMPLE / 72 * axes.figure.dpi, 0, renderer, hyphens=True)
         if legend.get_window_extent(renderer).x1 <= axes.bbox.x1:
             break
     pad = (legend.get_window_extent(renderer).y1 - axes.bbox.y1) / axes.figure.dpi * 72 + 6.0

@@ -49,7 +49,7 @@ def number_contours(axes: Axes) -> None:
     contours = [c for c in axes.collections if isinstance(c, ContourSet) and not c.filled]
     lines = [(level, run) for c in contours for level, runs in zip(c.levels, c.allsegs, strict=True) for run in runs]
     paths = [inside(axes, dense_points(np.asarray(axes.transData.transform(run)))) for _, run in lines]
-    taken = boxes_in(axes)
+    occupied = boxes_in(axes)
     for i, ((level, _), path) in enumerate(zip(lines, paths, strict=True)):
         if len(path) < _SHORT:
             continue
@@ -57,10 +57,10 @@ def number_contours(axes: Axes) -> None:
         half = np.array(size_of(label)) / 2 + 1
         anchors = best_anchors(path, [other[::3] for other in paths[:i] + paths[i + 1 :]])
         boxes = np.column_stack([anchors - half, anchors + half])
-        free = np.flatnonzero(free_places(axes, boxes, taken))
+        free = np.flatnonzero(free_places(axes, boxes, occupied))
         if len(free):
             label.set_position(tuple(axes.transData.inverted().transform(anchors[free[0]])))
-            taken = np.vstack([taken, boxes[free[0]]])
+            occupied = np.vstack([occupied, boxes[free[0]]])
         else:
             label.remove()
 

@@ -71,22 +71,22 @@ class Curve(Value):
     end: str = ""
 
     def __post_init__(self) -> None:
-        who = called("curve", self.label)
+        subject = called("curve", self.label)
         for name in ("x", "y", "low", "high"):
             if name in {"x", "y"} or getattr(self, name) is not None:
-                object.__setattr__(self, name, as_column(getattr(self, name), f"{who}: {name}"))
+                object.__setattr__(self, name, as_column(getattr(self, name), f"{subject}: {name}"))
         sizes = {name: len(column) for name, column in self.columns()}
         if len(set(sizes.values())) > 1:
             listed = ", ".join(f"{size} values of {name}" for name, size in sizes.items())
             raise InvalidInputError(
-                f"{who}: the columns of a curve must have the same number of values, but found {listed}"
+                f"{subject}: the columns of a curve must have the same number of values, but found {listed}"
             )
         if not self.known.any():
-            raise InvalidInputError(f"{who}: this curve has no point with finite numbers x and y; remove the curve")
-        check_ends(self.low, self.high, who)
-        check_choice(self.kind, _KINDS, f"{who}: kind")
+            raise InvalidInputError(f"{subject}: this curve has no point with finite numbers x and y; remove the curve")
+        check_ends(self.low, self.high, subject)
+        check_choice(self.kind, _KINDS, f"{subject}: kind")
         check_types(self)
-        check_style(self.style, who)
+        check_style(self.style, subject)
 
     def columns(self) -> Iterator[tuple[str, FloatArray]]:
         """Yield name and numbers of each data column of the curve, such as x and y."""
@@ -126,12 +126,12 @@ class Mark(Value):
     shape: Literal["dot", "ring", "square"] = "dot"
 
     def __post_init__(self) -> None:
-        who = called("mark", self.label)
+        subject = called("mark", self.label)
         for name in ("x", "y"):
-            object.__setattr__(self, name, as_number(getattr(self, name), f"{who}: {name}"))
-        check_choice(self.shape, _SHAPES, f"{who}: shape")
+            object.__setattr__(self, name, as_number(getattr(self, name), f"{subject}: {name}"))
+        check_choice(self.shape, _SHAPES, f"{subject}: shape")
         check_types(self)
-        check_style(self.style, who)
+        check_style(self.style, subject)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,13 +155,13 @@ class Span(Value):
     kind: Literal["blocked", "missing", "used"] = "blocked"
 
     def __post_init__(self) -> None:
-        who = called("span", self.label)
+        subject = called("span", self.label)
         for name in ("start", "end"):
-            as_number(getattr(self, name), f"{who}: {name}")
-        start, end = as_limits((self.start, self.end), who) or (0.0, 0.0)
+            as_number(getattr(self, name), f"{subject}: {name}")
+        start, end = as_limits((self.start, self.end), subject) or (0.0, 0.0)
         object.__setattr__(self, "start", start)
         object.__setattr__(self, "end", end)
-        check_choice(self.kind, _SPAN_KINDS, f"{who}: kind")
+        check_choice(self.kind, _SPAN_KINDS, f"{subject}: kind")
         check_types(self)
 
 

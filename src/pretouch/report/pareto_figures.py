@@ -91,9 +91,9 @@ def admittance(design: AdmittanceDesign) -> Figure:
     marks = []
     best, unchanged = design.certificate, design.unchanged
     if best is not None:
-        at = best.local_minima[0]
-        x = at.damping_ratio if only_ratio else at.natural_frequency
-        marks.append(Mark(x=x, y=at.objective, label="chosen"))
+        minimum = best.local_minima[0]
+        x = minimum.damping_ratio if only_ratio else minimum.natural_frequency
+        marks.append(Mark(x=x, y=minimum.objective, label="chosen"))
     original = unchanged.scenario.admittance
     low, high = float(across.min()), float(across.max())
     x = float(original.natural_frequency)

@@ -113,9 +113,9 @@ def _film_of(result: RobotSimulation, run: int, count: int) -> _Film:
     touches = [c.time for c in contacts if not math.isnan(c.time)]
     if touches:  # one frame shows the first contact exactly
         touch = int(np.searchsorted(trace.time, min(touches)).clip(max=len(trace.time) - 1))
-        shown = 1 + int(np.argmin(np.abs(rows[1:-1] - touch)))
-        rows[shown] = touch
-        stills = (*np.linspace(0, shown, _STILLS - 1).round().astype(int).tolist(), count - 1)
+        contact_frame = 1 + int(np.argmin(np.abs(rows[1:-1] - touch)))
+        rows[contact_frame] = touch
+        stills = (*np.linspace(0, contact_frame, _STILLS - 1).round().astype(int).tolist(), count - 1)
     else:
         stills = tuple(np.linspace(0, count - 1, _STILLS).round().astype(int).tolist())
     configurations = trace.configuration[rows]

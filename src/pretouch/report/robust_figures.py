@@ -80,10 +80,10 @@ def price(design: RobustDesign) -> Figure:
     Raises:
         ResultUnavailableError: the design has no value of information.
     """
-    shown = design.prices[:_MOST_PRICES]
-    if not shown:
+    prices = design.prices[:_MOST_PRICES]
+    if not prices:
         raise ResultUnavailableError("price: this design has no value of information to draw; see its status")
-    return panel_figure(*(panel for price in shown for panel in _price_panels(design, price)), height=2.6)
+    return panel_figure(*(panel for price in prices for panel in _price_panels(design, price)), height=2.6)
 
 
 def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
@@ -108,9 +108,11 @@ def _measure_panel(design: RobustDesign) -> Panel:
     ]
     curves = []
     for name, values, quiet, style in parts:
-        shown = np.where(np.isfinite(values) & (values <= 1.02 * top), values, np.nan)
-        if np.isfinite(shown).any():
-            curves.append(Curve(x=sign * curve.gain, y=shown, label=name, quiet=quiet, style=None if quiet else style))
+        visible = np.where(np.isfinite(values) & (values <= 1.02 * top), values, np.nan)
+        if np.isfinite(visible).any():
+            curves.append(
+                Curve(x=sign * curve.gain, y=visible, label=name, quiet=quiet, style=None if quiet else style)
+            )
     if not curves:
         curves = [Curve(x=sign * np.array(design.bounds), y=[0.0, 0.0], quiet=True)]
     return Panel(
@@ -138,10 +140,10 @@ def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: F
         text = f"robust {design.number.plot_text(design.gain)}"
         yield Mark(x=sign * design.gain, y=design.value, label=text, style=_ROBUST)
     if design.nominal_gain is not None:
-        at = float(np.interp(design.nominal_gain, gains, nominal))
-        if np.isfinite(at):
+        objective = float(np.interp(design.nominal_gain, gains, nominal))
+        if np.isfinite(objective):
             text = f"{_kind(design)} {design.number.plot_text(design.nominal_gain)}"
-            yield Mark(x=sign * design.nominal_gain, y=at, label=text, style=_NOMINAL, shape="square")
+            yield Mark(x=sign * design.nominal_gain, y=objective, label=text, style=_NOMINAL, shape="square")
 
 
 def _kind(design: RobustDesign) -> str:

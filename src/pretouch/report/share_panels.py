@@ -108,10 +108,10 @@ def _share_curve(name: str, style: int, values: FloatArray, end: float) -> Curve
     ordered = np.sort(values[np.isfinite(values)])
     if not len(ordered):
         return Curve(x=[0.0, end], y=[0.0, 0.0], label=name, style=style)
-    place = np.unique(np.linspace(0, len(ordered) - 1, min(len(ordered), _MOST)).round().astype(int))
-    after = 100 * (place + 1) / len(values)
+    indices = np.unique(np.linspace(0, len(ordered) - 1, min(len(ordered), _MOST)).round().astype(int))
+    after = 100 * (indices + 1) / len(values)
     before = np.concatenate([[0.0], after[:-1]])
-    x, y = np.repeat(ordered[place], 2), np.column_stack([before, after]).ravel()
+    x, y = np.repeat(ordered[indices], 2), np.column_stack([before, after]).ravel()
     if len(ordered) < len(values):  # runs without a value count as larger than any value
         x, y = np.append(x, end), np.append(y, y[-1])
     return Curve(x=x, y=y, label=name, style=style)

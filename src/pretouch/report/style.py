@@ -298,5 +298,5 @@ def span(values: FloatArray, pad: float = 0.06) -> tuple[float, float]:
     if not len(finite):
         return 0.0, 1.0
     low, high = float(finite.min()), float(finite.max())
-    air = pad * (high - low) or 0.5 * abs(high) or 1.0
-    return low - air, high + air
+    margin = pad * (high - low) or 0.5 * abs(high) or 1.0
+    return low - margin, high + margin

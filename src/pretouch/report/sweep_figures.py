@@ -63,9 +63,9 @@ def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
             )
     if len(dims) == 1:
         return panel_figure(*(_panel(flat, name, dims[0], None) for name in names))
-    few = any(flat.sizes[dim] <= len(CURVES) for dim in dims)
-    across, up = sorted(dims, key=lambda dim: -flat.sizes[dim]) if few else dims
-    return panel_figure(*((_panel if few else _map)(flat, name, across, up) for name in names))
+    is_family = any(flat.sizes[dim] <= len(CURVES) for dim in dims)
+    across, up = sorted(dims, key=lambda dim: -flat.sizes[dim]) if is_family else dims
+    return panel_figure(*((_panel if is_family else _map)(flat, name, across, up) for name in names))
 
 
 def _axis(flat: xr.Dataset | xr.DataArray, dim: str) -> tuple[FloatArray, Scale, str]:

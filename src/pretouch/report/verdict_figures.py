@@ -182,8 +182,8 @@ def _run_until_contact(verdict: Verdict, index: int, label: str, style: int, end
     if touched:
         last = (result.time[index], 0.0, result.relative_velocity[index])
         columns = [np.append(column, value) for column, value in zip(columns, last, strict=True)]
-    few = np.unique(np.linspace(0, len(columns[0]) - 1, min(len(columns[0]), MOST_POINTS)).round().astype(int))
-    time, distance, velocity = (column[few] for column in columns)
+    indices = np.unique(np.linspace(0, len(columns[0]) - 1, min(len(columns[0]), MOST_POINTS)).round().astype(int))
+    time, distance, velocity = (column[indices] for column in columns)
     return _Shown(label, style, "dot", time, distance, velocity, touched)
 
 

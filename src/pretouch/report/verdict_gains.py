@@ -44,14 +44,14 @@ def verdict_stability(verdict: Verdict) -> Figure:
     if check is None or verdict.gain is None or not math.isfinite(check.strongest) or check.strongest == 0:
         raise ResultUnavailableError("stability: this verdict has no finite stability limit to draw")
     strongest = np.abs(check.limit.gain)
-    shown = np.where(strongest <= _DECADES * abs(check.strongest), strongest, np.nan)
-    scale = scale_for("m", float(check.limit.distance[np.isfinite(shown)].max()))
+    visible = np.where(strongest <= _DECADES * abs(check.strongest), strongest, np.nan)
+    scale = scale_for("m", float(check.limit.distance[np.isfinite(visible)].max()))
     distance = check.limit.distance / scale.factor
     gain = abs(verdict.gain)
-    ends = [float(np.nanmin(shown)) / 2, float(np.nanmax(shown)), *([gain] if gain > 0 else [])]
+    ends = [float(np.nanmin(visible)) / 2, float(np.nanmax(visible)), *([gain] if gain > 0 else [])]
     curves = [
-        Curve(x=distance, y=shown, label="unstable above", style=_STRONGEST),
-        Curve(x=distance, y=shown / 2, label="gain margin 2", style=_MARGIN),
+        Curve(x=distance, y=visible, label="unstable above", style=_STRONGEST),
+        Curve(x=distance, y=visible / 2, label="gain margin 2", style=_MARGIN),
     ]
     if gain > 0:
         curves.append(Curve(x=distance, y=np.full(len(distance), gain), label="verified gain", style=_LOOP))

@@ -27,14 +27,14 @@ def solve_encounters(task: Task, axes: Sequence[Axis], names: Sequence[str]) -> 
     results: Columns = {}
     for index in np.ndindex(*(shape[k] for k in looped)):
         changed = task_at(task, [axes[k] for k in looped], index)
-        place = [slice(None)] * len(axes)
+        region = [slice(None)] * len(axes)
         for k, i in zip(looped, index, strict=True):
-            place[k] = slice(i, i + 1)
-        values = _values(changed, [axis.at(which) for axis, which in zip(axes, place, strict=True)])
+            region[k] = slice(i, i + 1)
+        values = _values(changed, [axis.at(which) for axis, which in zip(axes, region, strict=True)])
         for name, column in _columns(changed, names, values).items():
             if name not in results:
                 results[name] = np.empty(shape, dtype=column.dtype)
-            results[name][tuple(place)] = column
+            results[name][tuple(region)] = column
     return results
 
 

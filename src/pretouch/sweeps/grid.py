@@ -84,17 +84,17 @@ class Grid(ABC):
     def region(self, index: int) -> Region:
         """Return the part of the grid that a chunk contains."""
         # Chunks are numbered along the last dimension first.
-        place = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
-        return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in place)
+        dimensions = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
+        return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in dimensions)
 
     def thinned(self, most: int) -> Self:
         """Return a small trial sweep with a few evenly spaced values of each axis."""
         # The trial has one chunk with at most `most` encounters.
         axes: list[tuple[int, Axis]] = []
-        room = most
+        remaining = most
         for position, axis in sorted(enumerate(self.axes), key=lambda item: len(item[1])):
-            count = max(1, min(len(axis), int(room ** (1 / (len(self.axes) - len(axes))) + 1e-9)))
-            room //= count
+            count = max(1, min(len(axis), int(remaining ** (1 / (len(self.axes) - len(axes))) + 1e-9)))
+            remaining //= count
             axes.append((position, axis.at(np.linspace(0, len(axis) - 1, count).astype(np.int64))))
         in_order = tuple(axis for _, axis in sorted(axes, key=lambda item: item[0]))
         return replace(self, axes=in_order, chunk=tuple(map(len, in_order)))

@@ -141,13 +141,13 @@ def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
         >>> part_shape((100, 30, 10), 1000), part_shape((100, 30, 10), 100)
         ((3, 30, 10), (1, 10, 10))
     """
-    chunk, room = [1] * len(shape), most
+    chunk, remaining = [1] * len(shape), most
     for k in reversed(range(len(shape))):
-        if shape[k] > room:
-            chunk[k] = -(-shape[k] // -(-shape[k] // room))
+        if shape[k] > remaining:
+            chunk[k] = -(-shape[k] // -(-shape[k] // remaining))
             break
         chunk[k] = shape[k]
-        room //= shape[k]
+        remaining //= shape[k]
     return tuple(chunk)
 
 

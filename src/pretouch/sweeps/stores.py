@@ -166,13 +166,13 @@ class ZarrStore(Store):
         return intact
 
     def _is_intact(self, region: Region) -> bool:
-        place = [str(part.start // size) for part, size in zip(region, self.plan.chunk, strict=True)]
+        chunk_index = [str(part.start // size) for part, size in zip(region, self.plan.chunk, strict=True)]
         bytes_ = 8 * math.prod(self.plan.chunk)
         try:
-            files = (self.path.joinpath(name, "c", *place) for name in self.plan.results)
+            files = (self.path.joinpath(name, "c", *chunk_index) for name in self.plan.results)
             if (
                 any(file.stat().st_size != bytes_ for file in files)
-                or not self.path.joinpath(STATUS, "c", *place).exists()
+                or not self.path.joinpath(STATUS, "c", *chunk_index).exists()
             ):
                 return False
             codes = np.asarray(self._arrays[STATUS][region])

@@ -84,8 +84,8 @@ class Jobs:
         with self._lock:
             if sum(job.state == "running" for job in self._jobs.values()) >= _MOST:
                 raise InvalidInputError(
-                    f"jobs: {_MOST} computations are running, but more are not allowed; wait until one has finished, "
-                    "or cancel one"
+                    f"jobs: {_MOST} computations are running, which is the largest allowed number; wait until one has "
+                    "finished, or cancel one"
                 )
             name = secrets.token_hex(8)
             folder = self._folder / f"job-{name}"

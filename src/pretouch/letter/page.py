@@ -16,9 +16,9 @@ from .printed import Agreement, Printed
 
 _TITLE: Final = "Reproduction of the letter"
 _ALL_HOLD: Final = "Reproduced: every finding holds, and every disagreement is explained."
-_FOUND: Final = (
-    "Findings 1 to 7 were known before this program was written; the program derives them. It found the others, from 8 "
-    "on: some disagree with the letter, some confirm or complete it."
+_ORIGIN: Final = (
+    "Findings 1 to 7 were known before this program was written, and the program derives them. The findings from 8 on "
+    "were made with this program: some contradict the letter, some confirm or complete it."
 )
 _INPUTS: Final = "The inputs are the printed numbers of the letter, with their printed digits. The verdicts:"
 _METHOD: Final = "Motions and gains are computed from the equations of the letter, cited as L(n)."
@@ -42,7 +42,7 @@ def letter_page(report: LetterReport) -> Page:
     home = {f.id: r for r in parts for f in r.findings}
     off = [(r, c) for r in parts for c in r.comparisons if c.agreement is Agreement.DISAGREES]
     links = tuple(f"[{f.id}. {_title(f)}](#finding-{f.id}): {_state(f)}" for f in findings)
-    opening = Paragraph(text=_FOUND, quiet=True)
+    opening = Paragraph(text=_ORIGIN, quiet=True)
     rules = Listing(items=tuple(f"{a.shape} {a.words}: {a.meaning}" for a in Agreement))
     legend = (Paragraph(text=_INPUTS), rules, Paragraph(text=_SCOPE, quiet=True))
     data = as_json(report.to_dict(), indent=None)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Ran, Reproduction, finding, readings
+from .experiment import Finding, Reproduction, Variables, finding, readings
 from .inputs import F_1, SENSORS, best_gain, sensor
 from .printed import Printed
 from .program import Program
@@ -41,18 +41,18 @@ FITS: Final = {"exponential-1": ("first order", "0.9952"), "exponential-2": ("se
 """Name of each curve in the program, and its printed R²."""
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Fit exponential curves to the inverse power curve, and compare them with Table I of the published letter."""
-    fitted: dict[str, SensorModel] = {name: ran["fitted"][order] for name, (order, _) in FITS.items()}
-    r_squared = {name: float(ran["r_squared"][order]) for name, (order, _) in FITS.items()}
+    fitted: dict[str, SensorModel] = {name: variables["fitted"][order] for name, (order, _) in FITS.items()}
+    r_squared = {name: float(variables["r_squared"][order]) for name, (order, _) in FITS.items()}
     gains = {name: (best_gain(sensor(name)), best_gain(curve)) for name, curve in fitted.items()}
     numbers = [
         (f"{p.symbol} of {n}", p.printed, c.parameters[p.name], p.unit) for n, c in fitted.items() for p in SENSORS[n]
     ]
     numbers += [(f"R² of {name}", printed, r_squared[name], "") for name, (_, printed) in FITS.items()]
     why = "the letter fits its measured readings, which are not available; here the inverse power curve is fitted"
-    near, far = 1e3 * ran["output"][[0, -1]]
-    first, second = (1e3 * float(np.abs(ran["errors"][order]).max()) for order, _ in FITS.values())
+    near, far = 1e3 * variables["output"][[0, -1]]
+    first, second = (1e3 * float(np.abs(variables["errors"][order]).max()) for order, _ in FITS.values())
     printed, ours = ({name: pair[i] for name, pair in gains.items()} for i in (0, 1))
     columns = {"curve": (gains, ""), "with the printed parameters [N s]": (printed.values(), ".4f")}
     columns["with the fitted parameters [N s]"] = (ours.values(), ".4f")
@@ -71,8 +71,8 @@ def reproduce(ran: Ran) -> Reproduction:
         numbers={
             "fitted": {name: dict(found.parameters) for name, found in fitted.items()},
             "r_squared": r_squared,
-            "distance": ran["distance"][::10],
-            "error": {name: ran["errors"][order][::10] for name, (order, _) in FITS.items()},
+            "distance": variables["distance"][::10],
+            "error": {name: variables["errors"][order][::10] for name, (order, _) in FITS.items()},
             "optimal_gain_printed_parameters": printed,
             "optimal_gain_fitted_parameters": ours,
         },
@@ -99,7 +99,7 @@ def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[floa
         steps.append(
             (f"change of the optimal gain if the fitted {name} curve replaces the published curve", moved, "%")
         )
-        steps.append(("both are below 1 %", bool(apart < 1.0 and abs(moved) < 1.0)))
+        steps.append(("this difference and this change are below 1 %", bool(apart < 1.0 and abs(moved) < 1.0)))
         shown.append(f"({', '.join(f'{own[p.name]:.3g}' for p in SENSORS[name])})")
     return finding(
         7,

@@ -20,7 +20,7 @@ _FEW_POINTS = 6  # number of distances below which a reservation is made
 _MORE_THAN_UNKNOWNS = 3  # distances needed beyond the number of unknowns, to judge a fit
 _LARGE_MISFIT = 0.1  # misfit of ln xi; over one step of distance, the virtual force has about this relative error
 _FEW_EMPTY = 4  # readings without an object from which the noise can be estimated, as from repeats
-_DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # allowed distance, in half intervals of the free offset
+_DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # allowed `PossibleCurves.doubt` of each kind of offset
 _MOST_NAMED = 5  # readings that a sentence lists
 _SMALL_FALL = 0.3  # decrease of ln xi over the window below which only the mean slope is determined
 

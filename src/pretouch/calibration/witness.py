@@ -50,8 +50,8 @@ class Witness(Value):
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
         """Return random sensor curves that pass through the readings, within their errors.
 
-        The first is linear in ln xi between neighbors, the second SciPy's PCHIP; the others alternate between linear
-        and random slopes, and move each reading within its error.
+        The first curve is linear in ln xi between neighbors, the second is SciPy's PCHIP interpolant. The others
+        alternate between linear pieces and random slopes, with each reading moved within its error.
         """
         rng = np.random.default_rng(seed)
         level, width = np.log(self.signals), np.diff(self.distances)

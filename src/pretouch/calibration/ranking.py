@@ -11,7 +11,7 @@ from .fit import attempt_fit, check_models, model_names
 from .preparation import OffsetChoice, prepare
 from .result import CalibrationReport, SensorFit
 from .slope_uncertainty import estimate_slope
-from .verdict_reasons import find_reservations, left_out, summary
+from .verdict_reasons import find_reservations, ignored_readings, summary
 
 
 @check_arguments
@@ -69,7 +69,7 @@ def rank_models(
         reasons=reasons or (summary(prepared, fits),),
         not_fitted=not_fitted,
         slope=slope,
-        left_out=left_out(prepared),
+        left_out=ignored_readings(prepared),
         curves=prepared.witness,
     )
 

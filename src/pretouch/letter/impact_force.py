@@ -53,7 +53,8 @@ def reproduce(variables: Variables) -> Reproduction:
     return Reproduction(
         summary="If mass and stiffness are known, the peak force can be a term of the objective or a limit. The spring "
         "has √(μ k) = 62.7 N s/m, as found from Table III; the sphere is soft, with a radius of 10 mm. Both models are "
-        "lossless, so they bound the peak force from above. The mass is the robot's physical mass, not M_a.",
+        "lossless, and a contact with moderate damping has a lower peak force. The mass is the robot's physical mass, "
+        "not M_a.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
         findings=(_shift_finding(*[*gains.values()][:3]),),
         tables=(readings("Optimum by speed and by force", columns),),

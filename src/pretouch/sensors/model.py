@@ -104,7 +104,7 @@ class SensorModel(ABC):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Distances [m] at which a higher derivative of the log output is discontinuous."""
+        """Distances [m] at which a derivative of the log output is discontinuous."""
         low, high = self.valid_range
         return tuple(sorted(k for k in self._knots() if low < k < high))
 

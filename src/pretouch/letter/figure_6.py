@@ -58,9 +58,9 @@ def reproduce(variables: Variables) -> Reproduction:
         tables=tuple(
             readings(
                 f"Optimal gain D_p [N s], {titles[scale]}",
-                {"obstacle speed [m/s]": (speeds[SHOWN], ".2f")} | {n: (g[SHOWN], ".4f") for n, g in found.items()},
+                {"obstacle speed [m/s]": (speeds[SHOWN], ".2f")} | {n: (g[SHOWN], ".4f") for n, g in by_curve.items()},
             )
-            for scale, found in gains.items()
+            for scale, by_curve in gains.items()
         ),
         caption="Left: l'_typ follows the obstacle, with the letter's trend. Right: l'_typ is fixed, with the opposite "
         "trend; the first order jumps to the end of the range if mitigation is not worthwhile. The inverse power is "
@@ -103,7 +103,7 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
                 always,
             )
         )
-    power = {scale: found["inverse power"] for scale, found in gains.items()}
+    power = {scale: by_curve["inverse power"] for scale, by_curve in gains.items()}
     pairs = {s: ", ".join(f"{_at(speeds, g, v):.3g} at {v:g} m/s" for v in (0.05, 0.3, 1.0)) for s, g in power.items()}
     return finding(
         5,

@@ -40,7 +40,7 @@ def letter_page(report: LetterReport) -> Page:
     """
     parts, findings = report.reproductions, report.findings
     home = {f.id: r for r in parts for f in r.findings}
-    off = [(r, c) for r in parts for c in r.comparisons if c.agreement is Agreement.DISAGREES]
+    disagreements = [(r, c) for r in parts for c in r.comparisons if c.agreement is Agreement.DISAGREES]
     links = tuple(f"[{f.id}. {_title(f)}](#finding-{f.id}): {_state(f)}" for f in findings)
     opening = Paragraph(text=_ORIGIN, quiet=True)
     rules = Listing(items=tuple(f"{a.shape} {a.words}: {a.meaning}" for a in Agreement))
@@ -48,7 +48,7 @@ def letter_page(report: LetterReport) -> Page:
     data = as_json(report.to_dict(), indent=None)
     numbers = Download(name="letter-numbers.json", text=data, kind="application/json", anchor="numbers")
     chapters = (Listing(items=links, brief=True), opening, *(_finding(f, home[f.id]) for f in findings))
-    disagreements = Listing(items=tuple(_disagreement(*pair) for pair in off), brief=True)
+    listing = Listing(items=tuple(_disagreement(*pair) for pair in disagreements), brief=True)
     return Page(
         kind=_TITLE,
         headline=f"{sum(report.counts.values())} printed numbers of the letter compared. {_closing(report)}",
@@ -59,7 +59,9 @@ def letter_page(report: LetterReport) -> Page:
         blocks=(
             _overview(report) if parts else None,
             PageSection(title="Findings", anchor="findings", titled=True, blocks=chapters) if findings else None,
-            PageSection(title="Printed numbers that disagree", titled=True, blocks=(disagreements,)) if off else None,
+            PageSection(title="Printed numbers that disagree", titled=True, blocks=(listing,))
+            if disagreements
+            else None,
             *map(_part, parts),
             PageSection(title="All numbers", anchor="all-numbers", blocks=(numbers, Paragraph(text=_DATA))),
             method_section(_METHOD, others=legend),

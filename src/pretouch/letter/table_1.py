@@ -69,7 +69,7 @@ def reproduce(variables: Variables) -> Reproduction:
         f"output is {near:.0f} mV at contact and {far:.0f} mV at 42.2 mm. First-order residuals are systematic "
         f"and reach {first:.0f} mV. Second-order residuals reach {second:.0f} mV.",
         numbers={
-            "fitted": {name: dict(found.parameters) for name, found in fitted.items()},
+            "fitted": {name: dict(curve.parameters) for name, curve in fitted.items()},
             "r_squared": r_squared,
             "distance": variables["distance"][::10],
             "error": {name: variables["errors"][order][::10] for name, (order, _) in FITS.items()},
@@ -82,25 +82,25 @@ def reproduce(variables: Variables) -> Reproduction:
 def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[float, float]]) -> Finding:
     steps: list[tuple[Any, ...]] = []
     distance, shown = np.linspace(0.0, 0.0422, 201), []
-    for name, found in fitted.items():
-        printed, own = sensor(name), found.parameters
-        off = ((p, own[p.name], 100 * (own[p.name] / p.value - 1)) for p in SENSORS[name])
-        steps += [(f"{p.symbol} recovered, {value:.4g}: off by", error, "%") for p, value, error in off]
-        apart = 100 * np.abs(found.output(distance) - printed.output(distance)).max() / printed.output(0.0)
+    for name, curve in fitted.items():
+        printed, values = sensor(name), curve.parameters
+        errors = ((p, values[p.name], 100 * (values[p.name] / p.value - 1)) for p in SENSORS[name])
+        steps += [(f"{p.symbol} recovered, {value:.4g}: off by", error, "%") for p, value, error in errors]
+        difference = 100 * np.abs(curve.output(distance) - printed.output(distance)).max() / printed.output(0.0)
         steps.append(
             (
                 f"largest difference between the fitted and the published {name} curve, relative to the output "
                 "at contact",
-                apart,
+                difference,
                 "%",
             )
         )
-        moved = 100 * (gains[name][1] / gains[name][0] - 1)
+        shift = 100 * (gains[name][1] / gains[name][0] - 1)
         steps.append(
-            (f"change of the optimal gain if the fitted {name} curve replaces the published curve", moved, "%")
+            (f"change of the optimal gain if the fitted {name} curve replaces the published curve", shift, "%")
         )
-        steps.append(("this difference and this change are below 1 %", bool(apart < 1.0 and abs(moved) < 1.0)))
-        shown.append(f"({', '.join(f'{own[p.name]:.3g}' for p in SENSORS[name])})")
+        steps.append(("this difference and this change are below 1 %", bool(difference < 1.0 and abs(shift) < 1.0)))
+        shown.append(f"({', '.join(f'{values[p.name]:.3g}' for p in SENSORS[name])})")
     return finding(
         7,
         "The exponential curves of Table I follow from its inverse power curve",

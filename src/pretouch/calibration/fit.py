@@ -269,8 +269,8 @@ def why_not(model: str, prepared: Prepared) -> str:
         return (
             ""
             if count > size
-            else f"The model needs readings at {size} or more distances above the signal floor, because it has {size} "
-            f"parameters; there are only {count} such distances."
+            else f"The model needs readings at {size + 1} or more distances above the signal floor, because it has "
+            f"{size} parameters; found {count} such distances."
         )
     rises = np.flatnonzero(np.diff(used.output) >= 0)
     if not len(rises):

@@ -286,15 +286,15 @@ def _why_no_signal(
             )
         )
     if count < _FEWEST_POINTS:
-        largest = f"The largest of them is {format_quantity(window.distances[-1], 'm')}. " if count else ""
+        largest = f"The largest usable distance is {format_quantity(window.distances[-1], 'm')}. " if count else ""
         floor, sigma = (f"{value} {unit}".rstrip() for value in (f"{window.floor:.4g}", f"{noise.output:.2g}"))
         reasons.append(
             caution(
                 "PT110",
                 f"Only {count} distance{(' is' if count == 1 else 's are')} above the signal floor of {floor}, "
-                f"but a curve needs {_FEWEST_POINTS} distances. {largest}The offset is {offset.in_words(unit)}, and the "
-                f"noise of one reading is {sigma}: measure in finer steps near the sensor, repeat readings, and record "
-                "the output with no object.",
+                f"but a curve needs {_FEWEST_POINTS} distances. {largest}The offset is {offset.in_words(unit)}, and "
+                f"the noise of one reading is {sigma}: measure in finer steps near the sensor, repeat readings, and "
+                "record the output with no object.",
             )
         )
     return tuple(reasons)

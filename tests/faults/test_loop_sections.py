@@ -28,7 +28,7 @@ STIFF, MARGIN = 'stiffness = "1.3e5 N/m^1.5"', "stability_margin = 2.0"
 
 # (what is replaced, by what, the start of the line that is named, key, what the sentence says)
 MISTAKES = [
-    ('part = "VCNL4010"', "", "[chain]", "chain", 'missing rate, expected rate = "250 Hz", or part = "VCNL4010"'),
+    ('part = "VCNL4010"', "", "[chain]", "chain", 'missing rate, expected rate = "250 Hz"'),
     ('"VCNL4010"', '"VNCL4010"', "part", "chain.part", 'did you mean "VCNL4010"?'),
     ('"VCNL4010"', "4010", "part", "chain.part", "found 4010, expected text"),
     ('"VCNL4010"', '"RPR-220"', "part", "chain.part", "curve are in counts (sensor.scale, line 3)"),

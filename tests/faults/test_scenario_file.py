@@ -134,7 +134,7 @@ KEYS = [
         'mass = "1 kg"\n[sensor]',
         "mass",
         "mass",
-        "outside of a section of the scenario file, but belongs in [admittance]",
+        "belongs in [admittance]",
     ),
     ('velocity_scale = "0.3 m/s"', "", "[objective]", "objective", "missing velocity_scale"),
     ("velocity_scale", "force_scale = 1\nvelocity_scale", "force_scale", "objective.force_scale", "found both"),

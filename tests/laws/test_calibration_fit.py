@@ -221,3 +221,12 @@ def test_a_reservation_names_readings_taken_once():
     once, thrice = (rank_models(noisy("exponential-1", 6, repeats=n, no_object=2)) for n in (1, 3))
     assert any("read once" in reason for reason in once.reasons)
     assert not any("read once" in reason for reason in thrice.reasons)
+
+
+def test_a_model_needs_one_distance_more_than_it_has_parameters():
+    distance = np.linspace(0.0, 0.05, 6)
+    outputs = np.repeat(2 * np.exp(-60 * distance), 3) + np.tile([-0.01, 0.0, 0.01], 6)
+    readings = Calibration(distances=np.repeat(distance, 3), outputs=outputs, unit="V", no_object=[-0.01, 0.0, 0.01])
+    report = rank_models(readings, floor_sigmas=60)  # the floor of 0.35 V leaves the outputs 2, 1.1 and 0.6 V
+    assert [fit.model for fit in report.fits] == ["exponential-1", "table"]
+    assert "4 or more distances" in report.not_fitted["inverse-power"]

@@ -60,7 +60,9 @@ def test_the_window_ends_where_the_signal_sinks_into_the_noise():
     assert window.l_max == 0.04  # 0.08 is 4 sigma, 0.04 is 2
     assert find_window(readings, (1.0, 0.0), noise=0.02, floor_sigmas=5.0).l_max == 0.03
     assert find_window(readings, (1.0, 0.03), noise=0.02).l_max == 0.03  # 0.08 is 2.2 of sqrt(0.02^2 + 0.03^2)
-    assert "60 mm" in find_window(readings, 1.0, noise=0.01).end_reason
+    end_reason = find_window(readings, 1.0, noise=0.01).end_reason
+    assert "60 mm" in end_reason
+    assert "1 V" in end_reason
 
 
 def test_unless_told_otherwise_every_verb_ends_the_window_at_three_sigma():

@@ -27,7 +27,7 @@ from pretouch.sensors import (
 from properties import examples
 from sensor_samples import SAMPLES, concrete_sensors
 
-SHAPE = "ln xi and g take distances of any shape and keep it"
+SHAPE = "ln xi and g accept distances of any shape and return the same shape"
 FINITE = "ln xi and g are finite on the valid range"
 FALLS = "the output does not grow with distance (g <= 0)"
 DERIVATIVE = "g is the derivative of ln xi"

@@ -14,7 +14,7 @@ from .data import Calibration
 
 MAD_TO_SIGMA = 1.4826  # median absolute deviation to standard deviation, for a normal distribution
 _BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; lost or doubled readings deviate much more
-_CLEAR_OF_ZERO = 5  # least other reading, in converter steps, from which a zero counts as lost
+_CLEAR_OF_ZERO = 5  # a zero counts as lost if the smallest other reading is at least so many converter steps above it
 _USUAL_SPREAD = 0.5  # standard deviation of the prior of ln c above its usual value
 _FEWEST_REPEATS = 3  # degrees of freedom from which a standard deviation is trusted
 
@@ -184,7 +184,7 @@ def condense(calibration: Calibration) -> Calibration:
     # The first and the last distance are separate parts. Each reading is moved to the mean distance of its part, along
     # a cubic spline through the medians of the parts; the error is of fourth order in the width of a part. Readings of
     # exactly 0 (lost) and at a repeated largest value (clipped) are not moved, so that they are still recognized. The
-    # order stays.
+    # order of the readings does not change.
     distance = calibration.distances
     if len(calibration.distinct_distances) <= _MANY:
         return calibration
@@ -203,7 +203,7 @@ def condense(calibration: Calibration) -> Calibration:
     spline = CubicSpline(middle[inner], median[inner]) if count > _ENDS + 1 else None
     moved = calibration.outputs - (spline(distance) - spline(middle[part]) if spline else 0.0)
     at_top = calibration.outputs == calibration.outputs.max()
-    kept = (calibration.outputs == 0) | (at_top & (at_top.sum() > 1))
+    unmoved = (calibration.outputs == 0) | (at_top & (at_top.sum() > 1))
     widths = [format_quantity(float(w), "m", 3) for w in (np.diff(places).min(), np.diff(places).max())]
     distinct, source = len(calibration.distinct_distances), calibration.source
     note = (
@@ -213,7 +213,7 @@ def condense(calibration: Calibration) -> Calibration:
     return replace(
         calibration,
         distances=middle[part],
-        outputs=np.where(kept, calibration.outputs, moved),
+        outputs=np.where(unmoved, calibration.outputs, moved),
         source=None if source is None else replace(source, notes=(*source.notes, note)),
     )
 

@@ -3,7 +3,7 @@
 An amplifier or converter that saturates softly turns the ideal output xi into xi / (1 + (xi / C)^p)^(1/p) with a
 ceiling C and a sharpness p. Each family of ideal curves is fitted under every ceiling of a grid (the infinite one
 included) and at every plausible offset. The weight of a fit is its posterior probability, with the scale of the errors
-integrated out. The weights give the probability that a reading lies in the flattened part, with 6 readings or with 50.
+integrated out. The weights give the probability that a reading lies in the flattened part, for 6 readings as for 50.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _ABOVE: Final = (0.003, 0.01, 0.03, 0.08, 0.15, 0.3, 0.5, 0.8, 1.2)  # ln of the
 _SHARPNESS: Final = (2.0, 3.5, 7.0)
 _CEILING: Final = 0.5  # prior probability that the output has a ceiling near the readings
 _ERROR: Final = 0.01  # usual error of a reading relative to the signal: noise, positioning and the family together
-_ERROR_FREEDOM: Final = 3.0  # degrees of freedom of the prior of this error
+_ERROR_FREEDOM: Final = 3.0  # degrees of freedom of the prior of the usual error
 _FULL_WEIGHT: Final = 18  # most readings that sharpen the posterior, because families are not exact
 _FLAT: Final = 0.85  # share of the ideal slope below which a reading counts as flattened
 _PROBABLY: Final = 0.35  # probability of flattening from which on a reading is not used
@@ -36,8 +36,8 @@ _INTERVAL: Final = (0.025, 0.975)
 _FITTED_OFFSETS: Final = (
     np.sinh(np.linspace(-2.0, 2.0, 11)) / np.sinh(2.0) * 5.0
 )  # standard errors around a fitted offset
-_STEEPEST: Final = (0.7, 1.5, 3.0)  # times the steepest slope of the readings: where fits start
-_BENDS: Final = (0.1, 0.6)  # curvature of ln xi where fits start, over the squared slope
+_STEEPEST: Final = (0.7, 1.5, 3.0)  # start slopes of the fits, over the steepest slope of the readings
+_BENDS: Final = (0.1, 0.6)  # start curvatures of ln xi in the fits, over the squared slope
 _KNOTS: Final = 60  # points of a drawn curve
 
 
@@ -68,7 +68,7 @@ class CeilingFits(Value):
     Args:
         lanes: the fits, one element for each family.
         weights: the probability of each fit, shape (b,) each; all add up to 1.
-        readings: the number of distances that they were fitted to.
+        readings: the number of distances to which the curves were fitted.
     """
 
     lanes: tuple[_Lanes, ...]

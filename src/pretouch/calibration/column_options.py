@@ -12,16 +12,14 @@ from .headers import TextTable, is_length, join_first, quoted, split_title
 
 _SHOWN = 20  # headers that a message lists
 _KEYS = ("distance", "output")
-_HERE = "in a scenario file and in Python"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnOption:
     """A user option that selects the column of distances or of outputs in a calibration table, or gives its unit.
 
-    The column is given by its number counted from 1, or by its name.
-
-    The number is None if the column is given by its header, or by its unit only. The unit is None if the header has it.
+    A column is selected by its number counted from 1, or by its header. The number is None if the option has a header,
+    or only a unit. The unit is None if the option has no unit.
     """
 
     key: str
@@ -119,7 +117,7 @@ def find_label_columns(table: TextTable, labels: Sequence[str | int]) -> tuple[i
 
 def columns_hint(columns: str) -> str:
     """Return the option `--columns` with values that an error message recommends to the user."""
-    return f'--columns "{columns}" ({_HERE}: columns)'
+    return f'--columns "{columns}" (in a scenario file and in Python: columns)'
 
 
 def _find(table: TextTable, number: int | None, names: tuple[str, str], message: str) -> int | None:

@@ -21,8 +21,8 @@ class Provenance(Value):
     Args:
         file: name of the file.
         sha256: SHA-256 of its bytes, in hexadecimal digits.
-        encoding: its text encoding.
-        delimiter: the delimiter of its columns.
+        encoding: text encoding of the file.
+        delimiter: delimiter between its columns.
         decimal_mark: `.` or `,`.
         distance_column: header of the distance column.
         output_column: header of the output column.
@@ -50,16 +50,17 @@ class Calibration(Value):
     """Readings of a proximity sensor in front of one object at known distances.
 
     Args:
-        distances: l of every reading [m], shape (N,), not negative; repeats have equal distances, in any order.
+        distances: l of every reading [m], shape (N,), not negative, in any order; repeated readings have equal
+            distances.
         outputs: y of every reading, shape (N,), in `unit`.
         unit: unit of the outputs, such as `V` or `counts`; may be empty.
         no_object: readings with no object in range, shape (M,), in `unit`; may be empty.
         label: the label of this curve among others of the same file, such as `day=30, sensor=1`.
-        source: the file that it was read from; None for numbers from Python.
+        source: the file from which the readings were read; None for numbers from Python.
 
     Raises:
-        CalibrationDataError: the columns differ in length, are empty, or hold numbers that are not finite or beyond
-            MAGNITUDES, or a distance is negative.
+        CalibrationDataError: the columns differ in length or are empty, a number is not finite, too large or too small
+            to compute with, or a distance is negative.
 
     Examples:
         >>> measured = Calibration(distances=[0.0, 0.01, 0.01], outputs=[2.0, 1.0, 1.2], unit="V")
@@ -79,7 +80,10 @@ class Calibration(Value):
         for name, unit in (("distances", "m"), ("outputs", self.unit), ("no_object", self.unit)):
             object.__setattr__(self, name, _column(getattr(self, name), name, unit))
         if len(self.distances) != len(self.outputs):
-            raise CalibrationDataError(f"outputs: found {len(self.outputs)} values for {len(self.distances)} distances")
+            raise CalibrationDataError(
+                f"outputs: found {len(self.outputs)} values for {len(self.distances)} distances, expected one output "
+                "for each distance"
+            )
         if not len(self.distances):
             raise CalibrationDataError("distances: found none, expected at least one reading with an object in range")
         if self.distances.min() < 0:

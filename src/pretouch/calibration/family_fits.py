@@ -25,8 +25,8 @@ class Problem:
 
     The readings are weighted by their noise.
 
-    The fits have the given `offsets`, shape (b,), or each determines its own as a last parameter. `weights` are those
-    of each point in each fit, shape (b, n); all are equal by default.
+    The fits use the `offsets`, shape (b,); if `offsets` is None, each fit has its offset as the last parameter.
+    `weights` has the weight of each point in each fit, shape (b, n); all weights are equal by default.
     """
 
     curve: AveragedCurve
@@ -129,7 +129,7 @@ def forward_change(
 
 
 _SMALLEST: Final = 1e-9  # noise over the largest signal with which exact numbers are fitted
-_FEWEST_REPEATED: Final = 2  # distances with repeats that are too few to determine the relative noise
+_FEWEST_REPEATED: Final = 2  # with at most so many distances with repeats, the relative noise is undetermined
 _LARGEST_MISFIT: Final = 0.3
 _USUAL: Final = 0.03  # usual misfit: a positioning error of 0.4 mm at a slope of 80 1/m
 _FIRST_MISFIT: Final = 0.01  # start of the iteration
@@ -190,23 +190,25 @@ def find_noise(
 
 
 def _separate_noise_from_misfit(
-    curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray
+    curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, residuals: FloatArray
 ) -> NoiseEstimate:
     """Separate random noise from the fixed error of the curve by comparing neighboring residuals of single readings."""
-    row, share = miss / noise.of_means(curve.count, signal), 1.0
+    row, share = residuals / noise.of_means(curve.count, signal), 1.0
     if len(row) >= 5 and noise.misfit > 0:
         rough = float(np.mean(np.diff(row) ** 2) / 2 / max(float(np.mean(row**2)), 1e-300))
         share = rough if rough <= 1 - 1.7 / np.sqrt(len(row)) else 1.0
     return replace(noise, relative=noise.misfit * math.sqrt(share), misfit=noise.misfit * math.sqrt(1 - share))
 
 
-def _misfit(curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray, freedom: int) -> float:
+def _misfit(
+    curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, residuals: FloatArray, freedom: int
+) -> float:
     """Return the fixed error of the curve (misfit) that noise cannot explain, or 0 if noise explains the residuals."""
     # With this misfit, chi squared equals its degrees of freedom.
     from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
 
     def excess(misfit: float) -> float:
-        return float(((miss / replace(noise, misfit=misfit).of_means(curve.count, signal)) ** 2).sum()) - freedom
+        return float(((residuals / replace(noise, misfit=misfit).of_means(curve.count, signal)) ** 2).sum()) - freedom
 
     if excess(0.0) + freedom <= 2 * float(gammaincinv(freedom / 2, _SURE_OF_MISFIT)):  # the quantile of chi squared
         return 0.0
@@ -227,16 +229,16 @@ _FEWEST: Final = 6  # distances needed to look for outliers
 def outlier_indices(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
     """Return the indices of distances at which the mean reading deviates significantly from all fitted curves."""
     # The test is Student's t with Bonferroni's correction. A mean is compared with the residuals of the other means,
-    # whatever their numbers of readings: fifty readings that are off as much as others are misfit, and are kept. The
-    # nearest distance is never tested, because no reading beyond it confirms the curve.
+    # whatever their numbers of readings. If fifty readings deviate as much as others, their deviation is misfit, so
+    # they are not outliers. The nearest distance is never tested, because no nearer reading confirms the curve.
     outliers: list[int] = []
-    kept = np.arange(len(curve.distance))
-    while len(kept) >= _FEWEST and len(outliers) < max(1, len(curve.distance) // 8):
-        worst = _worst_outlier(curve.part(kept), raw_noise, offset)
+    remaining = np.arange(len(curve.distance))
+    while len(remaining) >= _FEWEST and len(outliers) < max(1, len(curve.distance) // 8):
+        worst = _worst_outlier(curve.part(remaining), raw_noise, offset)
         if worst is None:
             break
-        outliers.append(int(kept[worst]))
-        kept = np.delete(kept, worst)
+        outliers.append(int(remaining[worst]))
+        remaining = np.delete(remaining, worst)
     return tuple(sorted(outliers))
 
 

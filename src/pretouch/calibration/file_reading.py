@@ -21,7 +21,7 @@ from .table_layout import long_layout, wide_layout
 from .text_table import read_table
 
 _FEW: Final = 5  # number of distances from which on a stray one is searched for
-_STRAY: Final = 50.0  # times as far as the next nearer distance
+_STRAY: Final = 50.0  # smallest ratio of a stray distance to the next smaller distance
 _REMEMBERED: Final = 10_000  # cells of a column whose numbers are cached, since distances and counts repeat
 
 NoObject: TypeAlias = "float | Sequence[float] | FloatArray | str | os.PathLike[str] | None"
@@ -70,15 +70,15 @@ def read_calibration(
     """
     curves = _curves(path, no_object, columns, labels)
     wanted = {key: str(value).strip() for key, value in (select or {}).items()}
-    keys = {key: None for of, _ in curves for key in of}
+    keys = {key: None for curve_labels, _ in curves for key in curve_labels}
     for key in wanted:
         if key not in keys:
             available = ", ".join(sorted(keys)) or "none: the file holds one curve"
             raise CalibrationDataError(f"select: the file has no label column named {key!r} (available: {available})")
-    selected = [curve for of, curve in curves if all(of[k] == v for k, v in wanted.items())]
+    selected = [curve for curve_labels, curve in curves if wanted.items() <= curve_labels.items()]
     if len(selected) == 1:
         return selected[0]
-    values = "; ".join(f"{k}: {', '.join(dict.fromkeys(of[k] for of, _ in curves))}" for k in keys)
+    values = "; ".join(f"{k}: {', '.join(dict.fromkeys(curve_labels[k] for curve_labels, _ in curves))}" for k in keys)
     raise CalibrationDataError(
         f"{Path(path).name}: the file contains {len(selected)} curves{f' for {wanted}' if wanted else ''}, but "
         f"exactly one is needed; choose one curve by its labels with select={{...}}: {values}"
@@ -139,7 +139,10 @@ def _curves(
     names = tuple(table.name(i) for i in label_columns)
     values = [dict(zip(names, key, strict=True)) for key in groups]
     curves = zip(values, groups.values(), strict=True)
-    return [(of, _curve(table, layout, of, readings.of(rows, shared), extra)) for of, rows in curves]
+    return [
+        (curve_labels, _curve(table, layout, curve_labels, readings.of(rows, shared), extra))
+        for curve_labels, rows in curves
+    ]
 
 
 class _Readings(NamedTuple):
@@ -156,10 +159,10 @@ class _Readings(NamedTuple):
         # A row without any label belongs to all curves if it has no object.
         row_indices, shared_indices = (np.array(indices, dtype=np.int64) for indices in (rows, shared))
         without_object = np.isinf(self.distances[shared_indices])
-        kept = ~np.isin(row_indices, shared_indices)[:, None] | ~np.isinf(self.distances[row_indices])
+        own = ~np.isin(row_indices, shared_indices)[:, None] | ~np.isinf(self.distances[row_indices])
         return _Readings(
             *(
-                np.concatenate([column[row_indices][kept], column[shared_indices][without_object]])
+                np.concatenate([column[row_indices][own], column[shared_indices][without_object]])
                 for column in (self.distances, self.outputs)
             )
         )

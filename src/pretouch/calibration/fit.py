@@ -74,8 +74,8 @@ def estimates(
     problem: Problem, best: Fits, sensor: SensorModel, *, offset: OffsetEstimate, output_unit: str, informed_by: int
 ) -> dict[str, Any]:
     """Return parameters, covariance and mid-range slope of a curve fit as a dictionary for `SensorFit`."""
-    # If the offset is uncertain, the curve is also fitted with the offsets at both ends of its interval, and the
-    # changes of the parameters enter the intervals. The noise was estimated from `informed_by` points.
+    # If the offset is uncertain, the curve is also fitted with the offsets at both ends of the interval of the offset.
+    # The changes of the parameters widen their intervals. The noise was estimated from `informed_by` points.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     family, x = problem.family, best.x[0]
@@ -83,6 +83,7 @@ def estimates(
     dof = max(best.residuals.shape[1] - len(x), 1)
     inflation = max(1.0, float(best.costs[0]) / dof)  # a bad fit must not have small standard errors
     noise_freedom = informed_by - 3 - (offset.kind == "fitted")  # degrees of freedom of the noise
+    # increase of the sum of squares from its minimum to the ends of the 95 % intervals
     rise = float(stdtrit(max(dof, noise_freedom), 0.975)) ** 2 * inflation
     end_offsets = np.array([o for o in (offset.low, offset.high) if o != offset.value])
     shifted = replace(problem, offsets=end_offsets).minimize(np.repeat(best.x, len(end_offsets), axis=0)).x
@@ -109,10 +110,10 @@ def estimates(
     moved_slopes = [-math.exp(m[-1]) for m in moved]
     shift = share * abs(moved_slopes[1] - moved_slopes[0]) / abs(slopes[0]) if share else 0.0
     log_slope = gradient(lambda u: coordinates(u[None])[0, -1:], x)[0]
-    slope_error = abs(slopes[0]) * math.hypot(
+    standard_error = abs(slopes[0]) * math.hypot(
         math.sqrt(inflation * float(log_slope @ fit_covariance @ log_slope)), shift
     )
-    middle = Estimate(value=slopes[0], standard_error=slope_error, low=slopes[1], high=slopes[2], unit="1/m")
+    middle = Estimate(value=slopes[0], standard_error=standard_error, low=slopes[1], high=slopes[2], unit="1/m")
     runaway = family.runs_away(ends)
     parameters = _parameters(family, sensor, center[:-1], ends[:-1], covariance, unit=output_unit, runaway=runaway)
     at_bound = any(min(value - low, high - value) < 1e-4 for value, low, high in zip(x, *family.bounds, strict=True))
@@ -218,7 +219,8 @@ def fit_sensor(
 
     Args:
         calibration: the readings.
-        model: "inverse-power", "exponential-1", "exponential-2", "mittag-leffler" or "table".
+        model: "inverse-power", "exponential-1", "exponential-2", "mittag-leffler", "table", or the name of a custom
+            curve.
         offset: output with no object: "auto" (measured if there are no-object readings, otherwise fitted), "fit",
             "zero", a number in the unit of the outputs, or a number and its standard error.
         saturation: output at and above which readings are clipped; "auto" to detect it, None if nothing clips.
@@ -267,8 +269,8 @@ def why_not(model: str, prepared: Prepared) -> str:
         return (
             ""
             if count > size
-            else f"The model needs readings at {size} or more distances above the signal floor, because it has {size} "
-            f"parameters; there are only {count} such distances."
+            else f"The model needs readings at {size + 1} or more distances above the signal floor, because it has "
+            f"{size} parameters; found {count} such distances."
         )
     rises = np.flatnonzero(np.diff(used.output) >= 0)
     if not len(rises):
@@ -366,7 +368,7 @@ def _fit_table(
     sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
     without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]
     middle = float((distance[0] + distance[-1]) / 2)
-    error = _slope_error(distance, xi, noise.of_means(prepared.used.count, xi) / xi, middle)
+    error = _table_slope_error(distance, xi, noise.of_means(prepared.used.count, xi) / xi, middle)
     slope, reach = float(sensor.log_slope(middle)), 1.96 * error
     return np.log(xi), {
         "sensor": sensor,
@@ -383,7 +385,7 @@ def _fit_table(
     }
 
 
-def _slope_error(distance: FloatArray, xi: FloatArray, errors: FloatArray, at: float) -> float:
+def _table_slope_error(distance: FloatArray, xi: FloatArray, errors: FloatArray, at: float) -> float:
     """Return the standard error of the slope of a sensor table."""
     # The interpolant's slope is not the difference of two neighbors: its error is about 1.4 times as large midway
     # between two points, and 0.7 times as large at a point.

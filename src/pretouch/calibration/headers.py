@@ -136,9 +136,9 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
                 return scaled
     place = f"{table.file}, line {line}"
     if math.isfinite(value):
+        unit = f" (unit: {column.unit})" if column.unit else ""
         expected = (
-            f"expected a number {WORKABLE} (unit: {column.unit or 'its unit'}), because other numbers are too "
-            "large or too small to fit a curve"
+            f"expected a number {WORKABLE}{unit}, because other numbers are too large or too small to fit a curve"
         )
         problem = "a number that is too large or too small for the arithmetic"
     else:
@@ -185,15 +185,15 @@ _NAMES: dict[str, set[str] | re.Pattern[str]] = {
 _TITLE = re.compile(r"\s*(.*?)\s*[\[(]\s*([^\[\]()]*(?:\([^()]*\))?[^\[\]()]*)\s*[\])]\s*")
 _LAST_WORD = re.compile(r"(.+?)(?:\s+in\s+|[\s_,]+)(\S+)")
 _LONGEST = 200  # characters of a header
-_KNOWN: dict[tuple[int, ...], str] = {(0, 0, 0, 1, 0): "V", (0, 0, 0, 0, 1): "counts"}
-_AT = re.compile(
+_OUTPUT_UNITS: dict[tuple[int, ...], str] = {(0, 0, 0, 1, 0): "V", (0, 0, 0, 0, 1): "counts"}
+_DISTANCE_MARK = re.compile(
     r"(?:(?P<name>[^\W\d_]+)[\s=:@_]*)?(?P<number>[-+\N{MINUS SIGN}]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)"
     r"(?:[\s_]*[\[(]?(?P<unit>[^\W\d_]+)[\])]?(?:\.\d+)?)?"  # pandas renames a second column 0cm to 0cm.1
 )
-_AT_INFINITY = re.compile(r"[+]?(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", re.IGNORECASE)
+_NO_OBJECT_MARK = re.compile(r"[+]?(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", re.IGNORECASE)
 
 
-class UnitMark(NamedTuple):
+class DistanceMark(NamedTuple):
     """A distance that a column header contains, such as `5 mm`, split into number and unit.
 
     The number is None if the column has readings without an object.
@@ -215,7 +215,9 @@ def split_title(title: str) -> tuple[str, str | None]:
     if match:
         name, unit = match.groups()
         plain_name = _plain(name)
-        if (plain_name in _DISTANCES and is_length(unit)) or (plain_name in _OUTPUTS and _exponents(unit) in _KNOWN):
+        if (plain_name in _DISTANCES and is_length(unit)) or (
+            plain_name in _OUTPUTS and _exponents(unit) in _OUTPUT_UNITS
+        ):
             return name, unit
     return title.strip(), None
 
@@ -227,9 +229,9 @@ def is_length(unit: str | None) -> bool:
 
 def is_named(title: str, kind: str) -> bool:
     """Return True if a column header is a usual name for distances, outputs or another type of column."""
-    # A `setting` is one of the sensor or its surroundings, such as `gain` or `temperature`. A `setting or output` may
-    # be the output if no other column is, such as a photocurrent. A `count` numbers the rows, such as `trial`, `#` or
-    # an empty header. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`.
+    # A `setting` is a property of the sensor or its surroundings, such as `gain` or `temperature`. A `setting or
+    # output`, such as a photocurrent, may be the output if no other column is. A `count` numbers the rows, such as
+    # `trial`, `#` or an empty header. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`.
     names, name = _NAMES[kind], _plain(split_title(title)[0])
     return name in names if isinstance(names, set) else bool(names.fullmatch(name))
 
@@ -240,33 +242,33 @@ def output_unit(text: str | None) -> tuple[str, float]:
         unit = parse_unit(text or "")
     except UnitError:
         return str(text), 1.0
-    if unit.exponents in _KNOWN:
-        return _KNOWN[unit.exponents], unit.factor
+    if unit.exponents in _OUTPUT_UNITS:
+        return _OUTPUT_UNITS[unit.exponents], unit.factor
     return text or "", 1.0
 
 
 def is_output_unit(unit: str | None) -> bool:
     """Return True if a text is a unit of sensor outputs: volts or counts."""
-    return output_unit(unit)[0] in _KNOWN.values()
+    return output_unit(unit)[0] in _OUTPUT_UNITS.values()
 
 
-def distance_mark(title: str) -> UnitMark | None:
+def distance_mark(title: str) -> DistanceMark | None:
     """Parse a column header such as `5 mm`, `d=5mm` or `inf` as a distance; return None for other headers."""
-    if title and (is_no_object(title) or _AT_INFINITY.fullmatch(title[:_LONGEST])):
-        return UnitMark(None, None)
-    match = _AT.fullmatch(title) if len(title) <= _LONGEST else None
+    if title and (is_no_object(title) or _NO_OBJECT_MARK.fullmatch(title[:_LONGEST])):
+        return DistanceMark(None, None)
+    match = _DISTANCE_MARK.fullmatch(title) if len(title) <= _LONGEST else None
     if match is None:
         return None
     name, unit = match["name"], match["unit"]
     if (unit is not None and not is_length(unit)) or (name and (unit is None or _plain(name) not in _DISTANCES)):
         return None
-    return UnitMark(match["number"].replace("\N{MINUS SIGN}", "-").replace(",", "."), unit)
+    return DistanceMark(match["number"].replace("\N{MINUS SIGN}", "-").replace(",", "."), unit)
 
 
 def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
     """Return True if the columns of a table have distances such as `5 mm` as their headers."""
     # `declared` means that an option gives the unit of the distances.
-    # They are if two headers are distances with units, or if headers are numbers that can have no other meaning.
+    # Headers are distances if two of them have units of length, or if they are numbers that cannot mean anything else.
     marks = [mark for title in header if (mark := distance_mark(title))]
     if any(mark.unit for mark in marks):
         return len(marks) > 1
@@ -280,9 +282,9 @@ def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
 
 def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = False) -> bool:
     """Return True if a line looks like the header of a calibration table, because it names a distance."""
-    # It is if a cell is a name of a distance or has a unit of length, and none is a number, or if columns are named by
-    # distance (see `looks_wide`). With `in_words`, cells are the words of a line, which may be prose: "Sensor X" does
-    # not name a distance.
+    # A header has a cell with a name of a distance or a unit of length, and no cell that is a number. A header whose
+    # cells are distances (see `looks_wide`) also counts. With `in_words`, the cells are words of a line that may be
+    # prose: "Sensor X" does not name a distance.
     if looks_wide(header, declared=declared):
         return True
     for title in header:

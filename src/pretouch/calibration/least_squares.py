@@ -19,7 +19,7 @@ Residuals: TypeAlias = Callable[[FloatArray, IntArray], FloatArray]
 """Function of parameters, shape (b, p), and indices of their problems, shape (b,); returns residuals, shape (b, n)."""
 
 _STEP: Final = 1e-6  # step of a parameter for finite differences
-_DOUBLINGS: Final = 5  # a profile that has not risen at 60 times the width of the linear interval is unbounded
+_DOUBLINGS: Final = 5  # a profile that has not risen at 2^5 times the half width of the linear interval is unbounded
 _ATTEMPTS: Final = 12  # iterations for the end of an interval
 _LARGEST_DAMPING: Final = 1e12  # largest damping of the normal equations; with more, no step improves the cost
 _HUGE: Final = 1e150  # replaces residuals that are not finite
@@ -167,11 +167,11 @@ def intervals(
     """Return confidence intervals of functions of the fit parameters, computed from the profile likelihood."""
     # An interval ends where the profile has risen by `rise` above the minimum.
     # A stiff spring pulls a coordinate to a target: the sum of squares plus the spring's energy is minimized over all
-    # parameters. The minimum lies exactly on the profile, at the coordinate that it reaches. So the coordinate need not
-    # be a parameter of the model. Steps are doubled until the profile has risen enough; then secants are used. All ends
-    # are searched at once. The residuals are those of one problem with the index 0, `best` is its minimum, and
-    # `coordinates` maps (b, p) to (b, c). The result has, for each coordinate, the lower and upper end and whether each
-    # was reached. An end that was not reached is the last value that the bounds allow.
+    # parameters. The minimum lies exactly on the profile, at the value of the coordinate in this minimum. So the
+    # coordinate need not be a parameter of the model. Steps are doubled until the profile has risen enough; then
+    # secants are used. All ends are searched at once. The residuals are those of one problem with the index 0, `best`
+    # is its minimum, and `coordinates` maps (b, p) to (b, c). The result has, for each coordinate, the lower and the
+    # upper end, and whether each end was reached. An end that was not reached is the last value that the bounds allow.
     center = coordinates(best.x)[0]
     slope = gradient(lambda u: coordinates(u[None])[0], best.x[0])
     scale = np.sqrt(np.maximum(rise * np.einsum("cp,pq,cq->c", slope, best.covariances[0], slope), 1e-300))

@@ -70,7 +70,7 @@ def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
     yield "usable distances", f"{low} to {high}"
     middle, unit = best.middle_slope, report.calibration.unit
     yield (
-        "slope g in the middle of these; " + _interval(middle.low, middle.high, "1/m", 3),
+        "slope g at mid-range; " + _interval(middle.low, middle.high, "1/m", 3),
         Measured(middle.value, "1/m"),
     )
     if slope is not None:
@@ -176,25 +176,27 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
         near, far = (format_quantity(float(d), "m") for d in report.slope.distances[[0, -1]])
         worst = float(report.slope.uncertainty.max())
         size = f"{100 * worst:.3g} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
-        yield "uncertainty of g (95 %)", size, f"from {near} to {far}, {_given_offset(report)}"
+        yield "uncertainty of g (95 %)", size, f"from {near} to {far}, {_offset_clause(report)}"
     if report.noise is not None and report.noise.resolution > 0:
         yield "resolution", Measured(report.noise.resolution, unit), "smallest step between outputs"
     meaning = "readings below it cannot be distinguished from the offset"
     yield "floor of the signal", Measured(float(window.floor), unit), meaning
     if window.saturation is not None:
-        yield "clipping level", Measured(float(window.saturation), unit), "readings there are not used"
+        yield "clipping level", Measured(float(window.saturation), unit), "readings at or above it are not used"
     for text in report.left_out:
         yield "left out", "", text
 
 
-def _given_offset(report: CalibrationReport) -> str:
-    """Return a clause that names the offset that was assumed when the uncertainty of the sensor slope was computed."""
+def _offset_clause(report: CalibrationReport) -> str:
+    """Return a clause that names the offset for which the uncertainty of the sensor slope was computed."""
     offset, unit = report.offset, report.calibration.unit
     if offset is None:
         return "over all curves that fit the readings"
     error = f" \u00b1 {offset.error_in_words}" if offset.standard_error else ""
-    given = f"if the offset is {offset.value:.4g}{error} {unit}".rstrip()
-    return f"{given}; larger elsewhere in its 95 % interval" if offset.is_wide else f"{given}, over all curves that fit"
+    clause = f"if the offset is {offset.value:.4g}{error} {unit}".rstrip()
+    if offset.is_wide:
+        return f"{clause}; larger for other offsets in the 95 % interval"
+    return f"{clause}, over all curves that fit"
 
 
 def _ranking(report: CalibrationReport) -> PageSection:

@@ -24,19 +24,18 @@ from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
 
 _FORM: Final = 4.0  # inflation of the variance if the offset was fitted, because no family is exact
 _BENDS: Final = 6.0  # independent points of a smooth misfit over a window
-_MOST_ALIKE: Final = 0.8  # largest correlation of neighboring residuals that is used
-_SPREAD: Final = np.sinh(np.linspace(-3.0, 3.0, 21)) / np.sinh(3.0) * 8.0  # fitted offsets [SE], denser in the middle
-_NARROW: Final = np.linspace(-2.8, 2.8, 9)  # offsets around a known one [SE]
+_LARGEST_CORRELATION: Final = 0.8  # largest correlation of neighboring residuals that is used
+# standard errors around a fitted offset, denser in the middle
+_FITTED_OFFSETS: Final = np.sinh(np.linspace(-3.0, 3.0, 21)) / np.sinh(3.0) * 8.0
+_KNOWN_OFFSETS: Final = np.linspace(-2.8, 2.8, 9)  # standard errors around a known offset
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FamilyFits(Value):
     """Fits of one family of sensor curves, one fit for each of several offsets.
 
-    `offsets` have the shape (b,).
-
-    Parameters x, shape (b, 3), have `covariances`, shape (b, 3, 3), at unit variance of the residuals. `costs`, shape
-    (b,), are sums of squares that include the prior of the offset.
+    `offsets` have the shape (b,). Parameters x, shape (b, 3), have `covariances`, shape (b, 3, 3), at unit variance of
+    the residuals. `costs`, shape (b,), are sums of squares that include the prior of the offset.
     """
 
     family: Family
@@ -113,9 +112,10 @@ class PossibleCurves(Value):
         return tuple(curves)
 
     def doubt(self, offset: OffsetEstimate) -> float:
-        """Return the deviation of an offset from its best-fitting value, in half widths of its 95 % interval.
+        """Return the deviation of an offset from the best-fitting offset, in half widths of the latter's 95 % interval.
 
-        The distance is that of the nearest end of the offset's interval. Beyond all fitted offsets it is infinite.
+        The deviation is that of the value in the interval of the offset that is nearest to the best-fitting offset. It
+        is infinite if this value is beyond all fitted offsets.
         """
         cost = np.inf
         for part in self.parts:
@@ -138,10 +138,10 @@ class PossibleCurves(Value):
         # The value is ln |g|; the deviation includes both the scatter between fits and the error of each.
         rows, spreads, weights = [], [], []
         for part, weight in zip(self.parts, self.weights(), strict=True):
-            kept = weight > 1e-6
-            if not kept.any():
+            relevant = weight > 1e-6
+            if not relevant.any():
                 continue
-            x, covariance = part.x[kept], part.covariances[kept] * self.inflation * self.form
+            x, covariance = part.x[relevant], part.covariances[relevant] * self.inflation * self.form
 
             def log_slope(u: FloatArray, at: FloatArray, family: Family = part.family) -> FloatArray:
                 return np.asarray(np.log(np.maximum(-family.slope(u, at), 1e-12)))
@@ -149,7 +149,7 @@ class PossibleCurves(Value):
             change = np.moveaxis(forward_change(log_slope, x, distance), 0, -1)
             rows.append(log_slope(x, distance))
             spreads.append(np.einsum("bnp,bpq,bnq->bn", change, covariance, change))
-            weights.append(weight[kept])
+            weights.append(weight[relevant])
         log_slopes, variances, share = np.concatenate(rows), np.concatenate(spreads), np.concatenate(weights)
         share = share / share.sum()
         mean = share @ log_slopes
@@ -203,16 +203,16 @@ def fit_possible_curves(
 def _correlation_inflation(residuals: FloatArray, smooth: float) -> float:
     """Return the factor by which the variance of a fit grows because neighboring residuals are correlated.
 
-    A misfit is smooth: forty points carry no more information about it than the few at which it can bend independently.
-    It has the share `smooth` of the variance of the residuals, which is 1. Otherwise the correlation of neighbors
-    counts, if it is significant (Bayley and Hammersley 1946).
+    A misfit is smooth: forty points carry no more information about the misfit than the few points at which it can bend
+    independently. The misfit has the share `smooth` of the variance of the residuals, which is 1. If the correlation of
+    neighboring residuals is significant and gives a larger factor, that factor is used (Bayley and Hammersley 1946).
     """
     count, total = len(residuals), float(residuals @ residuals)
     bends = 1 + smooth * max(count / _BENDS - 1, 0.0)
     if count < 5 or total <= 0:
         return bends
     correlation = float(residuals[1:] @ residuals[:-1]) / total
-    correlation = min(correlation, _MOST_ALIKE) if correlation > 1.7 / np.sqrt(count) else 0.0
+    correlation = min(correlation, _LARGEST_CORRELATION) if correlation > 1.7 / np.sqrt(count) else 0.0
     return max(bends, (1 + correlation) / (1 - correlation))
 
 
@@ -220,11 +220,11 @@ def _offsets(curve: AveragedCurve, free: Fits, known_offset: OffsetEstimate | No
     """Return the sensor offsets for which a family of curves is fitted."""
     if known_offset is not None:
         return known_offset.value + known_offset.standard_error * (
-            _NARROW if known_offset.standard_error > 0 else np.zeros(1)
+            _KNOWN_OFFSETS if known_offset.standard_error > 0 else np.zeros(1)
         )
     reach = float(np.ptp(curve.output))
     error = np.sqrt(float(free.covariances[0, 3, 3])) or 0.1 * reach  # zero if a parameter is at a bound
     error = float(np.clip(error, 1e-9 * reach, 0.3 * reach))
-    offsets = free.x[0, 3] + error * _SPREAD
+    offsets = free.x[0, 3] + error * _FITTED_OFFSETS
     top = float(curve.output.max())
     return np.unique(np.clip(offsets, lowest_offset(curve), top - 1e-3 * reach))

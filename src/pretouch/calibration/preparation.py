@@ -68,14 +68,12 @@ def prepare(
     calibration = condense(calibration)
     curve = average(calibration)
     noise = reading_noise(calibration, curve)
-    offset_estimate = _given_offset(calibration, offset, noise)
+    offset_estimate = _user_offset(calibration, offset, noise)
+    no_near_end = NearEnd(index=0, reason="", saturation=None)
     if is_length(calibration.unit):
-        nothing = NearEnd(index=0, reason="", saturation=None)
-        return _nothing(calibration, curve, nothing, offset_estimate, _reports_distance(calibration))
+        return _without_signal(calibration, curve, no_near_end, offset_estimate, _reports_distance(calibration))
     if near_field_peak == "auto" and is_rising(curve, noise):
-        return _nothing(
-            calibration, curve, NearEnd(index=0, reason="", saturation=None), offset_estimate, _rising(calibration)
-        )
+        return _without_signal(calibration, curve, no_near_end, offset_estimate, _rising(calibration))
     near = find_near_end(calibration, curve, saturation, near_field_peak)
     needed = _FEWEST_DISTANCES + (offset_estimate is None)
     count = len(curve.distance) - near.index
@@ -85,10 +83,10 @@ def prepare(
             f"but a curve needs at least {needed} distances: measure at 8 or more distances, out to where "
             "the output no longer changes, and record readings with no object."
         )
-        return _nothing(calibration, curve, near, offset_estimate, few)
+        return _without_signal(calibration, curve, near, offset_estimate, few)
     if not np.ptp(curve.output[near.index :]) > 0:
         stuck = f"The output is {curve.output[near.index]:g} {calibration.unit}".rstrip()
-        return _nothing(
+        return _without_signal(
             calibration, curve, near, offset_estimate, f"{stuck} at every distance: check power and wiring."
         )
     end = near.index + end_of_falling(curve.part(slice(near.index, None)), noise)
@@ -218,7 +216,7 @@ def _rising(calibration: Calibration) -> str:
     )
 
 
-def _given_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingNoise) -> OffsetEstimate | None:
+def _user_offset(calibration: Calibration, offset: OffsetChoice, noise: ReadingNoise) -> OffsetEstimate | None:
     """Return the sensor offset if the user has measured or declared it, or None if it must be fitted."""
     if offset == "fit" or (offset == "auto" and not len(calibration.no_object)):
         return None
@@ -234,23 +232,23 @@ def _given_offset(calibration: Calibration, offset: OffsetChoice, noise: Reading
 
 def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimate:
     """Compute the sensor offset as the mean of the readings without an object, without outliers."""
-    # A standard error that is not known yet is returned as -1.
+    # The standard error is -1 if the noise is not known yet.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
-    kept = readings
+    inliers = readings
     if len(readings) >= 5:
         deviation = np.abs(readings - np.median(readings))
         limit = 6 * max(MAD_TO_SIGMA * float(np.median(deviation)), noise.resolution)
-        kept = readings[deviation <= limit] if limit > 0 else readings
-    value = float(np.mean(kept))
+        inliers = readings[deviation <= limit] if limit > 0 else readings
+    value = float(np.mean(inliers))
     if noise.sigma is None:
         return OffsetEstimate(value=value, standard_error=-1.0, low=value, high=value, kind="measured")
-    error = float(noise.sigma / np.sqrt(len(kept)))
+    error = float(noise.sigma / np.sqrt(len(inliers)))
     reach = float(stdtrit(max(noise.freedom, 1.0), 0.975)) * error
     return OffsetEstimate(value=value, standard_error=error, low=value - reach, high=value + reach, kind="measured")
 
 
-def _nothing(
+def _without_signal(
     calibration: Calibration, curve: AveragedCurve, near: NearEnd, offset: OffsetEstimate | None, reason: str
 ) -> Prepared:
     """Return the preparation result of a calibration without a usable signal, with the reason."""
@@ -288,15 +286,15 @@ def _why_no_signal(
             )
         )
     if count < _FEWEST_POINTS:
-        far = format_quantity(window.distances[-1], "m") if count else "none"
-        floor = f"{window.floor:.4g} {unit}".rstrip()
+        largest = f"The largest usable distance is {format_quantity(window.distances[-1], 'm')}. " if count else ""
+        floor, sigma = (f"{value} {unit}".rstrip() for value in (f"{window.floor:.4g}", f"{noise.output:.2g}"))
         reasons.append(
             caution(
                 "PT110",
                 f"Only {count} distance{(' is' if count == 1 else 's are')} above the signal floor of {floor}, "
-                f"but a curve needs {_FEWEST_POINTS} distances. The last distance is {far}, the offset is "
-                f"{offset.in_words('')}, and the noise of one reading is {noise.output:.2g}: measure in finer "
-                "steps near the sensor, repeat readings, and record the output with no object.",
+                f"but a curve needs {_FEWEST_POINTS} distances. {largest}The offset is {offset.in_words(unit)}, and "
+                f"the noise of one reading is {sigma}: measure in finer steps near the sensor, repeat readings, and "
+                "record the output with no object.",
             )
         )
     return tuple(reasons)

@@ -10,8 +10,8 @@ from .data import Calibration
 from .fit import attempt_fit, check_models, model_names
 from .preparation import OffsetChoice, prepare
 from .result import CalibrationReport, SensorFit
-from .slope_uncertainty import slope_knowledge
-from .verdict_reasons import find_reservations, left_out, summary
+from .slope_uncertainty import estimate_slope
+from .verdict_reasons import find_reservations, ignored_readings, summary
 
 
 @check_arguments
@@ -56,7 +56,7 @@ def rank_models(
         attempts = {model: attempt_fit(model, prepared) for model in models}
         not_fitted = {model: reason for model, reason in attempts.items() if isinstance(reason, str)}
         fits = sorted((fit for fit in attempts.values() if isinstance(fit, SensorFit)), key=_rank)
-    slope = slope_knowledge(prepared)
+    slope = estimate_slope(prepared)
     reasons = prepared.no_signal or tuple(find_reservations(prepared, fits, slope))
     usable = "usable with reservations" if reasons else "usable"
     return CalibrationReport(
@@ -69,7 +69,7 @@ def rank_models(
         reasons=reasons or (summary(prepared, fits),),
         not_fitted=not_fitted,
         slope=slope,
-        left_out=left_out(prepared),
+        left_out=ignored_readings(prepared),
         curves=prepared.witness,
     )
 

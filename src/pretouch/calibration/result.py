@@ -21,10 +21,10 @@ from .data import Calibration
 class SlopeUncertainty(Value):
     """The sensor slope and its uncertainty at those distances at which most of the virtual force acts.
 
-    It is taken over all curves that fit the readings.
+    The uncertainty covers all curves that fit the readings.
 
     Args:
-        distances: from the nearest usable distance to where the signal is a tenth of the signal there [m], shape (N,).
+        distances: from the nearest usable distance to the distance with a tenth of its signal [m], shape (N,).
         slope: the mean of g over all curves [1/m], shape (N,).
         uncertainty: half the width of the 95 % interval of g, relative to g, shape (N,).
         worst_at: the distance at which the uncertainty is largest [m].
@@ -53,7 +53,7 @@ class AllowedCurves(Protocol):
     """Interface of an object that generates random sensor curves that fit the readings."""
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Return random sensor curves that pass through all readings and are monotone between neighboring readings."""
+        """Return random monotone sensor curves that pass through all readings within the errors of the readings."""
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
         """Draw random sensor curves with soft saturation according to their posterior probabilities."""
@@ -282,12 +282,12 @@ class CalibrationReport(Described, Value):
         fits: the fits, best first; empty without a usable signal.
         window: the usable window.
         offset: the offset; None with too few readings to determine it.
-        noise: the noise of the readings; None likewise.
+        noise: the noise of the readings; None with too few readings to determine it.
         verdict: `usable`, `usable with reservations` or `no usable signal`.
         reasons: the reasons of the verdict, and what to do, in sentences.
         not_fitted: requested models that could not be fitted, each with the reason.
         slope: the slope g and its uncertainty over all models; None with too few readings.
-        left_out: groups of readings that no model was fitted to, in sentences.
+        left_out: groups of readings that the fits of all models ignore, in sentences.
         curves: source of curves that fit the readings, on which a gain is checked; None without a usable signal.
     """
 

@@ -1,8 +1,8 @@
 """Estimate the uncertainty of the sensor slope, and warn if this uncertainty is too large for a design.
 
 The slope is judged from the nearest usable distance to the distance at which the signal has fallen to a tenth. The
-virtual force gives the impulse D_p ln(xi / xi_0) until xi has grown from xi_0 to xi. From a tenth of its value at
-contact, xi grows by a factor of ten, 2.3 in ln xi: most of the impulse of any motion.
+virtual force gives the impulse D_p ln(xi / xi_0) until xi has grown from xi_0 to xi. Over the judged distances, xi
+grows by a factor of ten, so ln xi grows by 2.3, which gives most of the impulse of any motion.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _SURE: Final = 4.0  # standard errors of a difference that is significant
 _NORMAL: Final = 1.959964  # standard deviations from the mean to the end of a 95 % interval
 
 
-def slope_knowledge(prepared: Prepared) -> SlopeUncertainty | None:
+def estimate_slope(prepared: Prepared) -> SlopeUncertainty | None:
     """Return the sensor slope and its uncertainty over all curves that fit, or None if there are too few readings."""
     curves, used, offset = prepared.possible_curves, prepared.used, prepared.offset
     if curves is None or offset is None:
@@ -49,7 +49,7 @@ def slope_knowledge(prepared: Prepared) -> SlopeUncertainty | None:
 
 def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertainty | None) -> list[str]:
     """Return warnings if the sensor slope is uncertain, and say in each warning what to measure."""
-    # One warning is about readings whose slope differs from that of the best model.
+    # A second warning is about readings whose slope differs from that of the best model.
     if slope is None:
         return []
     warnings = []
@@ -92,8 +92,8 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeUncertai
 def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[float, float, float] | None:
     """Return the largest significant difference between the slope of the readings and the fitted slope.
 
-    The distances between which it occurs follow [m]. Without a difference that is both significant and too large, the
-    result is None.
+    The result is the relative difference and the two distances [m] between which it occurs. It is None if no difference
+    is both significant and too large.
     """
     used, noise = prepared.used, prepared.noise
     if noise is None or best.model == "table" or len(used.distance) < _FEWEST + 1:

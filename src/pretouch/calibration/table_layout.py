@@ -15,9 +15,9 @@ from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit
 from .column_options import ColumnOption, ColumnOptions, columns_hint
 from .headers import (
     Column,
+    DistanceMark,
     Layout,
     TextTable,
-    UnitMark,
     distance_mark,
     is_length,
     is_missing,
@@ -38,7 +38,7 @@ _FEW = 3  # fewest distances of a curve: a setting with fewer is not a label
 
 def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
     """Find the columns of distances, outputs and labels in a table that has one reading per row."""
-    # Options come first; names and units of the columns decide the rest.
+    # Options take precedence over names and units of the columns.
     _refuse_no_header(table)
     distance_index, output_indices = _columns(table, options)
     distance_column = _distance_column(table, distance_index, options.distance)
@@ -262,7 +262,7 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
     )
 
 
-def _refuse_ambiguity(table: TextTable, marks: dict[int, UnitMark], others: list[int]) -> None:
+def _refuse_ambiguity(table: TextTable, marks: dict[int, DistanceMark], others: list[int]) -> None:
     """Refuse a table in which the column headers may be distances or repeat numbers."""
     corner = next((i for i in others if is_length(split_title(table.header[i])[1])), None)
     if corner is None or any(mark.unit or mark.number is None for mark in marks.values()):
@@ -277,7 +277,7 @@ def _refuse_ambiguity(table: TextTable, marks: dict[int, UnitMark], others: list
         )
 
 
-def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, UnitMark], others: list[int]) -> str:
+def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, DistanceMark], others: list[int]) -> str:
     """Return the unit of the distances in column headers, from a header, an option or the corner cell."""
     header_units = list(dict.fromkeys(mark.unit for mark in marks.values() if mark.unit))
     bare = [i for i, mark in marks.items() if mark.unit is None and mark.number is not None and float(mark.number)]
@@ -321,7 +321,7 @@ def _is_distance_name(name: str) -> bool:
 
 
 def _output_unit(
-    table: TextTable, options: ColumnOptions, marks: dict[int, UnitMark], others: list[int]
+    table: TextTable, options: ColumnOptions, marks: dict[int, DistanceMark], others: list[int]
 ) -> tuple[str, float, list[str]]:
     """Return the unit of the sensor outputs in a table whose column headers are distances."""
     # The unit comes from the option or from the corner cell; otherwise, integers are counts.
@@ -359,7 +359,7 @@ def _numbers_a_repeat(cell: str) -> bool:
     return is_number(cell) or is_missing(cell) or is_named(re.sub(r"\d+$", "", cell), "count")
 
 
-def _distance_of_header(table: TextTable, mark: UnitMark, unit: str) -> float:
+def _distance_of_header(table: TextTable, mark: DistanceMark, unit: str) -> float:
     if mark.number is None:
         return math.inf
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))

@@ -40,8 +40,8 @@ _NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 
 def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = None) -> TextTable:
     """Read a text table such as CSV, and split it into header and rows."""
-    # Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. Refused are
-    # unreadable or too large files, files without a table, and rows with another number of cells.
+    # Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. An error is raised for
+    # unreadable or too large files, for files without a table, and for rows with another number of cells.
     path, options = Path(path), options or ColumnOptions()
     try:
         content = read_regular_file(path, most=_MOST_BYTES, refuse=_refusal)
@@ -57,7 +57,7 @@ def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = Non
     at, head_lines, notes = _header_at(path.name, head, remark, options)
     first = len(head) - (len(head_lines) - (at + 1))
     delimiter = _delimiter(head_lines[at][1]) if at >= 0 else _any_delimiter(head_lines[0][1])
-    rows: list[Any] = texts[first:]  # the list holds lines at first, later their cells
+    rows: list[Any] = texts[first:]  # lines, which `_split` replaces by their cells
     numbers, plain = numbers[first:], '"' not in text
     commas = delimiter != "," and "," in text
     del text, texts

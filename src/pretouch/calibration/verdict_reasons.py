@@ -20,12 +20,12 @@ _FEW_POINTS = 6  # number of distances below which a reservation is made
 _MORE_THAN_UNKNOWNS = 3  # distances needed beyond the number of unknowns, to judge a fit
 _LARGE_MISFIT = 0.1  # misfit of ln xi; over one step of distance, the virtual force has about this relative error
 _FEW_EMPTY = 4  # readings without an object from which the noise can be estimated, as from repeats
-_DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # allowed distance, in half intervals of the free offset
+_DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # allowed `PossibleCurves.doubt` of each kind of offset
 _MOST_NAMED = 5  # readings that a sentence lists
 _SMALL_FALL = 0.3  # decrease of ln xi over the window below which only the mean slope is determined
 
 
-def left_out(prepared: Prepared) -> tuple[str, ...]:
+def ignored_readings(prepared: Prepared) -> tuple[str, ...]:
     """Return a sentence for each group of readings that the fits ignore, such as outliers."""
     calibration, window, groups = prepared.calibration, prepared.window, []
     at_bad = np.isin(calibration.distances, prepared.outlier_distances)
@@ -39,20 +39,20 @@ def left_out(prepared: Prepared) -> tuple[str, ...]:
             "at the same distance (dropout or outlier)."
         )
     for distance in prepared.outlier_distances:
-        here = calibration.distances == distance
-        named = f"{_level(calibration, np.mean(calibration.outputs[here]))} at {format_quantity(distance, 'm')}"
+        at_distance = calibration.distances == distance
+        named = f"{_level(calibration, np.mean(calibration.outputs[at_distance]))} at {format_quantity(distance, 'm')}"
         groups.append(
-            f"{_readings(here.sum())} ({named}) cannot be used, because no curve through the other readings "
+            f"{_readings(at_distance.sum())} ({named}) cannot be used, because no curve through the other readings "
             "explains their output; measure again."
         )
     if window.distances:
         low, high = window.l_min, window.l_max
-        for there, where, reason in (
+        for outside, where, reason in (
             (calibration.distances < low, f"nearer than {format_quantity(low, 'm')}", window.start_reason),
             (calibration.distances > high, f"beyond {format_quantity(high, 'm')}", window.end_reason),
         ):
-            if (there & ~at_bad).any():
-                groups.append(f"{_readings((there & ~at_bad).sum())} {where}: {reason}.")
+            if (outside & ~at_bad).any():
+                groups.append(f"{_readings((outside & ~at_bad).sum())} {where}: {reason}.")
     return tuple(groups)
 
 

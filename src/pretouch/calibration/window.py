@@ -19,7 +19,7 @@ from .result import OffsetEstimate, UsableWindow
 _RISEN: Final = 2.0  # ratio of rise to later fall from which on the output counts as rising
 _SURE: Final = 5.0  # standard deviations of a significant rise
 _SMALL: Final = 0.01  # share of the output's range below which a rise is ignored
-_SHARE: Final = 0.2  # outputs above the lowest one by less than this share of the rise may already belong to the rise
+_SHARE: Final = 0.2  # share of the rise: outputs less far above the lowest output may already belong to the rise
 
 
 def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
@@ -35,7 +35,7 @@ def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
 
 
 def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
-    """Return the number of points before the sensor output rises again, or all points if it never rises.
+    """Return the number of points before the sensor output rises again, or of all points if it never rises.
 
     Points that may already include a part of the rise are excluded as well.
     """
@@ -94,9 +94,9 @@ def find_window(
 ) -> UsableWindow:
     """Find the range of distances in which a sensor is usable.
 
-    The window starts beyond the last clipped distance, at the near-field peak or farther. It ends before the first
-    distance at which the averaged signal is less than `floor_sigmas` standard errors above the offset, unless the next
-    signal is above it again.
+    The window starts beyond the last clipped distance, at the near-field peak or farther. The window ends before the
+    first distance at which the averaged output is less than `floor_sigmas` standard errors above the offset, unless the
+    output at the next distance is above this level again.
 
     Args:
         calibration: the readings.
@@ -169,7 +169,7 @@ def find_near_end(
 
 
 def _end_of_clipping(clipped: BoolArray) -> int:
-    """Return the index of the first reading after all clipped readings; a single clipped reading is ignored."""
+    """Return the index of the first unclipped reading; a single clipped reading beyond the first one is ignored."""
     supported = [
         i for i in np.flatnonzero(clipped) if i == 0 or clipped[i - 1] or (i + 1 < len(clipped) and clipped[i + 1])
     ]
@@ -242,7 +242,7 @@ def window_of(
     if end < len(indices):
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
         reason = (
-            f"at distances from {beyond} on, the output exceeds the offset {unit}{offset.value:.4g} by "
+            f"at distances from {beyond} on, the output exceeds the offset of {offset.value:.4g}{unit} by "
             f"less than {floor_sigmas:g} standard errors, that is, by less than {floor - offset.value:.3g}{unit}"
         )
     return UsableWindow(

@@ -50,26 +50,26 @@ class Witness(Value):
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
         """Return random sensor curves that pass through the readings, within their errors.
 
-        The first is linear in ln xi between neighbors, the second SciPy's PCHIP; the others alternate between linear
-        and random slopes, and move each reading within its error.
+        The first curve is linear in ln xi between neighbors, the second is SciPy's PCHIP interpolant. The others
+        alternate between linear pieces and random slopes, with each reading moved within its error.
         """
         rng = np.random.default_rng(seed)
         level, width = np.log(self.signals), np.diff(self.distances)
         curves = []
         for number in range(count):
-            moved = level
+            levels = level
             if number > 1:
                 factor = 1 + self.errors * rng.standard_normal(len(level))
-                moved = level + np.log(np.maximum(factor, _SMALLEST_SIGNAL))
-            moved = _without_noisy_rises(moved, self.errors)
-            secants = np.diff(moved) / width
+                levels = level + np.log(np.maximum(factor, _SMALLEST_SIGNAL))
+            levels = _without_noisy_rises(levels, self.errors)
+            secants = np.diff(levels) / width
             slopes = [(secant, secant) for secant in secants]
             if number % 2:
-                bent = _smooth_slopes(self.distances, moved, secants)
+                bent = _smooth_slopes(self.distances, levels, secants)
                 if number > 1:
                     bent = _bounded(bent * np.exp(_BENDING * rng.standard_normal(len(bent))), secants)
                 slopes = list(pairwise(bent))
-            curve = PiecewiseCubic(distances=tuple(self.distances), log_outputs=tuple(moved), slopes=tuple(slopes))
+            curve = PiecewiseCubic(distances=tuple(self.distances), log_outputs=tuple(levels), slopes=tuple(slopes))
             curves.append(DrawnCurve(sensor=curve, offset=self.offset))
         return tuple(curves)
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ScenarioSource", "load_calibration_plan", "load_scenario"]
 
-_SHORT: Final[Mapping[str, str]] = {
+_QUANTITY_OF_SCALE: Final[Mapping[str, str]] = {
     "position": "displacement",
     "time": "time",
     "velocity": "relative_velocity",
@@ -60,7 +60,8 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
 
     docs/reference/scenario-file.md lists the sections and keys of a scenario file.
 
-    If [sensor] names a calibration file, the sensor curve is fitted here. Its path is relative to the scenario file.
+    If [sensor] names a calibration file, this function fits the sensor curve. The path of a calibration file is
+    relative to the scenario file.
 
     Args:
         path: the file.
@@ -105,12 +106,13 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
 
 
 def load_document(path: Path, text: str, sha256: str, data: Mapping[str, Any]) -> Task:
-    """Return the task that the parsed contents of a scenario file describe; `text` is for messages and reports."""
+    """Return the task that the parsed contents `data` of a scenario file describe."""
+    # Messages and reports show the `text` of the file.
     source = ScenarioSource(path=path, text=text, sha256=sha256)
     builder = _Builder(source, data)
     task = _task(builder)
     if task is None:
-        raise ScenarioFileError(source.listed(builder.unread + builder.mistakes))
+        raise ScenarioFileError(source.list_mistakes(builder.unread + builder.mistakes))
     return task
 
 
@@ -130,7 +132,7 @@ class CalibrationPlan:
 
 
 def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
-    """Read which calibration a scenario file needs, before this calibration exists.
+    """Return the calibration file and the distances that a scenario file needs, before the calibration is recorded.
 
     Args:
         path: the scenario file.
@@ -154,7 +156,7 @@ def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
             'calibration = "sensor.csv"',
         )
     if builder.unread or builder.mistakes or scenario is None or sensor is None:
-        raise ScenarioFileError(source.listed(builder.unread + builder.mistakes))
+        raise ScenarioFileError(source.list_mistakes(builder.unread + builder.mistakes))
     recess = sensor.get("recess") or 0.0
     farthest = recess + float(np.max(scenario.distance))
     return CalibrationPlan(path=source.path.parent / sensor[CALIBRATION], nearest=recess, farthest=farthest)
@@ -163,9 +165,9 @@ def load_calibration_plan(path: str | os.PathLike[str]) -> CalibrationPlan:
 def _task(builder: _Builder) -> Task | None:
     """Build the task that a scenario file describes; return None if the file contains mistakes."""
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
-    options = {**builder.freedom(), **builder.settings("motion")}
+    options = {**builder.admittance_bounds(), **builder.settings("motion")}
     options |= {section: builder.options(section) for section in OPTIONS}
-    builder.needs_impact_of_quantities()
+    builder.check_impact_of_front()
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
         return None  # with mistakes, a fit would be wasted time
     projection = project_robot(builder)
@@ -184,7 +186,7 @@ def _task(builder: _Builder) -> Task | None:
     if "law" in builder.data:
         from .law import law_fields  # noqa: PLC0415 - the sampled drag, only for a file that names a law
 
-        builder.needs_impact_of_effect()
+        builder.check_impact_of_drag()
         options |= law_fields(builder, scenario, options["uncertainty"], has_loop)
     if builder.unread or builder.mistakes or scenario is None or sensor is None:
         return None
@@ -212,7 +214,7 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
 class _Builder(Reading):
     """Builds sensor, encounter, objective and constraints of a task from the sections of a scenario file.
 
-    A part with a mistake is None.
+    If a section has a mistake, its method returns None.
     """
 
     def sensor(self) -> tuple[SensorModel | None, CalibrationReport | None]:
@@ -270,7 +272,7 @@ class _Builder(Reading):
             return None
         return self.attempt("obstacle", lambda: Scenario(**parts))
 
-    def freedom(self) -> dict[str, tuple[float, float]]:
+    def admittance_bounds(self) -> dict[str, tuple[float, float]]:
         """Return the bounds of natural frequency and damping ratio, if the scenario file contains such bounds."""
         values = self.values("admittance") or {}
         return {key.removesuffix("_bounds"): (values[key][0], values[key][1]) for key in FREE if key in values}
@@ -287,7 +289,7 @@ class _Builder(Reading):
         at_rest = (self.values("obstacle") or {}).get("velocity") == 0
         terms = list(_terms(values))
         for quantity_path, scale_path, term in terms:
-            self._needs_impact(term["quantity"], quantity_path)
+            self._check_impact(term["quantity"], quantity_path)
             if term["scale"] == OBSTACLE_SPEED and at_rest:
                 self.refuse(scale_path, 'found "obstacle speed" for an obstacle at rest, expected a quantity in m/s')
         return self.attempt("objective", lambda: Objective(terms=tuple(Term(**t) for _, _, t in terms), name=kind))
@@ -296,7 +298,7 @@ class _Builder(Reading):
         """Build the constraints from the section [constraints] of the scenario file."""
         limits = self.values("constraints") or {}
         for name in limits:
-            self._needs_impact(CONSTRAINT_NAMES[name], ("constraints", name))
+            self._check_impact(CONSTRAINT_NAMES[name], ("constraints", name))
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
 
     def impact(self, projection: Projection | None) -> ImpactModel | None:
@@ -312,22 +314,21 @@ class _Builder(Reading):
         masses = {} if projection is None else {name: projection.reflected_mass}
         return self.attempt("impact", lambda: variant.make(**masses | values))  # type: ignore[misc]
 
-    def needs_impact_of_quantities(self) -> None:
+    def check_impact_of_front(self) -> None:
         """Report a mistake if a Pareto front needs the impact force but the section [impact] is missing."""
         for i, name in enumerate((self.values("pareto") or {}).get("quantities", ())):
-            self._needs_impact(name, ("pareto", "quantities", i))
+            self._check_impact(name, ("pareto", "quantities", i))
 
-    def needs_impact_of_effect(self) -> None:
+    def check_impact_of_drag(self) -> None:
         """Report a mistake if a virtual drag is chosen by its impact force but the section [impact] is missing."""
         if "impact_force" in (self.values("law") or {}):
-            self._needs_impact("impact_force", ("law", "impact_force"))
+            self._check_impact("impact_force", ("law", "impact_force"))
 
     def check_range(self, sensor: SensorModel, scenario: Scenario, calibration: CalibrationReport | None) -> None:
         """Report a mistake if the encounter starts or ends outside the usable distance range of the sensor."""
         low, high = sensor.valid_range
         recess = getattr(sensor, "recess", 0.0)
         window = None if calibration is None else calibration.window
-        consequence = "every result then begins with a warning that no data support it there"
         if low > 0:
             cause, other = "", 'extend the curve with minimum_distance = "0 mm" (not for a table)'
             if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
@@ -343,8 +344,8 @@ class _Builder(Reading):
                 cause = f", the end of the calibrated range ({window.end_reason})"
                 extending = (
                     " To start at this distance, calibrate at larger distances, or set "
-                    f'maximum_distance = "{1e3 * scenario.distance:.4g} mm" to extrapolate the curve, which is not '
-                    f"possible for a table: {consequence}."
+                    f'maximum_distance = "{1e3 * scenario.distance:.4g} mm" to extrapolate the curve (not possible for '
+                    "a table). Every result then begins with a warning that no readings support the extrapolated range."
                 )
             self.refuse(
                 ("obstacle", "position"),
@@ -381,7 +382,7 @@ class _Builder(Reading):
                 "and their units",
             )
 
-    def _needs_impact(self, quantity: str, path: KeyPath) -> None:
+    def _check_impact(self, quantity: str, path: KeyPath) -> None:
         if QUANTITIES[quantity].needs_impact and "impact" not in self.data:
             self.refuse(
                 path,
@@ -393,8 +394,8 @@ class _Builder(Reading):
 def _without_content(error: PretouchError, path: Path) -> str:
     """Return the message of a calibration error without quoting the contents of the calibration file.
 
-    A scenario may name any file, so the message must not reveal its content. If the mistake is not in the file, the
-    message names the key of [sensor] with the mistake.
+    A scenario may name any file, so the message must not reveal the content of that file. If the mistake is not in the
+    calibration file, the message names the key of [sensor] with the mistake.
     """
     if not isinstance(error, CalibrationDataError):
         return str(error)
@@ -422,7 +423,7 @@ def _terms(values: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[s
     for i, term in enumerate(values.get("terms", ())):
         path: KeyPath = ("objective", "terms", i)
         yield (*path, "quantity"), (*path, "scale"), term
-    for kind, quantity in _SHORT.items():
+    for kind, quantity in _QUANTITY_OF_SCALE.items():
         if f"{kind}_scale" in values:
             path = ("objective", f"{kind}_scale")
             yield path, path, {"quantity": quantity, "scale": values[path[1]], "weight": values[f"{kind}_weight"]}

@@ -87,16 +87,16 @@ _EXPONENT: Final = 3.32
 
 @dataclass(frozen=True, kw_only=True)
 class FirstScenario(Value):
-    """What somebody knows at the start: sensor, robot, approach and limits.
+    """Inputs of a first scenario file: sensor, robot, approach and limits.
 
     Args:
         calibration: path of a calibration file as the scenario file names it; empty for none.
         recess: distance of the sensor behind the contact surface [m].
-        part: the sensor part; None if it is none of the built-in ones.
+        part: the built-in sensor part; None for any other sensor.
         rate: readings per second [Hz], for a sensor that is no built-in part.
         distance: distance at which the sensor first sees the object [m].
         speed: approach speed [m/s].
-        excursion: how far the robot can retreat [m].
+        excursion: largest distance by which the robot can retreat [m].
         contact_speed: largest allowed speed at contact [m/s]; None for no limit.
         robot_mass: reflected mass of the robot [kg].
         drag: whether to use the virtual drag instead of the virtual damper.
@@ -115,9 +115,9 @@ class FirstScenario(Value):
 
     def text(self) -> str:
         """Return the text of the scenario file."""
-        speed, limit = _written(self.speed, "m/s"), self.contact_speed
+        speed, limit = _as_text(self.speed, "m/s"), self.contact_speed
         contact = (
-            f'relative_velocity = "{_written(limit, "m/s")}"    # largest speed at contact\n'
+            f'relative_velocity = "{_as_text(limit, "m/s")}"    # largest speed at contact\n'
             if limit
             else ('# relative_velocity = "0.1 m/s" # largest speed at contact\n')
         )
@@ -126,17 +126,17 @@ class FirstScenario(Value):
         text = _TEXT.format(
             sensor=self._sensor(),
             frequency="5 rad/s",
-            position=_written(self.distance, "m"),
+            position=_as_text(self.distance, "m"),
             speed=speed,
-            excursion=_written(self.excursion, "m"),
+            excursion=_as_text(self.excursion, "m"),
             strongest=f"{ends[0]} {unit}",
             weakest=f"{ends[1]} {unit}",
             law=_DRAG.format(noise=self._noise()) if self.drag else "",
             contact_speed=contact,
-            robot_mass=_written(self.robot_mass, "kg"),
-            spread=_written(0.2 * self.speed, "m/s"),
-            fastest=_written(1.6 * self.speed, "m/s"),
-            slowest=_written(0.4 * self.speed, "m/s"),
+            robot_mass=_as_text(self.robot_mass, "kg"),
+            spread=_as_text(0.2 * self.speed, "m/s"),
+            fastest=_as_text(1.6 * self.speed, "m/s"),
+            slowest=_as_text(0.4 * self.speed, "m/s"),
             chain=self._chain(),
             controller=self._controller(),
         )
@@ -144,7 +144,7 @@ class FirstScenario(Value):
 
     def _sensor(self) -> str:
         if self.calibration:
-            line = f'recess = "{_written(self.recess, "m")}"  # the sensor is this far behind the contact surface\n'
+            line = f'recess = "{_as_text(self.recess, "m")}"  # the sensor is this far behind the contact surface\n'
             recess = line if self.recess else ""
             return _CALIBRATED.format(calibration=self.calibration, recess=recess)
         name = "sensor" if self.part is None else self.part.name
@@ -159,17 +159,17 @@ class FirstScenario(Value):
         return signal or (3.0 * self.distance, 1.0)
 
     @property
-    def _ranges(self) -> bool:
+    def _reports_distance(self) -> bool:
         """Whether the sensor reports a distance, so that the floor must be given."""
         return self.part is not None and self.part.chain.measures_distance
 
     def _noise(self) -> str:
-        return "noise = 0.3                       # of the sensor output\n" if self._ranges else ""
+        return "noise = 0.3                       # of the sensor output\n" if self._reports_distance else ""
 
     def _chain(self) -> str:
         if self.part is None:
             noise = "" if self.calibration else "noise = 0.02                      # of the sensor output; measure it\n"
-            return f'rate = "{_written(self.rate, "Hz")}"                   # readings per second; measure it\n{noise}'
+            return f'rate = "{_as_text(self.rate, "Hz")}"                   # readings per second; measure it\n{noise}'
         lines = (
             f'part = "{self.part.name}"                 # data sheet; pretouch replay measures rate, delay and noise\n'
         )
@@ -179,9 +179,9 @@ class FirstScenario(Value):
 
     def _controller(self) -> str:
         floor = "floor = 1.0                       # smallest sensor output that counts as an object\n"
-        return floor if self._ranges else ""
+        return floor if self._reports_distance else ""
 
 
-def _written(value: float, unit: str) -> str:
+def _as_text(value: float, unit: str) -> str:
     """Return a quantity as a scenario file writes it, such as 42.2 mm."""
     return format_quantity(value, unit, 4)

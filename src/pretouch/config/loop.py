@@ -76,7 +76,7 @@ def _refuse_missing_sections(file: Reading) -> None:
     data = file.data
     first = next(name for name in LOOP_SECTIONS if name in data)
     for name, keys in _NEEDED.items():
-        if name not in data and name not in file.meant:
+        if name not in data and name not in file.misspelled:
             file.refuse(
                 (first,),
                 f"this section also needs the section [{name}] of the scenario file; add [{name}] with {keys}, "
@@ -85,7 +85,7 @@ def _refuse_missing_sections(file: Reading) -> None:
 
 
 def _plant(file: Reading) -> PlantModel | None:
-    """Build the robot model of the sampled loop; return None if its section of the file contains mistakes."""
+    """Build the robot model of the sampled loop; return None if the section [robot] contains mistakes."""
     if "robot" not in file.data or has_model(file.data):
         return IdealPlant()
     plant: PlantModel | None = file.make("robot")
@@ -95,7 +95,7 @@ def _plant(file: Reading) -> PlantModel | None:
 
 def _contact(file: Reading) -> ContactModel | None:
     """Build the contact model; return None if the section [contact] is missing or contains mistakes."""
-    robot = file.data.get("robot", {} if "robot" in file.meant else {"kind": "ideal"})
+    robot = file.data.get("robot", {} if "robot" in file.misspelled else {"kind": "ideal"})
     robot = {"kind": "ideal"} if has_model(file.data) else robot
     if "contact" in file.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
         file.refuse(

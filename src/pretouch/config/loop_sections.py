@@ -37,7 +37,9 @@ _SPAN: Final = Quantity("s", '"1 ms"', "positive")
 
 def _check_rate(values: Mapping[str, Any]) -> None:
     if not {"part", "rate"} & set(values):
-        raise UnfitValueError('missing rate, expected rate = "250 Hz", or part = "VCNL4010", which has one')
+        raise UnfitValueError(
+            'missing rate, expected rate = "250 Hz", or a part with a known rate, such as part = "VCNL4010"'
+        )
 
 
 def _check_period(values: Mapping[str, Any]) -> None:
@@ -123,7 +125,9 @@ def _check_drag(values: Mapping[str, Any]) -> None:
         )
     if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:
         context = f"together with {ways[0]}" if ways else "alone"
-        raise UnfitValueError(f"found it {context}, expected it with one of {', '.join(AT_A_SPEED)}", "largest_speed")
+        raise UnfitValueError(
+            f"found this key {context}, expected it together with one of {', '.join(AT_A_SPEED)}", "largest_speed"
+        )
 
 
 _DRAG: Final = declared_keys(VirtualDrag)

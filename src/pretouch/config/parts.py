@@ -18,8 +18,8 @@ from pretouch.simulation import PARTS, SensorPart
 
 from .document import read_document
 
-_OF_ANOTHER_PART: Final = ("offset", "floor", "saturation")  # keys of [controller] in the output unit of a part
-_FAR: Final = 3.0  # times the start of the encounter: beyond it, a time-of-flight part reports no object
+_PART_KEYS: Final = ("offset", "floor", "saturation")  # keys of [controller] in the output unit of a part
+_FAR: Final = 3.0  # a time-of-flight part reports no object beyond this multiple of the start distance
 _SIGMAS: Final = 3.0  # default floor in standard deviations of the noise
 
 
@@ -65,7 +65,7 @@ def _with_part(read: Callable[[Mapping[str, Any]], Task], data: dict[str, Any], 
         chain["rate"] = rate
     start = float(np.max(base.scenario.distance))
     at, output = part.signal or (min(part.range[1], _FAR * start), 1.0)
-    controller = {key: value for key, value in data["controller"].items() if key not in _OF_ANOTHER_PART}
+    controller = {key: value for key, value in data["controller"].items() if key not in _PART_KEYS}
     if part.signal is None:
         controller["floor"] = output
         if data.get("law", {}).get("kind") == "virtual-drag":

@@ -32,7 +32,7 @@ class UnfitValueError(ValueError):
     """Error that is raised for a value that a key of a scenario file does not allow.
 
     Args:
-        sentence: the message; if it starts with "expected", the message begins with the wrong value.
+        sentence: the message; if it starts with "expected", the wrong value is written before it.
         path: path of the wrong part inside the value.
     """
 
@@ -48,14 +48,14 @@ class UnfitValueError(ValueError):
         return error
 
 
-def shown(value: Any) -> str:
+def value_text(value: Any) -> str:
     """Return a value as a TOML file shows it; long values are shortened.
 
     Returns:
         Text for a message.
 
     Examples:
-        >>> shown("10 N/m"), shown(True), shown([1, 2])
+        >>> value_text("10 N/m"), value_text(True), value_text([1, 2])
         ('"10 N/m"', 'true', 'a list of 2 values')
     """
     if isinstance(value, str):

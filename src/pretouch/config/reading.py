@@ -13,9 +13,9 @@ from pretouch._core.errors import InvalidInputError, OutOfRangeError, ScenarioFi
 from pretouch.motion.laws import DAMPER, LAW_KINDS
 
 from .key_lines import key_lines
-from .quantities import KeyPath, UnfitValueError, shown
+from .quantities import KeyPath, UnfitValueError, value_text
 from .robot_section import MODEL
-from .schema import OF_A_LAW, SECTIONS, extensions_of, keys_of, needed, variants
+from .schema import OF_A_LAW, SECTIONS, extensions_of, keys_of, required_sections, variants
 from .section import Section, nearest, one_of
 from .sensor import CALIBRATION, sensor_variants
 
@@ -84,13 +84,13 @@ class ScenarioSource:
         message = self.explained(error)
         path, sentence = split_message(message, "")
         has_line = path[:1] in self.lines
-        return ScenarioFileError(self.listed([(path, sentence)]) if has_line else f"{self.path}: {message}")
+        return ScenarioFileError(self.list_mistakes([(path, sentence)]) if has_line else f"{self.path}: {message}")
 
     def explained(self, error: InvalidInputError) -> str:
         """Return the message of an error; if a distance is out of range, add the calibrated range."""
         return f"{error}; {self.supported}" if self.supported and isinstance(error, OutOfRangeError) else str(error)
 
-    def listed(self, mistakes: Iterable[Mistake]) -> str:
+    def list_mistakes(self, mistakes: Iterable[Mistake]) -> str:
         """Return a text that lists the mistakes in the scenario file, one per line, sorted by line number."""
         # A missing key has the line of its section, or else the last line.
         last = self.text.rstrip().count("\n") + 1
@@ -119,7 +119,7 @@ def _dotted(path: KeyPath) -> str:
 def split_message(message: str, section: str, keys: Iterable[str] = ()) -> Mistake:
     """Split an error message into the wrong key of the scenario file and the sentence about this key.
 
-    The name is a key of `section`, also one of `keys`, or consists of the words for a section and a key.
+    The text before the colon is a key of `section`, one of `keys`, or a section followed by one of its keys.
 
     Returns:
         The known part of the key's path, and the sentence.
@@ -169,8 +169,8 @@ class Reading:
         data: its content, parsed by `tomllib`.
 
     Attributes:
-        law: the law, or the class that [law] has the keys of; None if [law] has a mistake. Sections that depend on the
-            law are then not read.
+        law: the law, or its class, whose keys [law] has; None if [law] has a mistake. Sections that depend on the law
+            are then not read.
     """
 
     def __init__(self, source: ScenarioSource, data: Mapping[str, Any]) -> None:
@@ -178,22 +178,21 @@ class Reading:
         self.unread: list[Mistake] = list(_unknown_sections(data))
         self.mistakes: list[Mistake] = []
         self.sections: dict[str, tuple[Section, dict[str, Any]]] = {}
-        self.meant = {
-            nearest(name, SECTIONS) for name in data if name not in SECTIONS
-        }  # sections whose names are probably misspelled
-        law = data.get("law", {} if "law" in self.meant else {"kind": DAMPER.kind})
+        # sections whose names are probably misspelled in the file
+        self.misspelled = {nearest(name, SECTIONS) for name in data if name not in SECTIONS}
+        law = data.get("law", {} if "law" in self.misspelled else {"kind": DAMPER.kind})
         self.law: Any = _law(law.get("kind") if isinstance(law, dict) else None)
-        examples = needed(self.law or DAMPER, law if isinstance(law, dict) else ())
+        examples = required_sections(self.law or DAMPER, law if isinstance(law, dict) else ())
         for name in SECTIONS:
             if name in data:
                 self._read(name, data[name])
-            elif name in examples and name not in self.meant:
+            elif name in examples and name not in self.misspelled:
                 self.unread.append(((name,), f"found no such section, expected [{name}] with {examples[name]}"))
 
     def _read(self, name: str, content: Any) -> None:
         """Read one section of the scenario file, and record the mistakes in the section."""
         if not isinstance(content, dict):
-            what = f"[[{name}]]" if isinstance(content, list) else shown(content)
+            what = f"[[{name}]]" if isinstance(content, list) else value_text(content)
             self.unread.append(((name,), f"found {what}, expected a section [{name}] with keys"))
             return
         if name in OF_A_LAW and self.law is None:
@@ -263,7 +262,7 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
         if not isinstance(data[name], (dict, list)) and homes:
             yield (
                 (name,),
-                f"this key stands outside of a section of the scenario file, but belongs in {' or '.join(homes)}",
+                f"this key is outside of all sections of the scenario file, but belongs in {' or '.join(homes)}",
             )
         else:
             expected = f"[{near}]" if near else f"one of {', '.join(f'[{s}]' for s in SECTIONS)}"
@@ -303,11 +302,11 @@ def _named_variant(section: str, content: Mapping[str, Any], choices: Mapping[st
             try:
                 extension = kinds.find(value) if isinstance(value, str) else None
             except InvalidInputError as error:
-                return (section, key), f"found {shown(value)}, but {error}"
+                return (section, key), f"found {value_text(value)}, but {error}"
             if extension is not None:
                 return make(extension)
             names = kinds.names()
-        return (section, key), f"found {shown(value)}, {one_of(value, names)}"
+        return (section, key), f"found {value_text(value)}, {one_of(value, names)}"
     keys, alternative = _OTHER_TAGS.get(section, ((key,), ""))
     for unknown in content:
         near = nearest(unknown, keys) if unknown not in keys_of(section) else None

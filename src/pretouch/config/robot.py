@@ -34,7 +34,7 @@ class RobotInPosture:
 
 
 def project_robot(file: Reading) -> Projection | None:
-    """Project the robot model of a scenario file; None if the file names none, or if the section has a mistake."""
+    """Project the robot model of a scenario file; return None without a robot model, or if [robot] has a mistake."""
     values = file.values("robot")
     if values is None or not has_model(file.data):
         return None
@@ -62,7 +62,7 @@ def read_robot(path: Path, values: Mapping[str, Any], sensor: SensorModel | None
     try:
         model = load_model(path)
     except InvalidInputError:
-        # A scenario may name any file, so the message must not reveal its content.
+        # A scenario may name any file, so the message must not reveal the content of that file.
         if not path.is_file():
             raise
         raise InvalidInputError(

@@ -36,15 +36,15 @@ def simulate_robot_file(
 ) -> RobotSimulation:
     """Simulate the encounter of a scenario file on the whole robot whose model the file names.
 
-    The sensor, the posture and the object are those of the file. The object is the one that the sensor sees in the
-    model, or else an added ball. The controller is that of the file; without [chain] and [controller], it is a virtual
-    damper at 1 kHz, and the sensor has no noise and no delay.
+    The scenario file gives the sensor, the posture and the motion of the object. The object is the one that the sensor
+    sees in the robot model, or otherwise a ball that is added to the model. The controller is that of the scenario
+    file. Without [chain] and [controller], it is a virtual damper at 1 kHz, and the sensor has no noise and no delay.
 
     Args:
         path: the scenario file, with `model` in its section [robot].
-        task: the task of this file, from `load_scenario`; its gain, if it has one, is used instead of the designed one.
+        task: the task of this file, from `load_scenario`; a gain in the task replaces the designed gain.
         runs: number of runs, each with its own noise.
-        seed: seed of the noise; None for that of the file.
+        seed: seed of the noise; None for the seed in the file.
 
     Returns:
         The simulation, next to the prediction.

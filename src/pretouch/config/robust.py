@@ -42,7 +42,7 @@ def robust_fields(
 ) -> dict[str, Any]:
     """Return the uncertain inputs of a task, and the constraints with their required probabilities.
 
-    Contradictions are noted as mistakes of the file. Arguments that could not be built are None.
+    Contradictions are recorded as mistakes of the file. The arguments are None if they could not be built.
     """
     settings = file.settings("robust")
     if "robust" in file.data and "uncertainty" not in file.data:

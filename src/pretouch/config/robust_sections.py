@@ -21,7 +21,7 @@ from pretouch.sensors import sensor_curves
 from pretouch.uncertainty.correlated import DISTRIBUTION_KINDS
 from pretouch.uncertainty.ensemble import SAMPLINGS
 
-from .quantities import Quantity, UnfitValueError, shown
+from .quantities import Quantity, UnfitValueError, value_text
 from .section import Key, Section, declared_keys, list_of, name_of, whole
 
 FROM_CALIBRATION: Final = "parameters"
@@ -39,7 +39,7 @@ _EXAMPLES: Final[Mapping[str, str]] = {
     "1/m^2": '"474 1/m²", "20 1/m²"',
     "": "3.3, 0.1",
 }
-_FIRST: Final = {
+_INPUT_EXAMPLES: Final = {
     "admittance": 'damping = { interval = ["9 N*s/m", "11 N*s/m"] }',
     "obstacle": 'velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }',
     "plant": 'velocity = { uniform = ["0 m/s", "1 cm/s"] }',
@@ -149,7 +149,7 @@ def _part(part: str) -> Callable[[Any], Any]:
         if value == "calibration" and part == "sensor":
             raise UnfitValueError(f'expected {part}.{FROM_CALIBRATION} = "calibration"')
         if not isinstance(value, dict):
-            raise UnfitValueError(f"expected inputs such as {part}.{_FIRST[part]}")
+            raise UnfitValueError(f"expected inputs such as {part}.{_INPUT_EXAMPLES[part]}")
         return section(value)
 
     return read
@@ -157,7 +157,7 @@ def _part(part: str) -> Callable[[Any], Any]:
 
 def uncertainty_section() -> Section:
     """Return the description of the section [uncertainty] of a scenario file, which lists the uncertain inputs."""
-    return Section({part: Key(_part(part)) for part in _FIRST})
+    return Section({part: Key(_part(part)) for part in _INPUT_EXAMPLES})
 
 
 def read_probability(value: Any) -> float:
@@ -175,10 +175,11 @@ def _required(value: Any) -> dict[str, float]:
     for name, number in value.items():
         if name not in CONSTRAINT_NAMES:
             names = ", ".join(CONSTRAINT_NAMES)
-            raise UnfitValueError(f"found a constraint {shown(name)}, expected one of {names}", name)
+            raise UnfitValueError(f"found a constraint {value_text(name)}, expected one of {names}", name)
         if type(number) not in {int, float} or not 0 < number <= 1:
             raise UnfitValueError(
-                f"found the probability {shown(number)}, expected a number greater than 0 and at most 1, such as 0.99",
+                f"found the probability {value_text(number)}, expected a number greater than 0 and at most 1, such as "
+                "0.99",
                 name,
             )
     return {name: float(number) for name, number in value.items()}

@@ -22,7 +22,7 @@ from pretouch.motion.laws import DAMPER, LAW_KINDS, ContinuousLaw
 from pretouch.motion.scenario import Admittance
 from pretouch.sensors.registry import CURVE_KINDS
 
-from .quantities import Quantity, UnfitValueError, shown
+from .quantities import Quantity, UnfitValueError, value_text
 from .robust_sections import ROBUST, read_probability, uncertainty_section
 from .section import (
     EFFECTS,
@@ -87,10 +87,10 @@ def _scale(quantity: str | None) -> Any:
 def _quantity_name(value: Any) -> str:
     """Parse the name of a quantity, which is built in or comes from an installed package."""
     try:
-        found = None if not isinstance(value, str) else find_quantity(value)
+        quantity = None if not isinstance(value, str) else find_quantity(value)
     except InvalidInputError as error:
-        raise UnfitValueError(f"found {shown(value)}, but {error}") from None
-    if found is None:
+        raise UnfitValueError(f"found {value_text(value)}, but {error}") from None
+    if quantity is None:
         raise UnfitValueError(one_of(value, tuple(dict.fromkeys((*QUANTITY_UNITS, *QUANTITY_KINDS.names())))))
     return str(value)
 
@@ -260,7 +260,7 @@ SECTIONS: Final = (
 )
 """The names of all sections."""
 
-_NEEDED: Final[Mapping[str, str]] = {
+_REQUIRED_SECTIONS: Final[Mapping[str, str]] = {
     "sensor": 'calibration = "sensor.csv"',
     "admittance": 'mass = "1 kg", damping = "10 N*s/m", stiffness = "25 N/m"',
     "obstacle": 'position = "42.2 mm", velocity = "-0.3 m/s"',
@@ -268,7 +268,7 @@ _NEEDED: Final[Mapping[str, str]] = {
 }
 
 
-def needed(law: ContinuousLaw, chosen: Iterable[str]) -> dict[str, str]:
+def required_sections(law: ContinuousLaw, chosen: Iterable[str]) -> dict[str, str]:
     """Return the required sections of a scenario file, each with an example of its keys.
 
     Args:
@@ -276,8 +276,8 @@ def needed(law: ContinuousLaw, chosen: Iterable[str]) -> dict[str, str]:
         chosen: the keys of [law] in the file.
     """
     if set(EFFECTS) & set(chosen):
-        return {name: text for name, text in _NEEDED.items() if name != "objective"}
-    return {**_NEEDED, "gain": f"bounds = {example_bounds(law)}"}
+        return {name: text for name, text in _REQUIRED_SECTIONS.items() if name != "objective"}
+    return {**_REQUIRED_SECTIONS, "gain": f"bounds = {example_bounds(law)}"}
 
 
 def variants(section: str) -> Mapping[str, Section]:

@@ -11,7 +11,7 @@ from pretouch._core.extensions import Extensions
 from pretouch._core.units import written_unit
 from pretouch.motion.laws import DAMPER, LAW_KINDS, LAWS, ContinuousLaw
 
-from .quantities import KeyPath, Quantity, UnfitValueError, shown
+from .quantities import KeyPath, Quantity, UnfitValueError, value_text
 
 Reader: TypeAlias = Callable[[Any], Any]
 """A function that converts a TOML value, or raises UnfitValueError."""
@@ -55,11 +55,11 @@ class Section:
         check: raises UnfitValueError if the values do not fit together.
         make: makes the object that the section describes, from its values by name.
         example: an example of such a table, for messages.
-        more: kinds that installed packages may add as further keys, and the function that returns the key of a name, or
-            None if there is no such kind.
+        more: kinds that installed packages may add as further keys, and a function that returns the key of a kind by
+            its name, or None if there is no such kind; None if packages cannot add keys.
 
-    Calling a section reads a table. The optional argument `unknown` makes the messages for unknown keys. A missing key
-    is not reported if an unknown key is probably its misspelling.
+    Calling a section parses a TOML table. The optional argument `unknown` is a function that returns the message for an
+    unknown key. A missing key is not reported if an unknown key is probably its misspelling.
     """
 
     keys: Mapping[str, Key]
@@ -74,7 +74,7 @@ class Section:
             raise UnfitValueError(f"expected a table such as {self.example}")
         keys = dict(self.keys)
         if self.more is not None:
-            others = {name: _found(self.more[1], name) for name in table if name not in keys}
+            others = {name: _added_key(self.more[1], name) for name in table if name not in keys}
             keys |= {name: key for name, key in others.items() if key is not None}
         unknown_keys = [name for name in table if name not in keys]
         missing = tuple(name for name in keys if name not in table)
@@ -112,7 +112,7 @@ def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPa
         return read(value)
     except UnfitValueError as unfit:
         for path, sentence in unfit.mistakes:
-            message = f"found {shown(value)}, {sentence}" if sentence.startswith("expected") else sentence
+            message = f"found {value_text(value)}, {sentence}" if sentence.startswith("expected") else sentence
             mistakes.append(((at, *path), message))
 
 
@@ -124,12 +124,12 @@ TAG: Final = Key(lambda _: None, REQUIRED)
 """The key that selects the variant of its section; it has no further value."""
 
 
-def _found(find: Callable[[str], Key | None], name: str) -> Key | None:
-    """Return the file key that an installed package adds, or None; record a mistake if the package is broken."""
+def _added_key(find: Callable[[str], Key | None], name: str) -> Key | None:
+    """Return the file key that an installed package adds, or None; raise an error if the package is broken."""
     try:
         return find(name)
     except InvalidInputError as error:
-        raise UnfitValueError(f"found {shown(name)}, but {error}", name) from None
+        raise UnfitValueError(f"found {value_text(name)}, but {error}", name) from None
 
 
 def checked(holds: Callable[[Any], bool], what: str) -> Reader:
@@ -216,7 +216,7 @@ def nearest(name: str, valid: tuple[str, ...]) -> str | None:
 class ByLaw(dict[str, Section]):
     """The variants of a section that depends on the control law, by the name of the law.
 
-    Iteration gives the variants of the built-in laws; that of an installed law is made when it is read.
+    Iteration gives the variants of the built-in laws. The variant of an installed law is made when a file uses the law.
 
     Args:
         make: makes the section for a law, which is a value or a class.

@@ -14,7 +14,7 @@ from pretouch._core.units import read_quantity
 from pretouch.sensors import SensorModel, sensor_curves
 from pretouch.sensors.registry import CURVE_KINDS, find_curve
 
-from .quantities import Quantity, UnfitValueError, output_unit, shown
+from .quantities import Quantity, UnfitValueError, output_unit, value_text
 from .section import LENGTH, REQUIRED, TAG, Key, Section, checked, declared_keys, list_of, one_of, text
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def _model(value: Any) -> str:
     try:
         curve = find_curve(value) if isinstance(value, str) else None
     except InvalidInputError as error:
-        raise UnfitValueError(f"found {shown(value)}, but {error}") from None
+        raise UnfitValueError(f"found {value_text(value)}, but {error}") from None
     if curve is None:
         raise UnfitValueError(one_of(value, CURVE_KINDS.names()))
     return str(value)
@@ -187,7 +187,7 @@ class FitRequest:
 
     def read(self) -> tuple[Calibration, ...]:
         """Read the calibration curves that match the labels in `select`; raise an error if no curve matches."""
-        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
+        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when required_sections
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
         try:
@@ -212,7 +212,7 @@ class FitRequest:
 
     def _is_calibration(self) -> bool:
         """Return True if the file is a readable calibration, so that messages may quote its contents."""
-        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
+        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when required_sections
 
         try:
             read_calibrations(self.path)

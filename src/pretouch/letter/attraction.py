@@ -8,7 +8,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .experiment import Finding, Ran, Reproduction, finding, readings
+from .experiment import Finding, Reproduction, Variables, finding, readings
 from .inputs import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, sensor
 from .program import Program
 
@@ -28,35 +28,40 @@ letter = pt.solve_motion(scenario, sensor, gain)
 curves = [pt.report.Curve(x=1e3 * l, y=v, quiet=True) for l, v in zip(around.distance, around.relative_velocity)]
 named = {"from the letter's start": letter, "uniform motion": uniform}
 curves += [pt.report.Curve(x=1e3 * m.distance, y=m.relative_velocity, label=n, end="contact") for n, m in named.items()]
-apart = [pt.report.Curve(x=t, y=1e3 * (l - a * t - b), quiet=True) for t, l in zip(around.time, around.distance)]
-apart += [pt.report.Curve(x=m.time, y=1e3 * (m.distance - a * m.time - b), label=n) for n, m in named.items()]
+deviations = [pt.report.Curve(x=t, y=1e3 * (l - a * t - b), quiet=True) for t, l in zip(around.time, around.distance)]
+deviations += [pt.report.Curve(x=m.time, y=1e3 * (m.distance - a * m.time - b), label=n) for n, m in named.items()]
 figure = pt.report.panel_figure(
     pt.report.Panel(x_label="distance l [mm]", y_label="relative velocity l′ [m/s]", curves=curves),
-    pt.report.Panel(x_label="time t [s]", y_label="distance from the uniform motion [mm]", curves=apart),
+    pt.report.Panel(x_label="time t [s]", y_label="distance from the uniform motion [mm]", curves=deviations),
 )
 """,
 )
 INPUTS: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"], EXPERIMENT_GAIN)}
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Check that motions near the published letter's uniform motion lose the energy of their deviation."""
-    a, b, around, same = float(ran["a"]), float(ran["b"]), ran["around"], np.isclose(ran["speeds"], ran["a"])
+    a, b, around, same = (
+        float(variables["a"]),
+        float(variables["b"]),
+        variables["around"],
+        np.isclose(variables["speeds"], variables["a"]),
+    )
     root = float(np.sqrt(1 + 8 * INPUTS["b_2"] * INPUTS["D_p"] * INPUTS["v_o"] / INPUTS["K_a"]))
-    apart = around.distance - a * around.time - b
-    remaining = apart[:, -1] / apart[:, 0]  # share of the initial deviation that remains at contact
-    starts, ends = ran["starts"][same], around.time[same, -1]
+    deviations = around.distance - a * around.time - b
+    remaining = deviations[:, -1] / deviations[:, 0]  # share of the initial deviation that remains at contact
+    starts, ends = variables["starts"][same], around.time[same, -1]
     columns = {"l(0) [mm]": (1e3 * starts, ".1f"), "l(0) - B [mm]": (1e3 * (starts - b), "+.1f")}
-    columns |= {"share of it at contact": (remaining[same], ".3f"), "time of contact [s]": (ends, ".3f")}
+    columns |= {"share of l(0) - B at contact": (remaining[same], ".3f"), "time of contact [s]": (ends, ".3f")}
     course, names = ("time", "distance", "relative_velocity"), ("around", "letter", "uniform")
-    motions = {name: {of: getattr(ran[name], of) for of in course} for name in names}
+    motions = {name: {field: getattr(variables[name], field) for field in course} for name in names}
     return Reproduction(
         summary="With δ = l - (A t + B), L(14) becomes M δ'' + (D + D_p g(l)) δ' + (K + 2 b_2 D_p A) δ = 0, without an "
         "approximation. For the approaching root of L(17) the stiffness in it is K (1 + s)/2 > 0, with s² = 1 + 8 b_2 "
         "D_p v_o / K, and the damping is positive wherever the output falls with the distance: the energy ½ M δ'² + ½ "
         "K (1 + s)/2 δ² can only fall. This proves, for every start, the attraction that the letter reports.",
         parameters=(*APPROACH, *SENSORS["exponential-2"], EXPERIMENT_GAIN),
-        findings=(_attraction_finding(ran, apart, remaining[same]), _roots(root, a)),
+        findings=(_attraction_finding(variables, deviations, remaining[same]), _roots(root, a)),
         tables=(readings("Motions that start with the velocity A", columns),),
         caption="Grey: 21 motions from other distances and velocities, until contact. The letter's motion starts and "
         "ends 4 mm from the uniform motion, because its relative velocity must first fall from -0.3 m/s.",
@@ -64,32 +69,35 @@ def reproduce(ran: Ran) -> Reproduction:
             **{"A": a, "B": b, "s": root},
             "effective_stiffness": INPUTS["K_a"] * (1 + root) / 2,
             "effective_stiffness_other_root": INPUTS["K_a"] * (1 - root) / 2,
-            "initial_distance": ran["starts"],
-            "initial_relative_velocity": ran["speeds"],
+            "initial_distance": variables["starts"],
+            "initial_relative_velocity": variables["speeds"],
             "deviation_left_at_contact": remaining,
             "motion": motions,
         },
     )
 
 
-def _attraction_finding(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
-    stiffness = INPUTS["K_a"] + 2 * INPUTS["b_2"] * INPUTS["D_p"] * ran["a"]
-    energy = INPUTS["M_a"] * (ran["around"].relative_velocity - ran["a"]) ** 2 / 2 + stiffness * apart**2 / 2
+def _attraction_finding(variables: Variables, deviations: FloatArray, remaining: FloatArray) -> Finding:
+    stiffness = INPUTS["K_a"] + 2 * INPUTS["b_2"] * INPUTS["D_p"] * variables["a"]
+    energy = (
+        INPUTS["M_a"] * (variables["around"].relative_velocity - variables["a"]) ** 2 / 2
+        + stiffness * deviations**2 / 2
+    )
     falls = bool(np.diff(energy / energy[:, :1], axis=1).max() < 0)
-    at_contact, at_b = np.abs(ran["sensor"].log_slope(np.array([0.0, ran["b"]])))
-    deviation = ran["letter"].relative_velocity[-1] / ran["a"] - 1
+    at_contact, at_b = np.abs(variables["sensor"].log_slope(np.array([0.0, variables["b"]])))
+    deviation = variables["letter"].relative_velocity[-1] / variables["a"] - 1
     return finding(
         9,
         "Motions converge toward the uniform motion, but contact comes first",
         "Section VI-A",
         "The statement of the published letter is right, because the energy of the deviation falls along every "
-        f"motion. But the convergence is slow: {100 * left.min():.0f} to {100 * left.max():.0f} % of a deviation "
-        "in distance remain at contact. Therefore the optimal gain for uniform motion L(19) differs from the "
+        f"motion. But the convergence is slow: {100 * remaining.min():.0f} to {100 * remaining.max():.0f} % of a "
+        "deviation in distance remain at contact. Therefore the optimal gain for uniform motion L(19) differs from the "
         "integrated optimum by 10 %.",
         ("the energy falls along every motion, from each of 80 samples to the next", falls),
-        ("smallest share of the deviation at contact", left.min()),
-        ("largest share of the deviation at contact", left.max()),
-        ("both are between 0 and 1", bool(left.min() > 0 and left.max() < 1)),
+        ("smallest share of the deviation at contact", remaining.min()),
+        ("largest share of the deviation at contact", remaining.max()),
+        ("both shares are between 0 and 1", bool(remaining.min() > 0 and remaining.max() < 1)),
         ("g(B) / g(0), the limit for strong gains", at_b / at_contact),
         ("relative velocity at contact from the letter's start, relative to A", 100 * deviation, "%"),
     )

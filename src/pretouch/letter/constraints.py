@@ -7,7 +7,7 @@ from typing import Final
 
 from pretouch.design import Constraint, GainDesign, Task, design_gain
 
-from .experiment import Finding, Ran, Reproduction, finding, readings
+from .experiment import Finding, Reproduction, Variables, finding, readings
 from .inputs import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
 from .program import Program
 
@@ -41,7 +41,7 @@ CASES: Final[tuple[dict[str, float], ...]] = (
 )
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Minimize the published letter's objective f_1 under limits of excursion and contact speed."""
     designs = [_design(case) for case in CASES]
     return Reproduction(
@@ -54,9 +54,9 @@ def reproduce(ran: Ran) -> Reproduction:
         caption="Left: the optimal gain over the largest allowed excursion. Right: the speed at contact. If the speed "
         "is limited, too, no gain is feasible below the excursion at which the second curve begins.",
         numbers={
-            "excursion_limit": ran["limits"],
-            "optimal_gain": ran["gains"],
-            "speed_at_contact": ran["speeds"],
+            "excursion_limit": variables["limits"],
+            "optimal_gain": variables["gains"],
+            "speed_at_contact": variables["speeds"],
             "cases": [
                 {"limits": case, "status": d.status, "gain": d.gain, "objective": d.objective}
                 for case, d in zip(CASES, designs, strict=True)

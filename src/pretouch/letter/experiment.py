@@ -33,8 +33,8 @@ EXPERIMENTS: Final = {
 
 IDS: Final = tuple(EXPERIMENTS)
 
-Ran: TypeAlias = Mapping[str, Any]
-"""The variables of a program after its run."""
+Variables: TypeAlias = Mapping[str, Any]
+"""The variables of a program after it was run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,9 +234,11 @@ def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None
 
 def _reproduction(name: str) -> Reproduction:
     experiment = import_module(f"{__package__}.{name.replace('-', '_')}")  # imports only this experiment
-    ran, (place, title) = experiment.PROGRAM.run(), EXPERIMENTS[name]
-    reproduction: Reproduction = experiment.reproduce(ran)
-    return replace(reproduction, id=name, place=place, title=title, code=experiment.PROGRAM.text, figure=ran["figure"])
+    variables, (place, title) = experiment.PROGRAM.run(), EXPERIMENTS[name]
+    reproduction: Reproduction = experiment.reproduce(variables)
+    return replace(
+        reproduction, id=name, place=place, title=title, code=experiment.PROGRAM.text, figure=variables["figure"]
+    )
 
 
 def finding(number: int, title: str, place: str, statement: str, *steps: tuple[Any, ...]) -> Finding:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from .experiment import Ran, Reproduction, readings
+from .experiment import Reproduction, Variables, readings
 from .inputs import SENSORS, sensor
 from .program import Program
 
@@ -28,7 +28,7 @@ figure = pt.report.panel_figure(
 )
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Tabulate the sensor curves in Fig. 3 of the published letter, and their slopes."""
     second = {p.symbol: p.value for p in SENSORS["exponential-2"]}
     turn, shown = -second["c_2"] / (2 * second["b_2"]), np.array([0.0, 0.01, 0.02, 0.03, 0.0422])
@@ -43,9 +43,9 @@ def reproduce(ran: Ran) -> Reproduction:
         tables=(readings("Output ξ and slope g", columns),),
         caption="Left: the output, as in the letter. Right: the slope of its logarithm, not shown in the letter.",
         numbers={
-            "distance": ran["distance"],
-            "output": {name: curve.output(ran["distance"]) for name, curve in CURVES.items()},
-            "log_slope": {name: curve.log_slope(ran["distance"]) for name, curve in CURVES.items()},
+            "distance": variables["distance"],
+            "output": {name: curve.output(variables["distance"]) for name, curve in CURVES.items()},
+            "log_slope": {name: curve.log_slope(variables["distance"]) for name, curve in CURVES.items()},
             "turning_distance_second_order": turn,
         },
     )

@@ -11,7 +11,7 @@ import numpy as np
 from pretouch.motion import find_contact
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Ran, Reproduction, finding
+from .experiment import Finding, Reproduction, Variables, finding
 from .inputs import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, over_rounding, sensor
 from .printed import Printed
 from .program import Program
@@ -49,9 +49,9 @@ figure = pt.report.panel_figure(
 SECOND, PLACE = "-0.136", "Section IV-D, Fig. 4"
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Compare computed robot positions at contact with the numbers in Fig. 4 of the published letter."""
-    motions = {name: ran["motions"][label] for name, label in NAMES.items()}
+    motions = {name: variables["motions"][label] for name, label in NAMES.items()}
     power, first, second = (float(m.position[-1]) for m in motions.values())
     rounded = over_rounding("exponential-1", _position)
     span = over_rounding("exponential-2", partial(_position, method="uniform-motion"))
@@ -112,5 +112,8 @@ def _second_order(ours: float, low: float, high: float) -> Finding:
         ("largest over the rounding of b_2 and c_2", high, "m"),
         ("L(14) integrated from the letter's start", integrated, "m"),
         ("printed", printed, "m"),
-        ("neither rounds to it", high < printed - 0.0005 and abs(integrated - printed) > 0.0005),
+        (
+            "neither L(19) nor L(14) gives the printed position",
+            high < printed - 0.0005 and abs(integrated - printed) > 0.0005,
+        ),
     )

@@ -8,7 +8,7 @@ from typing import Final
 from pretouch.motion import find_contact
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Ran, Reproduction, finding
+from .experiment import Finding, Reproduction, Variables, finding
 from .figure_4 import INPUTS, MOTIONS, NAMES, PARAMETERS
 from .inputs import EXPERIMENT_GAIN, approach, over_rounding
 from .printed import Printed
@@ -27,23 +27,23 @@ figure = pt.report.panel_figure(pt.report.Panel(curves=curves, levels={"without 
 )
 PLACE: Final = "Section IV-D, Fig. 5"
 PRINTED: Final = {"inverse-power": "78.0", "exponential-1": "70.4", "exponential-2": "74.4"}
-"""Printed "ratios l'/v_o" of the experiment and of both models [%]."""
+"""The numbers that the letter prints as ratios l'/v_o, of the experiment and of both models [%]."""
 
 MODELS: Final = {"exponential-1": ("closed-form", "9.74"), "exponential-2": ("uniform-motion", "4.62")}
 """Solution method of each model, and the printed relative error of its ratio [%]."""
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Compare computed relative velocities at contact with the ratios that the published letter states."""
-    motions = {name: ran["motions"][label] for name, label in NAMES.items()}
-    taken = {name: 100 * float(ran["reduction"][label]) for name, label in NAMES.items()}
+    motions = {name: variables["motions"][label] for name, label in NAMES.items()}
+    reductions = {name: 100 * float(variables["reduction"][label]) for name, label in NAMES.items()}
     true, hardware = PRINTED["inverse-power"], "the letter's value was measured on hardware"
     first = "reduction 1 - l'/v_o, experiment; computed: inverse power"
-    numbers = [Printed(first, true, taken["inverse-power"], "%", PLACE, hardware, hardware=True)]
+    numbers = [Printed(first, true, reductions["inverse-power"], "%", PLACE, hardware, hardware=True)]
     for name, (method, _) in MODELS.items():
         span = over_rounding(name, partial(_reduction, method=method))
         label = f"reduction 1 - l'/v_o, {NAMES[name]}"
-        numbers.append(Printed(label, PRINTED[name], taken[name], "%", PLACE, over_inputs=span))
+        numbers.append(Printed(label, PRINTED[name], reductions[name], "%", PLACE, over_inputs=span))
     for name, (_, error) in MODELS.items():
         ours = 100 * abs(float(PRINTED[name]) - float(true)) / float(true)
         numbers.append(Printed(f"relative error of {PRINTED[name]} % to 78.0 %", error, ours, "%", PLACE))
@@ -52,12 +52,13 @@ def reproduce(ran: Ran) -> Reproduction:
         "that speed by mitigation, not the remaining speed (finding 3). As reductions, the model values agree.",
         parameters=PARAMETERS,
         comparisons=tuple(numbers),
-        findings=(_reductions(taken),),
-        caption="Mitigation reduces the relative velocity most in the first 0.1 s. From then until contact, it grows "
-        "again for the first order, and hardly for the inverse power. The uniform motion has a constant velocity.",
+        findings=(_reduction_finding(reductions),),
+        caption="Mitigation reduces the relative velocity most in the first 0.1 s. From then until contact, the "
+        "relative velocity grows again for the first order, and hardly for the inverse power. It is constant in the "
+        "uniform motion.",
         numbers={
             "relative_velocity_at_contact": {name: float(m.relative_velocity[-1]) for name, m in motions.items()},
-            "reduction": {name: part / 100 for name, part in taken.items()},
+            "reduction": {name: part / 100 for name, part in reductions.items()},
             "motion": {name: {"time": m.time, "relative_velocity": m.relative_velocity} for name, m in motions.items()},
         },
     )
@@ -69,9 +70,9 @@ def _reduction(curve: SensorModel, method: str) -> float:
     return float(100 - 100 * contact.relative_velocity / approach().obstacle.velocity)
 
 
-def _reductions(taken: dict[str, float]) -> Finding:
+def _reduction_finding(reductions: dict[str, float]) -> Finding:
     steps, printed = [], {name: float(text) for name, text in PRINTED.items()}
-    for name, part in taken.items():
+    for name, part in reductions.items():
         steps.append((f"l'/v_o at contact, {NAMES[name]}", 100 - part, "%"))
         steps.append((f"1 - l'/v_o; printed as the ratio {PRINTED[name]} %", part, "%"))
     for name in MODELS:
@@ -80,9 +81,10 @@ def _reductions(taken: dict[str, float]) -> Finding:
         steps.append(
             (f"error of the remaining speed if the speed is reduced by {less} % instead of {true} %", error, "%")
         )
-    near = all(abs(part - printed[name]) < 1.0 < abs(100 - part - printed[name]) for name, part in taken.items())
+    near = all(abs(part - printed[name]) < 1.0 < abs(100 - part - printed[name]) for name, part in reductions.items())
     remain, less = (
-        ", ".join(f"{v:.1f}" for v in values) for values in ([100 - t for t in taken.values()], taken.values())
+        ", ".join(f"{v:.1f}" for v in values)
+        for values in ([100 - t for t in reductions.values()], reductions.values())
     )
     return finding(
         3,

@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .experiment import Finding, Ran, Reproduction, finding, readings
+from .experiment import Finding, Reproduction, Variables, finding, readings
 from .inputs import ADMITTANCE, F_1, SENSORS, approach, sensor
 from .program import Program
 
@@ -42,11 +42,11 @@ SCALES: Final[Mapping[str, Any]] = {"following": "obstacle speed", "fixed": 0.3}
 SHOWN: Final = [0, 4, 9, 19, 29, 49, 99]  # 0.01, 0.05, 0.1, 0.2, 0.3, 0.5 and 1 m/s
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Design the gain for 100 speeds and three sensor curves, as in Fig. 6 of the published letter."""
     # The letter's l'_typ can be understood in two ways; gains are designed for both.
-    speeds = ran["speeds"]
-    gains = {s: {name: np.asarray(ran["gains"][value, name]) for name in MODELS} for s, value in SCALES.items()}
+    speeds = variables["speeds"]
+    gains = {s: {name: np.asarray(variables["gains"][value, name]) for name in MODELS} for s, value in SCALES.items()}
     titles = {"following": "l'_typ follows the obstacle", "fixed": "l'_typ fixed at 0.3 m/s"}
     return Reproduction(
         summary="100 velocities from -0.01 to -1.00 m/s. The letter's trend, a larger |D_p| for slow obstacles and "
@@ -58,9 +58,9 @@ def reproduce(ran: Ran) -> Reproduction:
         tables=tuple(
             readings(
                 f"Optimal gain D_p [N s], {titles[scale]}",
-                {"obstacle speed [m/s]": (speeds[SHOWN], ".2f")} | {n: (g[SHOWN], ".4f") for n, g in found.items()},
+                {"obstacle speed [m/s]": (speeds[SHOWN], ".2f")} | {n: (g[SHOWN], ".4f") for n, g in by_curve.items()},
             )
-            for scale, found in gains.items()
+            for scale, by_curve in gains.items()
         ),
         caption="Left: l'_typ follows the obstacle, with the letter's trend. Right: l'_typ is fixed, with the opposite "
         "trend; the first order jumps to the end of the range if mitigation is not worthwhile. The inverse power is "
@@ -94,7 +94,7 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
                 spread,
             )
         )
-        steps.append(("the first is above 2, the second below", bool(slow > 2 and spread < 2)))
+        steps.append(("the first of these two ratios is above 2, the second is below 2", bool(slow > 2 and spread < 2)))
         steps.append((f"{name} curve, fixed typical velocity: gain |D_p| at 1 m/s divided by |D_p| at 0.05 m/s", rise))
         steps.append(
             (
@@ -103,7 +103,7 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
                 always,
             )
         )
-    power = {scale: found["inverse power"] for scale, found in gains.items()}
+    power = {scale: by_curve["inverse power"] for scale, by_curve in gains.items()}
     pairs = {s: ", ".join(f"{_at(speeds, g, v):.3g} at {v:g} m/s" for v in (0.05, 0.3, 1.0)) for s, g in power.items()}
     return finding(
         5,

@@ -6,7 +6,7 @@ from typing import Final
 
 from pretouch.design import Constraint, GainDesign, Task, design_gain
 
-from .experiment import Finding, Ran, Reproduction, finding, readings
+from .experiment import Finding, Reproduction, Variables, finding, readings
 from .inputs import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
 from .program import Program
 
@@ -24,10 +24,10 @@ designs, curves, marks = {}, [], []
 for name, impact in impacts.items():
     force = pt.Term(quantity="impact_force", scale=impact.peak_force(0.3))
     goal = pt.Objective(terms=(excursion, force))
-    found = designs[name] = pt.design_gain(pt.Task(scenario, sensor, goal, bounds=(-10.0, -0.01), impact=impact))
+    design = designs[name] = pt.design_gain(pt.Task(scenario, sensor, goal, bounds=(-10.0, -0.01), impact=impact))
     curves.append(pt.report.Curve(x=-gains, y=impact.peak_force(speeds), label=name))
-    least = impact.peak_force(found.result.contact.relative_velocity)
-    marks.append(pt.report.Mark(x=-found.gain, y=least, label=f"optimum {found.gain:.3f} N s", shape="ring"))
+    peak = impact.peak_force(design.result.contact.relative_velocity)
+    marks.append(pt.report.Mark(x=-design.gain, y=peak, label=f"optimum {design.gain:.3f} N s", shape="ring"))
 labels = {"x_label": "gain −D_p [N s]", "y_label": "peak force [N]", "x_log": True}
 figure = pt.report.panel_figure(pt.report.Panel(curves=curves, marks=marks, **labels))
 """,
@@ -35,9 +35,9 @@ figure = pt.report.panel_figure(pt.report.Panel(curves=curves, marks=marks, **la
 LIMIT: Final = 4.5  # N
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Design gains for the published letter's objective with the peak force in place of the relative velocity."""
-    by_force, impacts = dict(ran["designs"]), ran["impacts"]
+    by_force, impacts = dict(variables["designs"]), variables["impacts"]
     limited = {"constraints": [Constraint(name="impact_force", limit=LIMIT)], "impact": impacts["linear spring"]}
     problem = (approach(), sensor("inverse-power"), f_1())
     designs: dict[str, GainDesign] = {
@@ -53,14 +53,15 @@ def reproduce(ran: Ran) -> Reproduction:
     return Reproduction(
         summary="If mass and stiffness are known, the peak force can be a term of the objective or a limit. The spring "
         "has √(μ k) = 62.7 N s/m, as found from Table III; the sphere is soft, with a radius of 10 mm. Both models are "
-        "lossless, so they bound the peak force from above. The mass is the robot's physical mass, not M_a.",
+        "lossless, and a contact with moderate damping has a lower peak force. The mass is the robot's physical mass, "
+        "not M_a.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
         findings=(_shift_finding(*[*gains.values()][:3]),),
         tables=(readings("Optimum by speed and by force", columns),),
         caption="The peak force over the gain for two kinds of contact, with the optimum of each objective.",
         numbers={
-            "gain": ran["gains"],
-            "peak_force": {name: impact.peak_force(ran["speeds"]) for name, impact in impacts.items()},
+            "gain": variables["gains"],
+            "peak_force": {name: impact.peak_force(variables["speeds"]) for name, impact in impacts.items()},
             "optimal_gain": gains,
         },
     )
@@ -76,5 +77,8 @@ def _shift_finding(by_speed: float, spring: float, hertz: float) -> Finding:
         ("optimal gain by speed", by_speed, "N s"),
         ("by force on the spring", spring, "N s"),
         ("by force on the sphere", hertz, "N s"),
-        ("only the spring leaves it unchanged", abs(spring / by_speed - 1) < 1e-6 < abs(hertz / by_speed - 1)),
+        (
+            "only the spring leaves the optimal gain unchanged",
+            abs(spring / by_speed - 1) < 1e-6 < abs(hertz / by_speed - 1),
+        ),
     )

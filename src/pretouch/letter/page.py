@@ -16,9 +16,9 @@ from .printed import Agreement, Printed
 
 _TITLE: Final = "Reproduction of the letter"
 _ALL_HOLD: Final = "Reproduced: every finding holds, and every disagreement is explained."
-_FOUND: Final = (
-    "Findings 1 to 7 were known before this program was written; the program derives them. It found the others, from 8 "
-    "on: some disagree with the letter, some confirm or complete it."
+_ORIGIN: Final = (
+    "Findings 1 to 7 were known before this program was written, and the program derives them. The findings from 8 on "
+    "were made with this program: some contradict the letter, some confirm or complete it."
 )
 _INPUTS: Final = "The inputs are the printed numbers of the letter, with their printed digits. The verdicts:"
 _METHOD: Final = "Motions and gains are computed from the equations of the letter, cited as L(n)."
@@ -40,15 +40,15 @@ def letter_page(report: LetterReport) -> Page:
     """
     parts, findings = report.reproductions, report.findings
     home = {f.id: r for r in parts for f in r.findings}
-    off = [(r, c) for r in parts for c in r.comparisons if c.agreement is Agreement.DISAGREES]
+    disagreements = [(r, c) for r in parts for c in r.comparisons if c.agreement is Agreement.DISAGREES]
     links = tuple(f"[{f.id}. {_title(f)}](#finding-{f.id}): {_state(f)}" for f in findings)
-    opening = Paragraph(text=_FOUND, quiet=True)
+    opening = Paragraph(text=_ORIGIN, quiet=True)
     rules = Listing(items=tuple(f"{a.shape} {a.words}: {a.meaning}" for a in Agreement))
     legend = (Paragraph(text=_INPUTS), rules, Paragraph(text=_SCOPE, quiet=True))
     data = as_json(report.to_dict(), indent=None)
     numbers = Download(name="letter-numbers.json", text=data, kind="application/json", anchor="numbers")
     chapters = (Listing(items=links, brief=True), opening, *(_finding(f, home[f.id]) for f in findings))
-    disagreements = Listing(items=tuple(_disagreement(*pair) for pair in off), brief=True)
+    listing = Listing(items=tuple(_disagreement(*pair) for pair in disagreements), brief=True)
     return Page(
         kind=_TITLE,
         headline=f"{sum(report.counts.values())} printed numbers of the letter compared. {_closing(report)}",
@@ -59,7 +59,9 @@ def letter_page(report: LetterReport) -> Page:
         blocks=(
             _overview(report) if parts else None,
             PageSection(title="Findings", anchor="findings", titled=True, blocks=chapters) if findings else None,
-            PageSection(title="Printed numbers that disagree", titled=True, blocks=(disagreements,)) if off else None,
+            PageSection(title="Printed numbers that disagree", titled=True, blocks=(listing,))
+            if disagreements
+            else None,
             *map(_part, parts),
             PageSection(title="All numbers", anchor="all-numbers", blocks=(numbers, Paragraph(text=_DATA))),
             method_section(_METHOD, others=legend),

@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Ran, Reproduction, finding, readings
+from .experiment import Finding, Reproduction, Variables, finding, readings
 from .inputs import F_1, SENSORS, best_gain, sensor
 from .printed import Printed
 from .program import Program
@@ -41,18 +41,18 @@ FITS: Final = {"exponential-1": ("first order", "0.9952"), "exponential-2": ("se
 """Name of each curve in the program, and its printed R²."""
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Fit exponential curves to the inverse power curve, and compare them with Table I of the published letter."""
-    fitted: dict[str, SensorModel] = {name: ran["fitted"][order] for name, (order, _) in FITS.items()}
-    r_squared = {name: float(ran["r_squared"][order]) for name, (order, _) in FITS.items()}
+    fitted: dict[str, SensorModel] = {name: variables["fitted"][order] for name, (order, _) in FITS.items()}
+    r_squared = {name: float(variables["r_squared"][order]) for name, (order, _) in FITS.items()}
     gains = {name: (best_gain(sensor(name)), best_gain(curve)) for name, curve in fitted.items()}
     numbers = [
         (f"{p.symbol} of {n}", p.printed, c.parameters[p.name], p.unit) for n, c in fitted.items() for p in SENSORS[n]
     ]
     numbers += [(f"R² of {name}", printed, r_squared[name], "") for name, (_, printed) in FITS.items()]
     why = "the letter fits its measured readings, which are not available; here the inverse power curve is fitted"
-    near, far = 1e3 * ran["output"][[0, -1]]
-    first, second = (1e3 * float(np.abs(ran["errors"][order]).max()) for order, _ in FITS.values())
+    near, far = 1e3 * variables["output"][[0, -1]]
+    first, second = (1e3 * float(np.abs(variables["errors"][order]).max()) for order, _ in FITS.values())
     printed, ours = ({name: pair[i] for name, pair in gains.items()} for i in (0, 1))
     columns = {"curve": (gains, ""), "with the printed parameters [N s]": (printed.values(), ".4f")}
     columns["with the fitted parameters [N s]"] = (ours.values(), ".4f")
@@ -69,10 +69,10 @@ def reproduce(ran: Ran) -> Reproduction:
         f"output is {near:.0f} mV at contact and {far:.0f} mV at 42.2 mm. First-order residuals are systematic "
         f"and reach {first:.0f} mV. Second-order residuals reach {second:.0f} mV.",
         numbers={
-            "fitted": {name: dict(found.parameters) for name, found in fitted.items()},
+            "fitted": {name: dict(curve.parameters) for name, curve in fitted.items()},
             "r_squared": r_squared,
-            "distance": ran["distance"][::10],
-            "error": {name: ran["errors"][order][::10] for name, (order, _) in FITS.items()},
+            "distance": variables["distance"][::10],
+            "error": {name: variables["errors"][order][::10] for name, (order, _) in FITS.items()},
             "optimal_gain_printed_parameters": printed,
             "optimal_gain_fitted_parameters": ours,
         },
@@ -82,25 +82,25 @@ def reproduce(ran: Ran) -> Reproduction:
 def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[float, float]]) -> Finding:
     steps: list[tuple[Any, ...]] = []
     distance, shown = np.linspace(0.0, 0.0422, 201), []
-    for name, found in fitted.items():
-        printed, own = sensor(name), found.parameters
-        off = ((p, own[p.name], 100 * (own[p.name] / p.value - 1)) for p in SENSORS[name])
-        steps += [(f"{p.symbol} recovered, {value:.4g}: off by", error, "%") for p, value, error in off]
-        apart = 100 * np.abs(found.output(distance) - printed.output(distance)).max() / printed.output(0.0)
+    for name, curve in fitted.items():
+        printed, values = sensor(name), curve.parameters
+        errors = ((p, values[p.name], 100 * (values[p.name] / p.value - 1)) for p in SENSORS[name])
+        steps += [(f"{p.symbol} recovered, {value:.4g}: off by", error, "%") for p, value, error in errors]
+        difference = 100 * np.abs(curve.output(distance) - printed.output(distance)).max() / printed.output(0.0)
         steps.append(
             (
                 f"largest difference between the fitted and the published {name} curve, relative to the output "
                 "at contact",
-                apart,
+                difference,
                 "%",
             )
         )
-        moved = 100 * (gains[name][1] / gains[name][0] - 1)
+        shift = 100 * (gains[name][1] / gains[name][0] - 1)
         steps.append(
-            (f"change of the optimal gain if the fitted {name} curve replaces the published curve", moved, "%")
+            (f"change of the optimal gain if the fitted {name} curve replaces the published curve", shift, "%")
         )
-        steps.append(("both are below 1 %", bool(apart < 1.0 and abs(moved) < 1.0)))
-        shown.append(f"({', '.join(f'{own[p.name]:.3g}' for p in SENSORS[name])})")
+        steps.append(("this difference and this change are below 1 %", bool(difference < 1.0 and abs(shift) < 1.0)))
+        shown.append(f"({', '.join(f'{values[p.name]:.3g}' for p in SENSORS[name])})")
     return finding(
         7,
         "The exponential curves of Table I follow from its inverse power curve",

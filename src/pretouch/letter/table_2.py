@@ -12,7 +12,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch.motion import find_contact
 from pretouch.sensors import SensorModel
 
-from .experiment import Finding, Ran, Reproduction, finding, readings
+from .experiment import Finding, Reproduction, Variables, finding, readings
 from .inputs import APPROACH, F_1, ONE_APPROACH, SENSORS, approach, best_gain, f_1, over_rounding, sensor
 from .printed import Printed, resolution
 from .program import Program
@@ -52,10 +52,10 @@ WAYS: Final = {
     "exponential-2, uniform motion": "-0.7",
     "exponential-2, integration": None,
 }
-"""Printed optimal gain [N s] of each curve and method, if there is one."""
+"""Printed optimal gain [N s] of each curve and method; None if the letter prints none."""
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Compute contacts and objective f_1 for the gains in Table II of the published letter, and compare numbers."""
     gains = [*map(float, PRINTED), -10.0]
     values = _contacts(sensor("inverse-power"), gains)
@@ -80,8 +80,8 @@ def reproduce(ran: Ran) -> Reproduction:
             **dict(zip(("position", "relative_velocity", "objective"), values, strict=True)),
             **dict(zip(("position_term", "velocity_term"), terms, strict=True)),
             "optimal_gain": optima,
-            "optimal_objective": float(ran["design"].objective),
-            "curve": {"gain": ran["gains"], **{f"{name}_term": v for name, v in ran["terms"].items()}},
+            "optimal_objective": float(variables["design"].objective),
+            "curve": {"gain": variables["gains"], **{f"{name}_term": v for name, v in variables["terms"].items()}},
         },
     )
 
@@ -128,10 +128,10 @@ def _repetition_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         ("printed x is the printed l'", x == v),
         ("no sensor that rounds to the printed one gives the printed x", not reached),
         ("largest f₁ that the printed x and l' allow; printed 0.107", largest),
-        ("it is below all numbers that round to the printed f₁", largest < f_low),
+        ("this f₁ is below all numbers that round to the printed f₁", largest < f_low),
         ("smallest |x| that the printed l' and f₁ allow", low, "m"),
-        ("largest |x| that they allow", high, "m"),
-        ("x by L(4) is between the two", low <= -values[0] <= high),
+        ("largest |x| that the printed l' and f₁ allow", high, "m"),
+        ("|x| by L(4) is between these two limits", low <= -values[0] <= high),
     )
 
 
@@ -150,12 +150,12 @@ def _column_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         "Only the gain -10 N s reaches the published position x = -0.611 m, and the other two values of the "
         "column also belong to -10 N s. Table III ends with -10 N s as well. At -1.0 N s, the equations give a "
         f"position of {at[0]:.4f} m, a relative velocity of {at[1]:.4f} m/s and an objective of {at[2]:.4f}.",
-        ("gain at which x rounds to -0.611 m, from", low, "N s"),
-        ("to", high, "N s"),
-        ("-10 N s is one of them", low <= -10.0 <= high),
+        ("lowest gain at which x rounds to -0.611 m", low, "N s"),
+        ("highest gain at which x rounds to -0.611 m", high, "N s"),
+        ("-10 N s lies between the two gains", low <= -10.0 <= high),
         ("l' at -10 N s; printed -0.023", values[1, -1], "m/s"),
         ("f₁ at -10 N s; printed 1.49", values[2, -1]),
-        ("all three are within one unit of the last printed place", all(near)),
+        ("x, l' and f₁ at -10 N s are within one unit of the last printed place", all(near)),
         ("x at -1.0 N s", at[0], "m"),
         ("l' at -1.0 N s", at[1], "m/s"),
         ("f₁ at -1.0 N s", at[2]),

@@ -8,7 +8,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .experiment import Finding, Ran, Reproduction, finding, readings
+from .experiment import Finding, Reproduction, Variables, finding, readings
 from .inputs import DISRUPTION, F_2, SENSORS, best_gain, disruption, f_2, sensor
 from .printed import Printed
 from .program import Program
@@ -49,9 +49,9 @@ STEPS: Final = (("-0.5", "-0.6", "45", "17", "2.65"), ("-0.6", "-0.7", "11", "6"
 """From one gain to the next: printed force reduction [%], time increase [%] and trade-off factor (Section V-C)."""
 
 
-def reproduce(ran: Ran) -> Reproduction:
+def reproduce(variables: Variables) -> Reproduction:
     """Compare computed with measured contacts of the published letter, and recompute its trade-off factors."""
-    time, speed = np.asarray(ran["contact"].time), -np.asarray(ran["contact"].relative_velocity)
+    time, speed = np.asarray(variables["contact"].time), -np.asarray(variables["contact"].relative_velocity)
     optimum = best_gain(sensor("fingertip"), disruption(), f_2())
     printed = np.array([float(text) for text, _ in PRINTED.values()])
     columns: dict[str, Any] = {"D_p [N s]": (PRINTED, ""), "model t [s]": (time, ".3f")}
@@ -64,11 +64,11 @@ def reproduce(ran: Ran) -> Reproduction:
         "the model's speed at contact.",
         parameters=(*DISRUPTION, *SENSORS["fingertip"], *F_2),
         comparisons=(
-            *_measured(time, speed, float(ran["slope"])),
+            *_measured(time, speed, float(variables["slope"])),
             Printed("optimal gain of f_2", "-0.6", optimum, "N s", "Section V-C"),
             *_steps(),
         ),
-        findings=(_hardware(time, speed, printed, ran), _trade_off()),
+        findings=(_hardware(time, speed, printed, variables), _trade_off()),
         tables=(readings("Model and measurement", columns),),
         caption="Left: measured force over the model's speed, with the line through the origin and the 95 % confidence "
         "interval of its slope. Right: times of contact; the ranking of the gains is the same.",
@@ -78,8 +78,8 @@ def reproduce(ran: Ran) -> Reproduction:
             "relative_velocity_at_contact": -speed,
             "measured_time": printed,
             "measured_force": [float(f) for _, f in PRINTED.values() if f],
-            "force_per_speed": float(ran["slope"]),
-            "force_per_speed_95": ran["interval"],
+            "force_per_speed": float(variables["slope"]),
+            "force_per_speed_95": variables["interval"],
             "optimal_gain": optimum,
             "trade_off_factors": [less / later for less, later in (_changes(a, b) for a, b, *_ in STEPS)],
         },
@@ -127,8 +127,8 @@ def _trade_off() -> Finding:
         steps.append(
             (f"trade-off factor for gains from {a} to {b} N s, computed from the published times and forces", exact)
         )
-        steps.append((f"from {less} % and {later} %; printed {printed}", rounded))
-        steps.append(("only the second rounds to the printed factor", only))
+        steps.append((f"trade-off factor from the rounded {less} % and {later} %; printed {printed}", rounded))
+        steps.append(("only the factor from rounded percentages rounds to the printed factor", only))
     return finding(
         8,
         "The trade-off factors 2.65 and 1.83 come from percentages that were rounded first",
@@ -140,9 +140,9 @@ def _trade_off() -> Finding:
     )
 
 
-def _hardware(time: FloatArray, speed: FloatArray, printed: FloatArray, ran: Ran) -> Finding:
+def _hardware(time: FloatArray, speed: FloatArray, printed: FloatArray, variables: Variables) -> Finding:
     force = np.array([float(f) for _, f in PRINTED.values() if f])
-    slope, (low, high) = float(ran["slope"]), ran["interval"].tolist()
+    slope, (low, high) = float(variables["slope"]), variables["interval"].tolist()
     residual = force - slope * speed[: len(force)]
     r_squared = float(1 - residual @ residual / np.sum((force - force.mean()) ** 2))
     late = 100 * (printed / time - 1)
@@ -156,12 +156,12 @@ def _hardware(time: FloatArray, speed: FloatArray, printed: FloatArray, ran: Ran
         f"{slope:.1f} N s/m. The confidence interval of this factor is wide, because five points leave only four "
         "degrees of freedom.",
         ("smallest delay relative to the model", late.min(), "%"),
-        ("largest delay", late.max(), "%"),
+        ("largest delay relative to the model", late.max(), "%"),
         ("contact is never earlier", bool(late.min() > 0)),
         ("measured and modeled times rank the gains equally", bool((np.diff([printed, time]) > 0).all())),
         ("force over speed, through the origin", slope, "N s/m"),
-        ("95 % confidence interval, from", low, "N s/m"),
-        ("to", high, "N s/m"),
+        ("lower end of the 95 % confidence interval of this factor", low, "N s/m"),
+        ("upper end of the 95 % confidence interval of this factor", high, "N s/m"),
         ("R² about the mean force", r_squared),
         ("the interval is above 0, and R² above 0.9", r_squared > 0.9 and low > 0),
     )

@@ -1,4 +1,4 @@
-"""Check that a sensor curve meets the assumptions of pretouch: for example, its output must fall with distance."""
+"""Check that a sensor curve meets the assumptions of pretouch: for example, its output must not rise with distance."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool
     """
     obstacle = _evaluation_obstacle(sensor, distance)
     evidence = obstacle or "a number, a row and a table of distances"
-    yield "ln xi and g take distances of any shape and keep it", obstacle is None, evidence
+    yield "ln xi and g accept distances of any shape and return the same shape", obstacle is None, evidence
     if obstacle is not None:
         return
     log_output, slope = sensor.log_output(distance), sensor.log_slope(distance)

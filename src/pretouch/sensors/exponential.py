@@ -56,7 +56,8 @@ class _SecondOrderFamily(Family):
     The fit parameters are u = (ln xi(l_m), ln -g at the first distance, ln of the ratio of -g at the last to the first
     distance), where l_m is the middle of the calibration window.
 
-    The curve falls over the whole window for every u. The upper bound keeps c_2, the slope at l = 0, negative.
+    The curve falls over the whole window for every u. The upper bound of the last parameter keeps c_2, which is the
+    slope at l = 0, negative.
     """
 
     informs: ClassVar[bool] = True
@@ -163,8 +164,8 @@ class ExponentialFirstOrder(SensorModel):
 class ExponentialSecondOrder(SensorModel):
     """Second-order exponential sensor curve xi = a_2 exp(b_2 l^2 + c_2 l), equation L(6), with the distance l.
 
-    With b_2 > 0 the output has its minimum at the turning point l = -c_2 / (2 b_2). Beyond it the modeled virtual
-    force would have the wrong sign, so the valid range ends there.
+    With b_2 > 0 the output has its minimum at the turning point l = -c_2 / (2 b_2). Beyond the turning point, the
+    modeled virtual force would have the wrong sign, so the valid range ends at the turning point.
 
     Args:
         scale: a_2 > 0, in the unit of the output; it does not affect the motion.

@@ -35,7 +35,7 @@ class Family(ABC):
     last: float
 
     informs: ClassVar[bool] = False
-    """Whether offset, noise and slope are estimated with this family: it has three parameters and many shapes."""
+    """Whether offset, noise and slope are estimated with the family, because its three parameters allow many shapes."""
 
     quick: ClassVar[bool] = True
     """Whether many fits of the family take little time."""

@@ -21,11 +21,12 @@ from .sensitivity import CurveSensitivity
 # that is analytic off the negative real axis. With N = 18 the relative error of the derivative at zero, which converges
 # most slowly, is 1e-14. A larger N would only amplify rounding by exp(mu).
 _NODES: Final = 18
-# The absolute rounding error of that sum is constant, while E falls like exp(z). For orders near one and large |z|,
-# a sum of positive terms is used instead.
-_NEAR_ONE: Final = 0.68  # its poles at |Im v| = pi (1 - alpha) lie inside d = alpha pi / 2 only for alpha > 2 / 3
+# The absolute rounding error of the sum on the parabola is constant, while E falls like exp(z). For orders near one and
+# large |z|, an integral of positive terms over a line (variable v) is used instead. The poles of its integrand at
+# |Im v| = pi (1 - alpha) lie inside the strip |Im v| <= d = alpha pi / 2 only for alpha > 2 / 3.
+_NEAR_ONE: Final = 0.68  # order above which the integral over the line is used
 _ROUNDING: Final = 1e-13 / math.e  # absolute error of the sum on the parabola; the relative error of E(-1) is 1e-13
-_STEP: Final = 0.15  # its error is exp(-2 pi d / step) < 1e-19, since the integrand is bounded for |Im v| <= d
+_STEP: Final = 0.15  # step on the line; the error exp(-2 pi d / step) is below 1e-19, as the integrand is bounded there
 _ACCURACY: Final = 1e-9  # relative, sufficient for a fit
 _CHUNK: Final = 1024  # arguments per call, to limit memory, since each needs about 350 nodes
 
@@ -35,12 +36,12 @@ def mittag_leffler(
 ) -> tuple[FloatArray, FloatArray]:
     """Evaluate the Mittag-Leffler function E_alpha(z) and its derivative for z <= 0 and 0 < alpha <= 1.
 
-    The relative error is about 1e-13.
+    With the default accuracy, the relative error is about 1e-13.
 
     Args:
-        order: alpha, in (0, 1]; or one for each row of the arguments, shape (b,).
+        order: alpha, in (0, 1]; or one order for each row of the arguments, shape (b,).
         argument: z <= 0, any shape; shape (b, n) for several orders.
-        accuracy: required relative accuracy; a lower one avoids the slower of two sums more often.
+        accuracy: largest allowed relative error; a larger value avoids the slower of two algorithms more often.
 
     Returns:
         E_alpha(z) and dE_alpha/dz, each of the shape of z.
@@ -130,9 +131,8 @@ class _MittagLefflerFamily(Family):
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         reach = -math.log(self.span)
-        return np.array([-np.inf, reach - 6, 0.05]), np.array(
-            [np.inf, reach + 6, 1.0]
-        )  # beyond, c and a cannot be identified
+        # outside these bounds, rate and scale cannot be identified
+        return np.array([-np.inf, reach - 6, 0.05]), np.array([np.inf, reach + 6, 1.0])
 
     def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
         bend = max(curvature, 0.0) * self.span / -slope

@@ -38,16 +38,16 @@ def parameter(
     """Declare a dataclass field as a parameter of a sensor curve, with symbol, unit, sign and example.
 
     Args:
-        symbol: its symbol in the literature.
-        unit: its SI unit; empty for a pure number or a unit that depends on that of the output.
-        default: its default value; None if a value is required.
-        sign: "any", "positive" or "negative"; it is checked.
+        symbol: symbol of the parameter in the literature.
+        unit: SI unit; empty for a pure number or a unit that depends on that of the output.
+        default: default value; None if a value is required.
+        sign: required sign: "any", "positive" or "negative".
         example: an example value in the syntax of a scenario file, for messages.
-        of_output: unit of a scale divided by that of the output; None for all other parameters.
+        of_output: unit of a scale, divided by the unit of the output; None for all other parameters.
         largest: largest allowed value.
 
     Returns:
-        The field; its value is checked to be one finite number of that sign.
+        The field. A curve checks that the value of the field is one finite number with the required sign.
     """
     domain = (0.0 if sign == "positive" else -math.inf, 0.0 if sign == "negative" else largest)
     metadata: dict[str, Any] = {"symbol": symbol, "of_output": of_output, "domain": domain}
@@ -104,7 +104,7 @@ class SensorModel(ABC):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Distances [m] at which a higher derivative of the log output is discontinuous."""
+        """Distances [m] at which a derivative of the log output is discontinuous."""
         low, high = self.valid_range
         return tuple(sorted(k for k in self._knots() if low < k < high))
 
@@ -259,7 +259,8 @@ def cache_by_curve(
     size: int,
 ) -> Callable[[Callable[Concatenate[SensorModel, P], R]], Callable[Concatenate[SensorModel, P], R]]:
     """Cache the results of a function that has a sensor curve as its first argument, up to `size` results."""
-    # Equal curves share their results. Curves compare by their fields, so one with another attribute is not cached.
+    # Equal curves share their results. Curves are compared by their fields only, so results of a curve with further
+    # attributes are not cached.
 
     def decorate(function: Callable[Concatenate[SensorModel, P], R]) -> Callable[Concatenate[SensorModel, P], R]:
         cached = lru_cache(maxsize=size)(function)

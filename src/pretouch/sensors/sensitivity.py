@@ -23,7 +23,7 @@ class CurveSimilarity:
         curve: the reference curve.
         length: s of each curve.
         gain: factor of the gain of each curve.
-        parameters: for each parameter that matters, the derivatives of ln(length) and ln(gain) by it.
+        parameters: derivatives of ln(length) and ln(gain) with respect to each parameter that changes them.
     """
 
     curve: Any
@@ -43,7 +43,7 @@ _ROUNDING: Final = 1e-15  # relative rounding error of slopes; smaller differenc
 class CurveSensitivity:
     """Derivative of the log output ln xi of a sensor curve with respect to one of its parameters.
 
-    Up to a constant it equals output ln xi + shift g + stretch l g.
+    Up to a constant, the derivative equals output * ln xi + shift * g + stretch * l * g.
 
     The three terms act like a change of the gain, of the recess, and of the unit of length. Derivatives by these
     quantities therefore yield the derivative by the parameter. If the three terms do not describe the change, or only
@@ -66,9 +66,9 @@ class CurveSensitivity:
 
 def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
     """Differentiate a sensor curve with respect to one parameter, which is given by name."""
-    # If the class of the curve does not define it, dg/d(parameter) is computed from the polynomial through eleven
-    # curves with the parameter within 5 % of its value. If values on one side are invalid, the other side is used. The
-    # relative error is about 1e-11 if g is computed to rounding.
+    # If the class of the curve does not define the derivative, dg/d(parameter) is computed from the polynomial through
+    # eleven curves with the parameter within 5 % of its value. If values on one side are invalid, the other side is
+    # used. The relative error is about 1e-11 if g is computed to rounding.
     if name not in sensor.parameter_units:
         raise InvalidInputError(
             f"parameter: found {name!r}, expected one of {', '.join(sensor.parameter_units) or 'none at all'}"

@@ -20,8 +20,8 @@ from .model import SensorModel, _limit
 class Table(SensorModel):
     """Sensor curve through measured points, whose log output is interpolated by a monotone piecewise cubic.
 
-    The interpolant (Fritsch and Carlson, SciPy's `PchipInterpolator`) has a continuous slope g and falls as the table
-    does. The curve is valid between its first and its last distance.
+    The interpolant (Fritsch and Butland 1984, SciPy's `PchipInterpolator`) has a continuous slope g, and falls with the
+    distance like the table. The curve is valid between the first and the last distance of the table.
 
     Args:
         distances: l of the points [m], at least two, strictly increasing.
@@ -93,10 +93,10 @@ def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> An
 class PiecewiseCubic(SensorModel):
     """Sensor curve whose log output is a cubic polynomial between each two neighboring points.
 
-    The slopes at both ends of each interval are given as well.
+    The slopes at both ends of each interval are arguments as well.
 
-    The slope may jump at a point, and ln xi may rise: the points are used unchecked. The curve is valid between its
-    first and its last distance.
+    The slope may jump at a point, and ln xi may rise with the distance: neither is checked. The curve is valid between
+    its first and its last distance.
 
     Args:
         distances: l of the points [m], at least two, strictly increasing, shape (N,).

@@ -164,6 +164,11 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
             ],
         ),
         ("custom_laws", ["--encounters", "8"], [r"times as fast, largest difference of l' \de-1\d", r"s, \d+ points"]),
+        (
+            "policies",
+            ["--quick"],
+            [r"constant deceleration: excursion 0\.\d{3}", r"rate s' only( +[\d.]+ \+- [\d.]+){6}"],
+        ),
         ("bounds", ["--count", "1000"], [r"any schedule .*[01]\.\d{9} of the bound at most", r"exceeded: 0 of 7"]),
     ],
 )
@@ -183,7 +188,10 @@ def test_a_program_prints_what_it_measures(name: str, options: list[str], printe
 
 def test_the_page_names_every_program() -> None:
     page = (ROOT / "docs" / "developers/benchmarks.md").read_text(encoding="utf-8")
-    programs = {file.stem for file in (ROOT / "benchmarks").glob("*.py") if not file.stem.startswith("_")} | {"peers"}
+    folder = ROOT / "benchmarks"
+    programs = {file.stem for file in folder.glob("*.py") if not file.stem.startswith("_")}
+    programs |= {file.parent.name for file in folder.glob("*/__main__.py")}
+    assert {"bounds", "peers"} <= programs
     assert {name for name in programs if f"python -m benchmarks.{name}`" not in page} == set()
 
 

@@ -1,0 +1,1 @@
+"""Compare the virtual drag with optimized control laws on one noisy sampled loop."""

@@ -299,6 +299,12 @@ def test_a_clock_that_is_set_back_leaves_the_longest_part(task):
     assert any("300 of 1,200" in note and "--clock receive" in note for note in result.notes)
 
 
+def test_a_recording_with_one_clock_is_not_told_to_use_another(task):
+    time = np.concatenate([4e-3 * np.arange(300), -5.0 + 4e-3 * np.arange(900)])
+    result = replay(task, readings(np.full(1200, 200.0), time, clock="receive"))
+    assert not any("--clock" in note for note in result.notes)
+
+
 def test_a_late_reading_is_refused_by_the_law(task):
     time = 4e-3 * np.arange(300)
     time[150] -= 20e-3

@@ -165,5 +165,8 @@ def _usable(csv: Path | None, part: SensorPart | None) -> tuple[float, float]:
         )
     report = request.rank(curves[0])
     if report.best is None:
-        raise InvalidInputError(f"{csv}: no usable signal ({report.verdict}); pretouch fit {csv} explains why")
+        raise InvalidInputError(
+            f"{csv}: pretouch cannot fit a sensor curve to these readings ({report.verdict}); pretouch fit {csv} "
+            "explains why"
+        )
     return math.ceil(1e4 * report.window.l_min - _ROUNDING) / 1e4, report.window.l_max

@@ -42,7 +42,7 @@ def chain_section(
     rows: list[tuple[str, str, str]] = []
     exposure = min(declared.exposure, 1 / timing.rate)
     rows += [
-        ("rate", _quoted(timing.rate, "Hz"), "between gaps"),
+        ("rate", _quoted(timing.rate, "Hz"), "without gaps"),
         ("exposure", _quoted(exposure, "s"), "not measured; from the scenario"),
         ("delay", *_delay(declared, delay)),
         ("jitter", _quoted(min(timing.jitter, 1 / timing.rate / 4), "s"), "robust standard deviation"),

@@ -119,7 +119,7 @@ def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Conten
     """Read an MCAP file, and keep what was written before a truncation."""
     reader = require("mcap.stream_reader", extra=EXTRA)
     records = require("mcap.records", extra=EXTRA)
-    state = _Channels(wanted, contents)
+    state, before = _Channels(wanted, contents), sum(contents.counts.values())
     size = stream.seek(0, os.SEEK_END)
     place, complete = len(_MCAP), False
     try:
@@ -140,8 +140,8 @@ def _read_mcap(name: str, stream: Any, wanted: Collection[str], contents: Conten
         if isinstance(error, MemoryError | InvalidInputError | MissingExtraError):
             raise
     if not complete:
-        count = sum(contents.counts.values())
-        contents.notes.append(f"{name} is truncated or damaged; only the {count:,} messages before that were read.")
+        count = sum(contents.counts.values()) - before
+        contents.notes.append(f"{name} is truncated or damaged; only its first {count:,} messages were read.")
 
 
 def _fields(data: bytes) -> Any:
@@ -217,7 +217,9 @@ def _read_sqlite(path: Path, name: str, wanted: Collection[str], contents: Conte
     except sqlite3.DatabaseError as error:
         if not contents.counts:
             raise InvalidInputError(f"{name}: this database is not a ROS 2 bag, or it is damaged ({error})") from None
-        contents.notes.append(f"{name} is truncated or damaged ({error}); the messages before that were read.")
+        contents.notes.append(
+            f"{name} is truncated or damaged ({error}); only the messages before the damage were read."
+        )
     finally:
         connection.close()
 

@@ -198,9 +198,12 @@ def _field_of(field: str, fields: list[str], topic: Topic) -> str:
     usual = [name for name in _USUAL if name in own]
     if usual or len(own) == 1:
         return (usual or own)[0]
+    kind = topic.message_type or topic.encoding
+    if not own:
+        raise InvalidInputError(f"{topic.name}: the type {kind} has no numbers; choose another topic")
     raise InvalidInputError(
-        f"{topic.name}: the type {topic.message_type or topic.encoding} has {len(own) or 'no'} numbers; name one, such "
-        f"as {topic.name}.{own[0] if own else 'data'} (the numbers are {_listed(own)})"
+        f"{topic.name}: the type {kind} has {len(own)} numbers; name one, such as {topic.name}.{own[0]} (the "
+        f"numbers are {_listed(own)})"
     )
 
 

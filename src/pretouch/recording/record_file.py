@@ -167,7 +167,8 @@ class RecordFile:
         try:
             os.write(descriptor, line.encode())
         except OSError as error:
-            raise InvalidInputError(f"{self.path}: cannot be written ({error.strerror})") from None
+            path = self.path if descriptor == self._file else self.raw
+            raise InvalidInputError(f"{path}: cannot be written ({error.strerror})") from None
 
 
 def _append(path: Path) -> int:

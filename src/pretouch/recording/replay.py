@@ -144,10 +144,12 @@ def _one_clock(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     longest = max(parts, key=lambda part: part.stop - part.start)
     total = len(recording.stamps)
     lost = total - (longest.stop - longest.start)
-    other = "--clock receive" if recording.clock == "header" else "--clock header"
+    other = {"header": "receive", "receive": "header" if len(recording.transport) else ""}.get(recording.clock)
+    advice = f" Try --clock {other}." if other else ""
     return recording.part(longest), (
         f"The clock of the recording was set back {len(parts) - 1} time{'s' if len(parts) > 2 else ''}; only the "
-        f"longest part between was replayed, and {lost:,} of {total:,} readings were left out. Try {other}.",
+        f"longest part with an increasing clock was replayed, and {lost:,} of {total:,} readings were left out."
+        f"{advice}",
     )
 
 

@@ -80,7 +80,7 @@ def _key_figures(replay: Replay) -> Iterator[tuple[str, Cell]]:
     if timing.rate > 0:
         declared = f"{format_quantity(chain.rate, 'Hz', 4)}, jitter {format_quantity(chain.jitter, 's', 2)}"
         jitter = format_quantity(timing.jitter, "s", 2)
-        yield f"rate between gaps; scenario {declared}", f"{format_quantity(timing.rate, 'Hz', 4)}, jitter {jitter}"
+        yield f"rate without gaps; scenario {declared}", f"{format_quantity(timing.rate, 'Hz', 4)}, jitter {jitter}"
     if replay.recording.kind == "distance":
         if replay.distance_noise is not None:
             declared = format_quantity(chain.distance_noise, "m", 3)
@@ -252,7 +252,7 @@ def _sensor_rows(replay: Replay) -> Iterator[Row]:
     yield "times", CLOCKS[replay.recording.clock], ""
     yield "property", "recording", "scenario"
     yield "readings", f"{timing.count:,}", ""
-    yield "rate between gaps", Measured(timing.rate, "Hz"), Measured(chain.rate, "Hz")
+    yield "rate without gaps", Measured(timing.rate, "Hz"), Measured(chain.rate, "Hz")
     yield "mean rate", Measured(timing.mean_rate, "Hz"), ""
     yield "jitter", Measured(timing.jitter, "s"), Measured(chain.jitter, "s")
     yield "gaps", f"{timing.gaps:,}", ""

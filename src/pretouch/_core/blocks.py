@@ -113,9 +113,9 @@ class Picture(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Film(Picture):
-    """A moving picture in a report: an animation and a filmstrip with its most important frames.
+    """A figure in a report with an animation.
 
-    Its function in `pretouch.report.plots` draws the filmstrip, for media that show a single figure.
+    Its function in `pretouch.report.plots` draws the figure without the animation, for media that show a single figure.
     """
 
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Measured, Named, Page, PageSection, PageTable, Paragraph, Picture, named
+from pretouch._core.blocks import Cell, Film, Measured, Named, Page, PageSection, PageTable, Paragraph, Picture, named
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import QUANTITIES, words_for
@@ -285,7 +285,7 @@ def _motion(design: GainDesign) -> PageSection:
     caption = "The motion until contact (dot), with the optimal gain and without mitigation. Dotted lines are limits."
     name = "Distance, position, relative velocity and virtual force over time"
     caption += _MOTION_NOTES.get(solved_on(design), "")
-    return PageSection(title="The motion", blocks=(Picture(figure="motion", of=design, name=name, caption=caption),))
+    return PageSection(title="The motion", blocks=(Film(figure="motion", of=design, name=name, caption=caption),))
 
 
 _FORCE_LAWS: Final = {

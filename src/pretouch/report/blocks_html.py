@@ -16,6 +16,7 @@ from pretouch._core.blocks import (
     Cell,
     Code,
     Download,
+    Film,
     LazyBlock,
     Listing,
     Measured,
@@ -190,7 +191,8 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
             yield f'<p><a{_id(block.anchor)} download="{name}" href="{address}">{name}</a> ({size} kB)</p>'
         else:
             name = escape(block.name)
-            yield f'<figure>\n<div class="scroll" role="img" aria-label="{name}">{draw(block)}</div>'
+            role = "group" if isinstance(block, Film) else "img"
+            yield f'<figure>\n<div class="scroll" role="{role}" aria-label="{name}">{draw(block)}</div>'
             yield f"<figcaption>{_inline(block.caption)}</figcaption>\n</figure>"
 
 

@@ -6,7 +6,7 @@ import base64
 import hashlib
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from html import escape
@@ -23,16 +23,24 @@ from pretouch._core.files import refuse_input, sign, write_text
 
 from . import plots
 from .blocks_html import explained, lead_picture, page_as_excerpt, page_as_html
+from .encounter_animation import Lane, encounter_animation
+from .motion_figures import lanes_of
 from .robot_film import film_html
+from .simulation_figures import simulated_lanes
 from .style import draw_svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pretouch.calibration import CalibrationReport
+    from pretouch.sensors import SensorModel
 
 
 _PACKAGES: Final = ("pretouch", "numpy", "scipy", "matplotlib")
+_ENCOUNTERS: Final[dict[str, Callable[[Any], tuple[list[Lane], SensorModel]]]] = {
+    "motion": lanes_of,
+    "simulation": simulated_lanes,
+}
 _METHOD: Final = (
     'Method: "Optimization of Preemptive Impact Mitigation Without Prior Collision Testing", equations cited as L(n).'
 )
@@ -131,10 +139,14 @@ def _figure(picture: Picture) -> Any:
 
 
 def _draw(picture: Picture) -> str:
-    """Draw a figure and return it as an SVG element, with text converted to outlines; a film as images."""
-    if isinstance(picture, Film):
+    """Return a figure as an SVG element, with text converted to outlines; a film as an animation."""
+    if isinstance(picture, Film) and picture.figure == "robot_film":
         return film_html(picture.of)
-    return draw_svg(_figure(picture), picture.figure.replace("_", "-"))
+    drawn = draw_svg(_figure(picture), picture.figure.replace("_", "-"))
+    if isinstance(picture, Film):
+        still = f'<div class="scroll" role="img" aria-label="{escape(picture.name)}">{drawn}</div>'
+        return still + encounter_animation(*_ENCOUNTERS[picture.figure](picture.of))
+    return drawn
 
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:

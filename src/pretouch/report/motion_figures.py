@@ -14,6 +14,7 @@ from pretouch.motion import ContactResult, Motion, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop
 
+from .encounter_animation import Lane, lane
 from .panel_figure import panel_figure
 from .panels import Curve, Panel
 from .style import Scale, minus, scale_for
@@ -160,6 +161,26 @@ def runs_of(design: GainDesign) -> list[DrawnMotion]:
         DrawnMotion("no mitigation", unmitigated, 1),
         DrawnMotion(minus(f"{label}{number.plot_symbol} = {number.plot_text(gain, '#.4g')}"), mitigated, 0),
     ]
+
+
+def lanes_of(design: GainDesign) -> tuple[list[Lane], SensorModel]:
+    """Return the two motions of `motion` for an animation, and the sensor curve.
+
+    Args:
+        design: the design.
+    """
+    return [
+        lane(
+            run.label,
+            run.style,
+            design.scenario.obstacle,
+            time=run.motion.time,
+            distance=run.motion.distance,
+            relative_velocity=run.motion.relative_velocity,
+            ends_with_contact=_reached(run.motion.result),
+        )
+        for run in runs_of(design)
+    ], design.sensor
 
 
 def _panel(design: GainDesign, runs: list[DrawnMotion], clock: Scale, what: tuple[str, str, str]) -> Panel:

@@ -10,9 +10,11 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import ContactResult, ContactStatus
+from pretouch.sensors import SensorModel
 from pretouch.simulation import LoopTrace, SimulationResult
 from pretouch.verification import SimulatedEncounter
 
+from .encounter_animation import Lane, lane
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
 from .style import MOST_POINTS, Scale, scale_for
@@ -59,6 +61,32 @@ def simulation(encounter: SimulatedEncounter) -> Figure:
     if encounter.has_contact_force and (encounter.run.touched or encounter.unmitigated.touched):
         panels += [_panel(encounter, runs, _FORCE, clock, end), _impact_panel(encounter)]
     return panel_figure(*panels, height=2.75)
+
+
+def simulated_lanes(encounter: SimulatedEncounter) -> tuple[list[Lane], SensorModel]:
+    """Return the runs with and without mitigation until their first contact for an animation, and the sensor curve.
+
+    Args:
+        encounter: a result of `simulate_encounter`.
+    """
+    end = _shown_until(encounter)
+    runs = ((_unmitigated_series(encounter), encounter.unmitigated), (_loop_series(encounter), encounter.run))
+    return [_lane_until_contact(encounter, series, run, end) for series, run in runs], encounter.sensor
+
+
+def _lane_until_contact(encounter: SimulatedEncounter, series: _TimeSeries, run: SimulationResult, end: float) -> Lane:
+    touched = bool(run.touched) and float(run.time) <= end
+    (time, distance), (_, speed) = series.columns["distance"], series.columns["relative_velocity"]
+    shown = time <= (float(run.time) if touched else end)
+    return lane(
+        series.label,
+        series.style,
+        encounter.scenario.obstacle,
+        time=time[shown],
+        distance=distance[shown],
+        relative_velocity=speed[shown],
+        ends_with_contact=touched,
+    )
 
 
 _PANELS: Final = (

@@ -10,13 +10,13 @@ from typing import Any, ClassVar, Final
 from pretouch._core.blocks import (
     Cell,
     Described,
+    Film,
     Listing,
     Measured,
     Page,
     PageSection,
     PageTable,
     Paragraph,
-    Picture,
     cell_as_text,
     named,
 )
@@ -368,9 +368,7 @@ def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:
 def _course(e: SimulatedEncounter) -> PageSection:
     shown = " The last panel shows the first contact, from its touch on." if e.has_contact_force else ""
     name = "Distance, relative velocity, virtual force, sensor reading and contact force over time"
-    return PageSection(
-        title="The run", blocks=(Picture(figure="simulation", of=e, name=name, caption=_COURSE + shown),)
-    )
+    return PageSection(title="The run", blocks=(Film(figure="simulation", of=e, name=name, caption=_COURSE + shown),))
 
 
 def _contacts(e: SimulatedEncounter) -> PageSection | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -261,10 +262,10 @@ def lowest_rate(
     distance: ArrayLike,
     timing_at: Callable[[float], LoopTiming] | None = None,
     plant: PlantModel | None = None,
-    margin: float = 1.0,
+    margin: ArrayLike = 1.0,
     law: ContinuousLaw = DAMPER,
     relative_velocity: ArrayLike | None = None,
-) -> float:
+) -> Any:
     """Find the sensor rate above which the loop with a given gain is stable at every rate and every distance.
 
     The limit on the gain does not always grow with the rate: it has local minima. A gain near a minimum is unstable
@@ -279,14 +280,14 @@ def lowest_rate(
         timing_at: function that returns the timing for a rate [Hz]; by default without delay. It includes delays that
             depend on the rate, such as a transfer that waits for the next period.
         plant: the robot behind the virtual object; ideal by default.
-        margin: the required gain margin.
+        margin: the required gain margin, one or several; several share one scan over the rates.
         law: the law in continuous time.
         relative_velocity: l' at each distance [m/s], for a law whose damping depends on it, such as a drag.
 
     Returns:
-        The rate [Hz]; 0 if the gain is stable from 1e-6 Hz on. The search ends at 1 MHz or at a hundred times D_p g /
-        (2 M), whichever is lower. If the gain is unstable there, the delay or the plant forbids it, and the result is
-        infinite.
+        The rate [Hz], with the shape of `margin`; 0 if the gain is stable from 1e-6 Hz on. The search ends at 1 MHz or
+        at a hundred times D_p g / (2 M), multiplied by the largest margin, whichever is lower. If the gain is unstable
+        there, the delay or the plant forbids it, and the result is infinite.
 
     Raises:
         InvalidInputError: the gain does not mitigate.
@@ -305,22 +306,28 @@ def lowest_rate(
             f"{number.mitigating} value"
         )
     _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
-    required = positive(margin, "margin") * abs(gain) * float(damping_of_one.max())
+    required = np.asarray(positive(margin, "margin")) * abs(gain) * float(damping_of_one.max())
     timing_of_rate = timing_at or (lambda rate: LoopTiming(rate=rate))
     system = linear_plant(free, plant or IdealPlant())
+    highest = math.log(min(_PLENTY * float(required.max()) / (2 * admittance.mass), _FASTEST))
 
-    def log_margin(logarithm: float) -> float:
+    @cache
+    def log_limit(logarithm: float) -> float:
         _, crossover = worst_crossover(system, timing_of_rate(math.exp(logarithm)))
         limit = math.inf if crossover is None else crossover.damping
-        return math.log(min(max(limit, 1e-300), 1e300) / required)
+        return math.log(min(max(limit, 1e-300), 1e300))
 
-    highest = math.log(min(_PLENTY * required / (2 * admittance.mass), _FASTEST))
-    if log_margin(highest) <= 0:
-        return math.inf
-    interval = _last_change(log_margin, highest)
-    if interval is None:
-        return 0.0
-    return math.exp(zero_between(log_margin, *interval, 1e-9))
+    def rate(damping: float) -> float:
+        def log_margin(logarithm: float) -> float:
+            return log_limit(logarithm) - math.log(damping)
+
+        if log_margin(highest) <= 0:
+            return math.inf
+        interval = _last_change(log_margin, highest)
+        return 0.0 if interval is None else math.exp(zero_between(log_margin, *interval, 1e-9))
+
+    rates = np.array([rate(float(damping)) for damping in required.ravel()]).reshape(required.shape)
+    return rates if rates.ndim else float(rates)
 
 
 def _last_change(spare: Callable[[float], float], top: float) -> tuple[tuple[float, float], tuple[float, float]] | None:

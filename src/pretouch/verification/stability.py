@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final, NamedTuple, TypeAlias
@@ -157,22 +157,24 @@ def check_stability(
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
 
-    least = [rate_for_margin(loop, sensor, passed, gain, factor) for factor in (1.0, 2.0)]
+    stable, with_margin_2 = map(float, rates_for_margins(loop, sensor, passed, gain, (1.0, 2.0)))
     return StabilityCheck(
         limit=limit,
         margin=margin,
         rate=loop.chain.rate,
-        lowest_rate=least[0],
-        lowest_rate_for_margin_2=least[1],
+        lowest_rate=stable,
+        lowest_rate_for_margin_2=with_margin_2,
         has_unknown_phase=timing_of(loop.chain, law).delay_range > 0,
     )
 
 
-def rate_for_margin(loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, margin: float) -> float:
-    """Return the sensor rate [Hz] above which a gain has a required gain margin; infinite if no rate is high enough."""
+def rates_for_margins(
+    loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, margins: Sequence[float]
+) -> list[float]:
+    """Return the sensor rates [Hz] above which a gain has required gain margins; infinite if no rate is high enough."""
     law: Any = loop.law
     if not gain:
-        return 0.0
+        return [0.0] * len(margins)
 
     def timing_at(rate: float) -> LoopTiming:
         changed: Any = loop_at(loop, rate)
@@ -180,7 +182,7 @@ def rate_for_margin(loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain:
 
     encounter: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": loop.continuous}
     encounter |= {"timing_at": timing_at, "plant": loop.plant}
-    return lowest_rate(sensor, _virtual_admittance(law), gain, margin=margin, **encounter)
+    return list(lowest_rate(sensor, _virtual_admittance(law), gain, margin=margins, **encounter))
 
 
 def rounded_up(value: float) -> float:

@@ -28,7 +28,7 @@ from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
 from .reasons import judge, no_gain_with_margin
 from .result import Verdict
-from .stability import check_stability, limit_of, rate_for_margin, stability_margin
+from .stability import check_stability, limit_of, rates_for_margins, stability_margin
 
 _NO_LOOP: Final = (
     "loop: found none, expected the sampled loop, loop=ClosedLoop(...); in a file [chain] and [controller], such as "
@@ -150,7 +150,7 @@ def _rate_needed(design: GainDesign) -> float | None:
     if free is None or task.stability_margin is None:
         return None
     passed = passage(task.law, task.scenario, task.sensor, free.gain, float(task.scenario.distance))
-    return rate_for_margin(task.loop, task.sensor, passed, free.gain, task.stability_margin)
+    return rates_for_margins(task.loop, task.sensor, passed, free.gain, (task.stability_margin,))[0]
 
 
 def _check_task(task: Task) -> Task:

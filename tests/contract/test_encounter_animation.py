@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,6 +81,25 @@ def test_slow_motion_is_offered_only_for_short_encounters(duration: float, choic
     assert "a &lt;run&gt;: no contact" in page
     assert "nan" not in page
     assert "inf " not in page
+
+
+def test_the_field_of_a_curve_that_is_valid_on_a_short_range_only_is_drawn() -> None:
+    """The shapes show distances from 0, and beyond the range of the curve where the object retreats."""
+    short = replace(CURVE, minimum_distance=0.01, maximum_distance=0.03)
+    time, distance = np.array([0.0, 0.2]), np.array([0.0, 0.1])
+    shown = lane(
+        "a",
+        0,
+        pt.Obstacle(position=0.02),
+        time=time,
+        distance=distance,
+        relative_velocity=0 * time,
+        ends_with_contact=False,
+    )
+    page = encounter_animation([shown], short)
+    stops = [float(value) for value in re.findall(r'stop-opacity="([^"]+)"', page)]
+    assert stops[0] > stops[-1] > 0
+    assert stops == sorted(stops, reverse=True)
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")

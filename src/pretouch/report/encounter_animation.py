@@ -177,7 +177,7 @@ def _ending(lane: Lane) -> str:
 
 def _field_stops(sensor: SensorModel, reach: float) -> str:
     """Return the color stops of the sensor field: its opacity falls with the distance as the sensor output does."""
-    distances = np.linspace(0.0, reach, 9)
+    distances = np.clip(np.linspace(0.0, reach, 9), *sensor.valid_range)
     with np.errstate(all="ignore"):
         level = np.asarray(sensor.log_output(distances), dtype=float)
         opacity = np.nan_to_num(_DARKEST * np.exp(np.clip(level - level[0], -6.0, 0.0)))

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -143,6 +144,18 @@ def test_a_better_verdict_is_better_than_a_lower_speed() -> None:
     assert speeds == sorted(speeds)
     assert all(c.high_contact_speed > c.contact_speed for c in result.candidates)
     assert np.isclose(result.candidates[1].verdict.gain, -0.7463, atol=1e-4)
+
+
+def test_a_gain_that_avoids_every_contact_is_best() -> None:
+    task = pt.load_scenario(EXAMPLES / "loop.toml").replace(constraints=(), uncertainty={}, gain=-0.5)
+    obstacle = pt.Obstacle(position=0.0422, velocity=-0.3, acceleration=1.0)
+    turning = task.replace(scenario=replace(task.scenario, obstacle=obstacle))
+    result = compare_candidates({"approaching": task, "turning": turning}, runs=20)
+    assert [c.name for c in result.candidates] == ["turning", "approaching"]
+    assert result.headline == (
+        "turning is best of 2 candidates and holds: no simulated run ends in contact. 2 of 2 hold."
+    )
+    assert repr(result.candidates[0]) == "<Candidate: turning, holds, no contact>"
 
 
 def test_files_are_ranked_in_a_table_and_a_report(tmp_path: Path) -> None:

@@ -83,6 +83,8 @@ def test_random_postures_are_inside_the_joint_ranges() -> None:
     wrist = np.degrees([posture["wrist"] for posture in postures])
     assert np.abs(wrist).max() <= 120 * 0.8
     assert np.abs(wrist).max() > 80
+    model.jnt_range[2] = np.radians([100.0, 120.0])  # without the posture in which the model is defined
+    assert min(posture["wrist"] for posture in random_postures(model, SITE, 9)) > np.radians(100.0)
     with pytest.raises(pt.errors.InvalidInputError, match="margin"):
         random_postures(model, SITE, 2, margin=0.5)
     with pytest.raises(pt.errors.InvalidInputError, match="postures"):

@@ -244,6 +244,30 @@ def test_a_gain_is_verified_where_there_is_no_ideal_one() -> None:
     assert named == ("relative_velocity", "relative velocity at contact")
 
 
+@pytest.mark.parametrize(
+    ("acceleration", "status", "headline"),
+    [
+        (1.0, HOLDS, "Holds: no run ends in contact, instead of contact at 0.0748 m/s without mitigation."),
+        (
+            1.2,
+            NARROWLY,
+            "no contact occurs even without mitigation, so these encounters do not show what the gain does",
+        ),
+    ],
+)
+def test_a_gain_is_praised_for_a_contact_that_it_avoids_and_not_for_one_that_never_comes(
+    acceleration: float, status: pt.VerdictStatus, headline: str
+) -> None:
+    """Without mitigation, the object stops after 0.3^2 / (2 a): 45 mm, or 37.5 mm, which is less than its distance."""
+    scenario = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, acceleration=acceleration))
+    verify = pt.VerifyOptions(runs=10)
+    task = pt.Task(scenario, SENSOR, OBJECTIVE, loop=NOISY, bounds=(-10.0, -0.01), gain=-0.5, verify=verify)
+    found = pt.verify_gain(task, changes=False)
+    assert (found.status, found.mitigated.touched.any()) == (status, False)
+    assert found.unmitigated.touched.all() == (status is HOLDS)
+    assert headline in found.headline
+
+
 def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
     """The slower the object, the later it comes: some come after the loop has stopped waiting."""
     known = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}

@@ -1,4 +1,4 @@
-"""Generate random sensor curves that also agree with the calibration readings, to test a gain on other possible curves.
+"""Generate random sensor curves that agree with the calibration readings, to test a gain on alternatives to the fit.
 
 The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's virtual
 force, L(2), is D_p times the change of ln(y - o). This impulse does not depend on the curve between the readings, or on

@@ -123,5 +123,5 @@ def refuse_curve_below_floor(
         ("sensor", key),
         f"the sensor output at contact is {math.exp(log_output):.4g}, which is below the controller's "
         f"floor of {conditioning.floor:.4g}, so the controller would ignore the object; expected "
-        f"outputs{unit} well above the floor, in the same unit as noise and floor",
+        f"outputs{unit} well above the floor; give outputs, noise and floor in the same unit",
     )

@@ -126,7 +126,7 @@ def _check_drag(values: Mapping[str, Any]) -> None:
     if "largest_speed" in values and ways[:1] not in [[name] for name in AT_A_SPEED]:
         context = f"together with {ways[0]}" if ways else "alone"
         raise UnfitValueError(
-            f"found this key {context}, expected it together with one of {', '.join(AT_A_SPEED)}", "largest_speed"
+            f"this key is set {context}, but it is allowed only with one of {', '.join(AT_A_SPEED)}", "largest_speed"
         )
 
 

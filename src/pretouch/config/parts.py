@@ -1,4 +1,4 @@
-"""Read a scenario file as if its sensor were a built-in sensor part."""
+"""Read a scenario file once for each built-in sensor part, such as the VCNL4010, to compare the parts."""
 
 from __future__ import annotations
 

@@ -214,7 +214,7 @@ def nearest(name: str, valid: tuple[str, ...]) -> str | None:
 
 
 class ByLaw(dict[str, Section]):
-    """The variants of a section that depends on the control law, by the name of the law.
+    """Variants of a section of the scenario file, one for each control law; the keys are the names of the laws.
 
     Iteration gives the variants of the built-in laws. The variant of an installed law is made when a file uses the law.
 

@@ -180,7 +180,7 @@ class AdmittanceDesign(Answer):
         if self.unchanged.objective is not None:
             change = 100 * (self.objective / self.unchanged.objective - 1)
             than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
-            return f"{text} The value {self.objective:.4g} of the objective is {than} with the admittance of the task."
+            return f"{text} The objective is {self.objective:.4g}, which is {than} with the admittance of the task."
         return (
             f"{text} The objective is {self.objective:.4g}. With the admittance of the task, no gain "
             "meets every constraint."

@@ -1,4 +1,4 @@
-"""Accept objectives that the user defines as an object or as a function of the state at contact."""
+"""Accept user-defined objectives: an instance with a method `value`, or a function of the state at contact."""
 
 from __future__ import annotations
 

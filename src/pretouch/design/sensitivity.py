@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -15,6 +16,7 @@ from pretouch.sensors import Recessed
 
 from .certificate import ACTIVE, Sensitivity
 from .constraints import Constraint
+from .objectives import Objective
 from .problem import Criterion, GainProblem, along, ratio
 
 _BASIS: Final = chebyshev_basis(9)
@@ -105,6 +107,9 @@ _RIPPLED: Final = (0.1, 1e-2)
 _Inputs: TypeAlias = dict[str, tuple[float, str, float]]
 """Value, unit and typical magnitude of each input, by name."""
 
+_Side: TypeAlias = tuple[str, int]
+"""An input that is changed, and the direction of the change, 1 or -1."""
+
 
 def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sensitivity, ...]:
     """Return the derivatives of the optimal gain and its objective with respect to every scalar input.
@@ -136,16 +141,18 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
     gains = axis.scale * np.sinh(float(axis.coordinate(gain)) + step * _NODES)
 
     def sample(changed: GainProblem) -> FloatArray:
-        result = changed.run(gains)
-        value = changed.task.goal.value(result.end, abs(changed.task.scenario.obstacle.velocity), changed.task.impact)
-        limited = constraint.magnitude(result.end, changed.task.impact) if constraint else np.zeros(len(gains))
+        task, result = changed.task, changed.run(gains)
+        value = task.goal.value(result.end, abs(task.scenario.obstacle.velocity), task.impact)
+        limited = constraint.magnitude(result.end, task.impact) if constraint else np.zeros(np.shape(value))
         return np.where(result.reached, [value, limited], np.nan)
 
-    middle = sample(problem)
+    middle, derivatives = sample(problem), []
     f, g = middle
-    derivatives = []
-    for name, (value, _, typical) in inputs.items():
-        f_p, g_p = _derivative(lambda v, n=name: sample(_with(problem, n, v)), value, relative * typical, middle)  # type: ignore[misc]
+    steps = {name: relative * typical for name, (_, _, typical) in inputs.items()}
+    sides = {(name, sign): inputs[name][0] + sign * steps[name] for name in inputs for sign in (1, -1)}
+    samples = _samples_at(problem, inputs, sides, sample)
+    for name in inputs:
+        f_p, g_p = _derivative(samples.get((name, 1)), samples.get((name, -1)), steps[name], middle)
         if at == "interior":
             shift = -(f_p @ first) / (f @ second)
         elif constraint is not None:
@@ -174,21 +181,36 @@ def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sens
     return tuple(sorted(entries, key=lambda s: -abs(s.gain_change_per_percent)))
 
 
-def _derivative(sample: Callable[[float], FloatArray], value: float, step: float, middle: FloatArray) -> FloatArray:
-    """Compute a derivative with respect to an input from samples, one-sided if only one side is valid."""
-    sides = []
-    for sign in (1, -1):
+def _samples_at(
+    problem: GainProblem, inputs: _Inputs, sides: Mapping[_Side, float], sample: Callable[[GainProblem], FloatArray]
+) -> dict[_Side, FloatArray]:
+    """Return the samples of the problem with one input changed, for each input and direction; valid samples only."""
+    # Changes of the scenario are solved as one array of encounters. User-defined functions get single encounters.
+    task, samples = problem.task, {}
+    if task.evaluate is None and type(task.goal) is Objective:
+        together = [side for side in sides if side[0] in SCENARIO_INPUTS]
+        columns = {name: np.full((len(together), 1), inputs[name][0]) for name, _ in together}
+        for i, side in enumerate(together):
+            columns[side[0]][i] = sides[side]
         try:
-            side = sample(value + sign * step)
-        except InvalidInputError:  # for example an object beyond the sensor's range
-            continue
-        if np.isfinite(side).all():
-            sides.append((sign, side))
-    if len(sides) == 2:
-        return np.asarray((sides[0][1] - sides[1][1]) / (2 * step))
-    if len(sides) == 1:
-        sign, side = sides[0]
-        return np.asarray(sign * (side - middle) / step)
+            rows = sample(problem.changed(scenario=scenario_with(task.scenario, columns)))
+            samples = dict(zip(together, np.moveaxis(rows, 1, 0), strict=True))
+        except InvalidInputError:  # for example an object beyond the sensor's range: each change for itself
+            pass
+    for name, sign in [side for side in sides if side not in samples]:
+        with suppress(InvalidInputError):
+            samples[name, sign] = sample(_with(problem, name, sides[name, sign]))
+    return {side: values for side, values in samples.items() if np.isfinite(values).all()}
+
+
+def _derivative(above: FloatArray | None, below: FloatArray | None, step: float, middle: FloatArray) -> FloatArray:
+    """Compute a derivative with respect to an input from samples, one-sided if only one side is valid."""
+    if above is not None and below is not None:
+        return np.asarray((above - below) / (2 * step))
+    if above is not None:
+        return np.asarray((above - middle) / step)
+    if below is not None:
+        return np.asarray((middle - below) / step)
     return np.full_like(middle, np.nan)
 
 

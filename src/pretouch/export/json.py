@@ -19,7 +19,7 @@ FORMAT: Final = "pretouch-law-1"
 
 
 def json_files(design: LawDesign) -> dict[str, str]:
-    """Return the text of every file of a JSON export by its name."""
+    """Return the files of a JSON export as a dictionary from file name to text."""
     content = {
         "format": FORMAT,
         "pretouch": version("pretouch"),

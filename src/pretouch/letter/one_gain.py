@@ -45,11 +45,11 @@ def reproduce(variables: Variables) -> Reproduction:
     columns |= {f"contact, {name} [mm/s]": (1e3 * final_speed[name][shown], ".1f") for name in (BEST, FAST, ALL)}
     note = "Each of the two gains minimizes the largest loss over its range of speeds."
     return Reproduction(
-        summary="The published letter advises to design the gain for a fast obstacle and to use it at all speeds. "
-        "The loss compares the objective f₁ of one gain with the objective of the best gain for each speed, "
-        f"where l'_typ is the obstacle's speed. From 0.2 to 1 m/s, {gain[FAST]:.3f} N s has the smallest "
-        f"worst-case loss. From 0.01 m/s on, {gain[ALL]:.3f} N s has the smallest worst-case loss, but this gain "
-        "suits no range of speeds well.",
+        summary="The published letter recommends a gain that is designed for a fast obstacle and used at all speeds. "
+        "The loss is the relative increase of the objective f₁ over its optimum at each speed. The velocity scale "
+        f"l'_typ of f₁ is the obstacle's speed. From 0.2 to 1 m/s, the gain {gain[FAST]:.3f} N s has the smallest "
+        f"worst-case loss. From 0.01 to 1 m/s, the gain {gain[ALL]:.3f} N s has the smallest worst-case loss, but "
+        f"this loss is {100 * loss[ALL].max():.0f} %.",
         parameters=(*ADMITTANCE, *SENSORS["inverse-power"], *F_1[:3]),
         findings=(_price(gain[FAST], loss[FAST], final_speed[FAST], speeds < 0.2),),
         tables=(readings("The loss at each speed", columns, note),),

@@ -100,13 +100,13 @@ def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[floa
             (f"change of the optimal gain if the fitted {name} curve replaces the published curve", shift, "%")
         )
         steps.append(("this difference and this change are below 1 %", bool(difference < 1.0 and abs(shift) < 1.0)))
-        shown.append(f"({', '.join(f'{values[p.name]:.3g}' for p in SENSORS[name])})")
+        shown.append(", ".join(f"{p.symbol} = {values[p.name]:.3g} {p.unit}" for p in SENSORS[name]))
     return finding(
         7,
         "The exponential curves of Table I follow from its inverse power curve",
         "Table I",
-        "Exponential curves that were fitted to the published inverse power curve, instead of the readings, have the "
-        f"parameters {shown[0]} and {shown[1]}. These curves agree with the published exponential curves to within "
+        "Two exponential curves were fitted to the published inverse power curve instead of the readings. Their "
+        f"parameters are {shown[0]}; and {shown[1]}. They agree with the published exponential curves to within "
         "1 % of the output at contact, so Table I can be checked without the letter's readings. The differences "
         "change the optimal gain by less than 1 %.",
         *steps,

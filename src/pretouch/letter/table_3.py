@@ -111,7 +111,7 @@ def _steps() -> list[Printed]:
     numbers = []
     for a, b, less, later, factor in STEPS:
         (force, time), step, place = _changes(a, b), f"from {a} to {b} N s", "Section V-C"
-        why = f"the published letter divides the rounded percentages {less} % and {later} % (see finding 8)"
+        why = f"the published letter divides the rounded percentages, {less} % by {later} % (see finding 8)"
         numbers.append(Printed(f"force reduction {step}", less, 100 * force, "%", place))
         numbers.append(Printed(f"time increase {step}", later, 100 * time, "%", place))
         numbers.append(Printed(f"trade-off factor {step}", factor, force / time, "", place, why))

@@ -77,7 +77,10 @@ def reach_of(scenario: Scenario) -> float:
 
 
 def reach_to(distance: Any) -> float:
-    """Return an upper limit of distances [m] up to LARGEST_START, rounded up to a power of two."""
+    """Return the next power of two [m] above the largest distance that does not exceed LARGEST_START.
+
+    If all distances exceed LARGEST_START, the largest of them counts.
+    """
     largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
     if largest > LARGEST_START:
         largest = _largest_start(distance) or largest

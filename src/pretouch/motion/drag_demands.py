@@ -14,7 +14,7 @@ from .drag_request import DragRequest
 
 
 class DragRun(Protocol):
-    """Interface of an object with the solutions of several encounters under the virtual drag."""
+    """Interface of a class that holds the solutions of several encounters under the virtual drag."""
 
     request: DragRequest
     path: DragPath

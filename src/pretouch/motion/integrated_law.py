@@ -52,7 +52,7 @@ class IntegratedLaw(Value):
     def contact(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, method: str, horizon: float
     ) -> ContactResult:
-        """Solve encounters until their first contact, and return their states at its time."""
+        """Solve encounters until their first contact, and return their final states."""
         request = self._request(scenario, sensor, value, method, horizon)
         return _result(request, [columns_of(run) for run in self._integrate(request)])
 

@@ -1,4 +1,4 @@
-"""Compute the results of integrated motions: final states, largest demands, impulse balance and samples."""
+"""Compute the results of integrated motions: final states, peak values, impulse balance and sampled motions."""
 
 from __future__ import annotations
 

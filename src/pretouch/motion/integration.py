@@ -215,7 +215,7 @@ class Integration:
         taken: BoolArray,
         share: FloatArray,
     ) -> None:
-        """Choose the length of the next step from the error of this one, and from the share of it before an event."""
+        """Choose the length of the next step from the error of this step, and limit it if this step passed an event."""
         self.attempts[which] += 1
         change = np.clip(_MARGIN * trial.error ** (-1 / (POINTS - 1)), _LEAST, _MOST)
         change = np.where(trial.solved, change, _UNSOLVED)
@@ -352,7 +352,7 @@ def _time_until(border: FloatArray, state: Start, acceleration: FloatArray) -> F
 
 
 def _time_until_release(state: Start) -> FloatArray:
-    """Return when the admittance's pull makes an object recede that keeps its distance [s]; infinite if never."""
+    """Return when the admittance starts to pull the robot away from an object at constant distance [s], or infinity."""
     # The pull minus F - M a_o is a quadratic of time, which rises through zero at this root.
     curvature = state.stiffness * state.push / 2
     slope = state.stiffness * state.velocity + state.damping * state.push

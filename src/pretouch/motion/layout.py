@@ -40,7 +40,7 @@ PEAKS: Final = (
     "largest_acceleration",
     "largest_virtual_force",
 )
-"""The largest demands until the end, max |x~| [m], |x - x(0)| [m], |x'| [m/s], |x''| [m/s^2] and |F_p| [N]."""
+"""The peak values until the end, max |x~| [m], |x - x(0)| [m], |x'| [m/s], |x''| [m/s^2] and |F_p| [N]."""
 
 COLUMNS: Final = (
     "time",

@@ -1,4 +1,4 @@
-"""Pair readings with distances of another topic, as a calibration file for `pretouch fit`."""
+"""Pair recorded readings with distances from another topic, to make a calibration file for `pretouch fit`."""
 
 from __future__ import annotations
 

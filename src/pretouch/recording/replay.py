@@ -227,7 +227,7 @@ def _delay(
     """Return the delay of the sensor chain and how it was measured; None if it is unknown."""
     if latency is not None and latency.value is not None and reference is not None and latency.value > 0:
         # a latency counts from the middle of an exposure, and a delay from its end
-        return latency.value - exposure / 2, f"from the lag behind {reference.topic}, if that has none itself"
+        return latency.value - exposure / 2, f"lag behind {reference.topic}, which is assumed to have no latency"
     if used.clock == "header" and len(used.transport):
         transport = float(np.median(used.transport))
         if 0 <= transport <= _PLAUSIBLE:

@@ -150,7 +150,7 @@ def verdict_run(verdict: Verdict) -> Figure:
 
 
 def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
-    """Return name, color and index of the runs to draw, starting with the worst run, which is in the background."""
+    """Return name, color and index of the runs to draw; the worst run is first, and is drawn behind the others."""
     touched = np.flatnonzero(result.touched)
     if not len(touched):
         return [("first run", _WITH, 0)]

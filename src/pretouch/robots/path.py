@@ -59,7 +59,8 @@ def excursion(
     Returns:
         The length of the path and what ends it.
     """
-    ranges = ranges_of(model, data, drivetrain)
+    check_posture(model, data, drivetrain)
+    ranges = ranges_of(model, drivetrain)
     scratch = mujoco().MjData(model)
     scratch.qpos[:] = data.qpos
     places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
@@ -69,11 +70,15 @@ def excursion(
     return found if found.length > _SHORTEST else replace(found, length=0.0)
 
 
-def ranges_of(model: Model, data: Data, drivetrain: Drivetrain) -> FloatArray:
-    """Return the ranges of the driven joints, shape (n, 2), after checking that the posture is inside them."""
-    ranges = np.array([range_of(model, int(joint)) for joint in drivetrain.joints])
-    places = np.asarray(model.jnt_qposadr)[drivetrain.joints]
-    for joint, value, (low, high) in zip(drivetrain.joints, np.array(data.qpos)[places], ranges, strict=True):
+def ranges_of(model: Model, drivetrain: Drivetrain) -> FloatArray:
+    """Return the ranges of the driven joints [rad or m], shape (n, 2)."""
+    return np.array([range_of(model, int(joint)) for joint in drivetrain.joints])
+
+
+def check_posture(model: Model, data: Data, drivetrain: Drivetrain) -> None:
+    """Raise an error if a driven joint is outside its range."""
+    values = np.array(data.qpos)[np.asarray(model.jnt_qposadr)[drivetrain.joints]]
+    for joint, value, (low, high) in zip(drivetrain.joints, values, ranges_of(model, drivetrain), strict=True):
         if not low - _TOLERANCE <= value <= high + _TOLERANCE:
             unit = unit_of_joint(model, int(joint))
             found, least, most = (describe_position(v, unit) for v in (value, low, high))
@@ -81,7 +86,6 @@ def ranges_of(model: Model, data: Data, drivetrain: Drivetrain) -> FloatArray:
                 f"posture {joint_label(model, int(joint))}: found {found}, which is outside the joint's range from "
                 f"{least} to {most}"
             )
-    return ranges
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from .dynamics import (
     update_posture,
 )
 from .model import Data, Model, mujoco
-from .path import ranges_of
+from .path import check_posture, ranges_of
 from .site import SensorSite
 
 _SPACING: Final = 1e-3  # m: the joint motion per motion of the sites is computed again after as much
@@ -80,7 +80,8 @@ class JointPath:
         self, model: Model, data: Data, drivetrains: Sequence[Drivetrain], sites: Sequence[SensorSite]
     ) -> None:
         self._model, self._drivetrains = model, drivetrains
-        self._ranges = ranges_of(model, data, drivetrains[0])
+        check_posture(model, data, drivetrains[0])
+        self._ranges = ranges_of(model, drivetrains[0])
         self._places = np.asarray(model.jnt_qposadr)[drivetrains[0].joints]
         self._scratch = mujoco().MjData(model)
         self._scratch.qpos[:] = data.qpos

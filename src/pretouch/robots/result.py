@@ -1,4 +1,4 @@
-"""Define the results of simulated encounters of a whole robot, next to their 1-D prediction."""
+"""Define the results of simulated encounters of a whole robot, and compute the 1-D prediction for each site."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class DetectedEncounter(Value):
 
 @dataclass(frozen=True, slots=True)
 class SiteContact(Value):
-    """What happened at one site in one run; NaN for what did not happen.
+    """Results of one site in one run; a quantity that does not occur is NaN.
 
     Args:
         time: time of the first contact of the body that carries the site [s], on the axis or beside it.

@@ -160,7 +160,7 @@ class RobotPlan(Grid):
         return columns
 
     def simulate(self, row: Mapping[str, float]) -> tuple[SiteContact, SiteContact | None]:
-        """Simulate one encounter, and return its contact and the prediction; None without a detection."""
+        """Simulate one encounter, and return its contact and the prediction, which is None without a detection."""
         posture, ball, axis = (_part(row, name) for name in ("posture", "object", "direction"))
         law = replace(self.law, site=replace(self.law.site, axis=tuple(axis.values())))
         scene = put_ball(self.model, make_data(self.model, posture), law.site, Ball(**ball))
@@ -202,7 +202,7 @@ class RobotPlan(Grid):
 
 
 def _part(row: Mapping[str, float], part: str) -> dict[str, float]:
-    """Return the inputs of one part of an encounter, such as the ball, without the name of the part."""
+    """Return the inputs whose names start with a prefix such as `object.`, and remove this prefix from their names."""
     return {name.removeprefix(f"{part}."): value for name, value in row.items() if name.startswith(f"{part}.")}
 
 

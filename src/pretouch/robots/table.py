@@ -91,7 +91,8 @@ def project_all(model: Model) -> ProjectionTable:
         raise InvalidInputError("site: the model has no site with a name; add <site name=... pos=.../> to a body")
     rows = tuple(_rows(model, sites))
     if all(row.projection is None for row in rows):
-        raise InvalidInputError(rows[0].reason)
+        reason = rows[0].reason.removeprefix("site: ")
+        raise InvalidInputError(f"site: no site of the model can be projected; the first, {reason}")
     return ProjectionTable(model=_name_of(model), rows=rows)
 
 

@@ -157,7 +157,7 @@ def random_postures(
         raise InvalidInputError(f"margin: found {margin:g}, expected at least 0 and less than 0.5")
     data = make_data(model)
     drivetrain = drivetrain_of(model, data, site_index(model, site.name))
-    low, high = ranges_of(model, data, drivetrain).T
+    low, high = ranges_of(model, drivetrain).T
     names = [joint_label(model, int(joint)) for joint in drivetrain.joints]
     shares = np.random.default_rng(whole(seed, "seed", 0, 2**64 - 1)).uniform(
         margin, 1 - margin, (whole(count, "count", 1, 10**7), len(names))

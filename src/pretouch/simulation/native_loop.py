@@ -366,7 +366,7 @@ def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -
     sizes = {size for _, size in places}
     if len(sizes) != 1:
         raise InvalidInputError(
-            f"{name}: compiled laws with the same step function need states of the same size, but found sizes of "
+            f"{name}: compiled laws with the same step function need the same size, but found sizes of "
             f"{sorted(sizes)} bytes"
         )
     size = sizes.pop()

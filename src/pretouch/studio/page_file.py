@@ -1,4 +1,4 @@
-"""Bundle the JavaScript modules of the page and of the live figures into single files that need no server.
+"""Bundle the interactive page into one HTML document, and the code of the live figures into one script.
 
 A browser does not load JavaScript modules into a document that is opened from a file, so this code joins the modules to
 one script. Each module imports by name from modules before it, and no two modules define the same name. Therefore it is

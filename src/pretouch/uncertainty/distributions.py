@@ -128,7 +128,7 @@ class Distribution(JointDistribution):
 
     @final
     def means(self) -> tuple[float, ...]:
-        """Return the mean of the single input as a tuple."""
+        """Return a tuple with one element, the mean of the input."""
         return (self.mean,)
 
     @final

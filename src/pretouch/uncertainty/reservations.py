@@ -107,7 +107,7 @@ class Reservations(Value):
 
     @property
     def _measured_span(self) -> tuple[str, str]:
-        """The nearest and the farthest distance of the encounter with calibration readings, as text."""
+        """The nearest and the farthest distance that calibration readings cover during the encounter, as text."""
         return format_quantity(max(self.supported[0], 0.0), "m"), format_quantity(
             min(self.supported[1], self.start), "m"
         )

@@ -154,7 +154,7 @@ def _largest(task: Task, gain: float, loop: ClosedLoop, places: FloatArray, coun
 
 
 def _places(task: Task, law: Controller, floor: float, deviations: FloatArray) -> FloatArray:
-    """Return the farthest distance [m] at which the mean reading exceeds a floor, for several noise margins."""
+    """Return the farthest distance [m] at which the mean reading exceeds a floor by a noise margin, for each margin."""
     # A noise margin is a number of standard deviations of the noise.
     sensor, chain = task.sensor, task.loop.chain
     low, high = sensor.valid_range

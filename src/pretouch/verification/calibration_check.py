@@ -128,7 +128,7 @@ class CalibrationCheck(Value):
         accepted = f"; up to {100 * _HARDER:.0f} % harder counts as agreement" if softer else ""
         return (
             f"{text} So the contact on the fitted curve is {('softer' if softer else 'harder')} than on "
-            f"most of these sensors, which differ in curve, offset or curve error{accepted}."
+            f"most of these sensors{accepted}. The sensors differ in curve, offset and curve error."
         )
 
     def to_dict(self) -> dict[str, Any]:

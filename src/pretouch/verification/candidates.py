@@ -92,9 +92,9 @@ class Candidate(Value):
         }
 
     def __repr__(self) -> str:
-        return (
-            f"<Candidate: {self.name}, {self.status.value}, contact at {format_quantity(self.contact_speed, 'm/s', 3)}>"
-        )
+        speed = self.contact_speed
+        contact = "no contact" if math.isnan(speed) else f"contact at {format_quantity(speed, 'm/s', 3)}"
+        return f"<Candidate: {self.name}, {self.status.value}, {contact}>"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -121,10 +121,12 @@ class CandidateComparison(Described, Value):
     def headline(self) -> str:
         """A sentence that names the best candidate."""
         first, count = self.candidates[0], len(self.candidates)
-        if first.verdict is None or math.isnan(first.contact_speed):
-            return f"None of the {count} candidates holds, and none of them mitigates the contact."
         speed = f"contact at {format_quantity(first.contact_speed, 'm/s', 3)} on average"
-        if self.best is None:
+        if math.isnan(first.contact_speed):
+            if self.best is None:
+                return f"None of the {count} candidates holds, and no candidate has a simulated run with contact."
+            speed = "no simulated run ends in contact"
+        elif self.best is None:
             return f"None of the {count} candidates holds. {first.name} has the lowest contact speed: {speed}."
         holding = sum(c.status in _ORDER[:2] for c in self.candidates)
         narrowly = " narrowly" if first.status is VerdictStatus.HOLDS_NARROWLY else ""
@@ -186,6 +188,8 @@ def _verified(name: str, task: Task, runs: int | None) -> Candidate:
 
 
 def _rank(candidate: Candidate) -> tuple[int, float]:
-    """Return the sort key of a candidate: verdict first, then the mean contact speed."""
-    speed = candidate.contact_speed
-    return _ORDER.index(candidate.status), math.inf if math.isnan(speed) else speed
+    """Return the sort key of a candidate: verdict first, then the mean contact speed, or 0 if no run has contact."""
+    place, speed = _ORDER.index(candidate.status), candidate.contact_speed
+    if not math.isnan(speed):
+        return place, speed
+    return place, 0.0 if candidate.status in _ORDER[:2] else math.inf

@@ -138,9 +138,13 @@ def _narrow_reasons(v: Verdict) -> Iterator[str]:
     report = v.design.problem.task.calibration
     if report is not None and report.verdict != "usable":
         yield f"the calibration is {report.verdict}"
-    if reached is not None and not reached.predicted:
+    if reached is None or reached.predicted:
+        return
+    if reached.simulated:
         share = share_in_words(reached.simulated)
         yield f"no contact is predicted with this gain, but contact occurs in {share} of the runs"
+    elif v.unmitigated is None or not v.unmitigated.touched.any():
+        yield "no contact occurs even without mitigation, so these encounters do not show what the gain does"
 
 
 def _is_unshown(check: LimitCheck) -> bool:

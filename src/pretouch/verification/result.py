@@ -292,8 +292,9 @@ class Verdict(Described, Value):
 
 def _speed(compared: Comparison | None) -> str:
     """Return text on the mean contact speed with the gain and without mitigation."""
+    free = None if compared is None or compared.unmitigated is None else compared.unmitigated.mean
+    without = "" if free is None else f"{format_quantity(free, 'm/s', 3)} without mitigation"
     if compared is None or compared.simulated is None:
-        return "no run ends in contact"
-    speed, free = format_quantity(compared.simulated.mean, "m/s", 3), compared.unmitigated
-    without = "" if free is None else f" instead of {format_quantity(free.mean, 'm/s', 3)} without mitigation"
-    return f"contact at {speed} on average{without}"
+        return f"no run ends in contact, instead of contact at {without}" if without else "no run ends in contact"
+    speed = f"contact at {format_quantity(compared.simulated.mean, 'm/s', 3)} on average"
+    return f"{speed} instead of {without}" if without else speed

@@ -226,9 +226,9 @@ def strongest_by_excursion(  # noqa: PLR0917
         on = on[over[on] <= 0]
         if (never := on[high[on] == strongest[on]]).size:
             raise InvalidInputError(
-                f"excursion: the limit of {limits[never[0]]:g} m is too large to choose a virtual drag, because even "
-                f"the strongest drag of the search, with the speed ratio {_STRONGEST:g}, stays below the limit; "
-                "choose the drag by its speed ratio instead"
+                f"excursion: the limit of {limits[never[0]]:g} m cannot be reached: even the strongest drag of the "
+                f"search, with the speed ratio {_STRONGEST:g}, retreats less; choose the drag by its speed ratio "
+                "instead"
             )
         low[on], under[on], high[on] = high[on], over[on], np.minimum(2 * high[on], strongest[on])
     drag, reached = high.copy(), limits.copy()

@@ -99,7 +99,7 @@ def _minimize(value: Any, slope: Any, start: FloatArray, slack: Any, bounds: Any
 
 
 def _to_feasible(trials: Trials, at: FloatArray, value: Callable[[FloatArray], float]) -> FloatArray | None:
-    """Return a point, moved to nearby bounds if the moved point is as good; None if neither point is feasible."""
+    """Return a point or its copy on nearby bounds, whichever is better; None if neither is feasible."""
     moved = np.where(at <= _NEAR, 0.0, np.where(at >= 1 - _NEAR, 1.0, at))
     inner, bound = _if_feasible(trials, at), _if_feasible(trials, moved)
     if inner is None or bound is None or np.array_equal(at, moved):

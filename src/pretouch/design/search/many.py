@@ -1,4 +1,4 @@
-"""Find the optimal gains of many encounters by one common scan over the gain.
+"""Find the optimal gains of many encounters at once.
 
 Every encounter is scanned at the same gains. A minimum inside the bounds is refined by a polynomial through the nodes
 of its bracket. An encounter without a certain result, by the criteria of the single design, is designed individually.

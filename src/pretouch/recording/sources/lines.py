@@ -84,8 +84,8 @@ class LineParser:
         """Sentences on the lines that were skipped."""
         notes = []
         if self._skipped:
-            lines = "1 line was" if self._skipped == 1 else f"{self._skipped:,} lines were"
-            notes.append(f"{self._name}: {lines} skipped, because no reading was found, for example {self._shown}.")
+            lines = "1 line" if self._skipped == 1 else f"{self._skipped:,} lines"
+            notes.append(f"{self._name}: skipped {lines} without a reading, for example {self._shown}.")
         if self._half:
             notes.append(f"{self._name}: the last line was skipped, because its end is missing.")
         return tuple(notes)

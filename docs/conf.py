@@ -32,6 +32,7 @@ nitpick_ignore_regex = [
     ("py:.*", r"(?!pretouch\.).*"),
     ("py:.*", r"pretouch\..*"),
 ]
+smartquotes = False  # quotes and dashes stay as a reader types them: "auto", --json, l'
 default_role = "literal"  # single backticks in docstrings are code
 suppress_warnings = ["config.cache", "myst.header"]
 
@@ -49,6 +50,8 @@ autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {"ArrayLike": "ArrayLike"}  # the name, not the long union behind it
+toc_object_entries_show_parents = "hide"
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 
@@ -61,6 +64,7 @@ sphinx_gallery_conf = {
     "image_scrapers": ("figure_scraper.save_figure",),
     "show_memory": False,
     "write_computation_times": False,
+    "min_reported_time": 3600,
     "reset_modules": (),
     "show_signature": False,
     "download_all_examples": False,
@@ -75,7 +79,10 @@ sphinx_gallery_conf = {
 html_theme = "furo"
 html_title = f"pretouch {release}"
 html_static_path = ["_static"]
+templates_path = ["_templates"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
+html_search_scorer = str(Path(__file__).parent / "_static/search_scorer.js")
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from docutils import nodes
 from sphinx.application import Sphinx
 
 MODULES = (
@@ -85,8 +86,37 @@ def escape(app: Sphinx, what: str, name: str, value: object, options: object, li
         )
 
 
+def keep_first_line(app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]) -> None:  # noqa: ARG001
+    """Prevent that Napoleon reads the first line of a property, such as "The latency: time until ...", as a type."""
+    if what in {"property", "attribute"} and lines and ":" in lines[0]:
+        lines[:0] = ["..", ""]  # an empty comment takes the place of the first line
+
+
+def shorten_defaults(
+    app: Sphinx,  # noqa: ARG001
+    what: str,  # noqa: ARG001
+    name: str,  # noqa: ARG001
+    value: object,  # noqa: ARG001
+    options: object,  # noqa: ARG001
+    signature: str | None,
+    returns: str | None,
+) -> tuple[str | None, str | None]:
+    """Replace the default `<factory>` of a dataclass field, because Sphinx cannot parse it and then shows raw text."""
+    return signature and signature.replace("<factory>", "..."), returns
+
+
+def set_dashes(app: Sphinx, doctree: nodes.document) -> None:  # noqa: ARG001
+    """Set the dash between a parameter and its description, which Sphinx writes as two hyphens."""
+    for text in list(doctree.findall(nodes.Text)):
+        if text == " -- ":
+            text.parent.replace(text, nodes.Text(" \N{EN DASH} "))
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Connect the functions to the build."""
     app.connect("builder-inited", write_pages)
     app.connect("autodoc-process-docstring", escape, priority=400)  # before the sections are parsed
+    app.connect("autodoc-process-docstring", keep_first_line, priority=410)
+    app.connect("autodoc-process-signature", shorten_defaults)
+    app.connect("doctree-read", set_dashes)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -126,9 +126,9 @@ def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:
         return
     yield caution(
         "PT406",
-        f"{rest.text}: a controller floor of {rest.quiet_floor:g} instead of {law.conditioning.floor:g} (unit of the "
-        f"readings, after the offset is subtracted) keeps this motion within {still}, but objects are then detected "
-        f"only from {format_quantity(rest.detected_from, 'm', 3)} on. {place}",
+        f"{rest.text}: a controller floor of {rest.quiet_floor:g} above the offset, instead of "
+        f"{law.conditioning.floor:g}, keeps this motion within {still}, but objects are then detected only from "
+        f"{format_quantity(rest.detected_from, 'm', 3)} on. {place}",
     )
 
 

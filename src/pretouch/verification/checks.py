@@ -226,8 +226,8 @@ def _recession(loop: ClosedLoop, largest_rate: float) -> Iterator[str]:
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
         yield caution(
             "PT404",
-            "A broken sensor cable makes the robot jump toward the object: set largest_rate = "
-            f'"{format_quantity(largest_rate, "1/s", 3)}" in [controller], which ignores such readings. A broken cable '
+            "A broken sensor cable makes the robot jump toward the object: set largest_rate of the controller to "
+            f"{format_quantity(largest_rate, '1/s', 3)}, which ignores such readings. A broken cable "
             "reads 0, like an object that recedes suddenly; no run here has this fault. This rate is twice the largest "
             "rate |d ln xi / dt| of an approach, plus noise.",
         )

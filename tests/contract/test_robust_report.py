@@ -46,7 +46,8 @@ def limit(name: str, size: float, probability: float) -> Required:
 def design(sensor: Any = CONSTANT, **given: Any) -> RobustDesign:
     asked = {"uncertainty": SPEED, "samples": 256, "validation": 256, "bounds": (-10.0, -0.01), **given}
     objective = excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    return design_robust_gain(Task(SCENARIO, sensor, objective, **with_robust_options(**asked)))
+    scenario = asked.pop("scenario", SCENARIO)
+    return design_robust_gain(Task(scenario, sensor, objective, **with_robust_options(**asked)))
 
 
 DESIGNS: dict[str, Callable[[], RobustDesign]] = {
@@ -67,7 +68,10 @@ DESIGNS: dict[str, Callable[[], RobustDesign]] = {
         uncertainty={"obstacle.velocity": Uniform(low=-0.4, high=0.05)}, measure=Quantile(probability=0.8)
     ),
     "infeasible": lambda: design(constraints=[limit("relative_velocity", 0.01, 0.9), limit("excursion", 0.05, 0.9)]),
-    "no-contact": lambda: design(uncertainty={"obstacle.velocity": Normal(mean=0.3, deviation=0.01)}),
+    "no-contact": lambda: design(
+        scenario=replace(SCENARIO, obstacle=Obstacle(position=0.0422, velocity=0.3)),
+        uncertainty={"obstacle.velocity": Normal(mean=0.3, deviation=0.01)},
+    ),
 }
 
 

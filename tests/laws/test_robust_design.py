@@ -213,7 +213,12 @@ def test_no_contact_is_a_status_and_a_quantile_leaves_some_out() -> None:
     assert found.validation is not None
     # 256 samples: 0.8 within five standard errors
     assert abs(found.validation.reached - 0.8) < 5 * math.sqrt(0.16 / 256)
-    never = design(uncertainty={"obstacle.velocity": Uniform(low=0.1, high=0.2)}, measure=Quantile(probability=0.5))
+    leaving = scenario_with(SCENARIO, {"obstacle.velocity": 0.15})
+    never = design(
+        scenario=leaving,
+        uncertainty={"obstacle.velocity": Uniform(low=0.1, high=0.2)},
+        measure=Quantile(probability=0.5),
+    )
     assert never.status is DesignStatus.NO_CONTACT
 
 
@@ -359,8 +364,16 @@ def test_what_is_shown_is_what_was_designed() -> None:
         ),
         ({"uncertainty": {}}, "uncertainty: found none"),
         ({"uncertainty": {"obstacle.speed": Uniform(low=0.1, high=0.2)}}, "which is no input; did you mean"),
-        ({"uncertainty": {"admittance.mass": Normal(mean=0.3, deviation=0.2)}}, "by a truncated normal distribution"),
-        ({"uncertainty": {"sensor.rate": Normal(mean=-10.0, deviation=9.0)}}, "by a truncated normal distribution"),
+        ({"uncertainty": {"admittance.mass": Normal(mean=1.0, deviation=0.7)}}, "by a truncated normal distribution"),
+        ({"uncertainty": {"sensor.rate": Normal(mean=-61.0, deviation=50.0)}}, "by a truncated normal distribution"),
+        (
+            {
+                "uncertainty": {
+                    "obstacle.velocity": TruncatedNormal(location=-0.45, deviation=0.06, low=-0.6, high=-0.1)
+                }
+            },
+            "obstacle.velocity: the encounter has -0.3 m/s, but the distribution of obstacle.velocity covers -0.56",
+        ),
         ({"bounds": (-1.0, -2.0)}, "expected two gains in ascending order"),
         ({"confidence": 1.0}, "confidence: found 1"),
         ({"samples": 0}, "samples: found 0"),

@@ -417,7 +417,7 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(see
     task = task.replace(loop=replace(task.loop, seed=seed))
     (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if "robot at rest" in text)
     found = re.search(
-        r"by up to ([\d.]+) mm within 30 s: a controller floor of ([\d.]+) instead of 100 \(unit of the readings\) "
+        r"by up to ([\d.]+) mm within 30 s: a controller floor of ([\d.]+) above the offset, instead of 100, "
         r"keeps this motion within 1 mm, but objects are then detected only from ([\d.]+) mm on\. ",
         said,
     )

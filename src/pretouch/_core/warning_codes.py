@@ -214,7 +214,8 @@ _TABLE: Final = (
         "The optimum lies on a bound",
         "The best gain in the range of `[gain]` is the first or the last one of the range.",
         "A gain outside of the range may be better.",
-        "Widen `bounds`, unless the bound is a limit of your robot.",
+        "Widen `bounds`, unless the bound is a limit of your robot. If the message names the gain margin, read the "
+        "sensor faster, or reduce the latency.",
         "the optimal gain lies on its bound -0.5 N s; a wider range may contain a better value",
     ),
     (
@@ -327,7 +328,9 @@ _TABLE: Final = (
         "A broken cable makes the robot jump",
         "Readings that fall suddenly look like a receding object, and the controller accepts them.",
         "The virtual damper then pulls the robot toward the object.",
-        "Set `largest_rate` of the controller to the steepest slope times the fastest approach.",
+        "Set `largest_rate` in `[controller]` to the value in the message: twice the largest rate of ln xi in an "
+        "approach, plus noise. With a smaller value, the controller also rejects good readings, and noise moves a "
+        "robot at rest.",
         "A broken sensor cable makes the robot jump toward the object",
     ),
     (

@@ -24,6 +24,7 @@ from pretouch.uncertainty import (
     make_ensemble,
     parameter_distribution,
 )
+from pretouch.uncertainty.ensemble import contradictions
 
 from .robust_sections import FROM_CALIBRATION
 
@@ -153,6 +154,8 @@ def _check_means(file: Reading, scenario: Scenario, sensor: SensorModel, uncerta
                 f"sensor.{FROM_CALIBRATION}; remove one of the two keys",
             )
         means |= {member: [mean] for member, mean in zip(value.inputs(name), value.means(), strict=True)}
+    for name, text in contradictions(uncertainty, scenario, sensor):
+        file.refuse(("uncertainty", *name.split(".")), text)
     try:
         make_ensemble(scenario, sensor, means)
     except InvalidInputError as error:

@@ -47,8 +47,8 @@ class Conditioning:
         timeout: time without a usable reading after which the sensor counts as lost [s]; None: ten sensor periods.
         fade_time: time in which the force fades to zero when a reading is overdue [s]; None: two sensor periods; 0: it
             ends at once.
-        largest_rate: largest plausible |d ln xi/dt| [1/s], the steepest |g| times the fastest approach. A reading
-            that implies a larger rate is rejected. None: no check.
+        largest_rate: largest plausible |d ln xi/dt| [1/s]: twice the steepest |g| times the fastest approach, plus
+            noise; `pretouch verify` prints it. A reading that implies a larger rate is rejected. None: no check.
 
     Examples:
         >>> letter = Conditioning(floor=1e-3, median_window=10, low_pass_order=5, cutoff=500.0)

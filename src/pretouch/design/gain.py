@@ -24,7 +24,7 @@ from .evidence import GainEvidence, settle
 from .problem import GainProblem
 from .search import GainAxis
 from .sensitivity import gain_gradient
-from .task import Task, with_file_location
+from .task import Task, at_bound_in_words, with_file_location
 
 _RESIDUAL: Final = 1e-9  # a larger residual of the impulse balance causes a warning
 _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
@@ -205,8 +205,7 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     if design.certificate is not None and design.certificate.at == "bound":
         yield caution(
             "PT301",
-            f"the optimal {design.number.name} lies on its bound {design.number.text(design.gain or 0.0)}; "
-            "a wider range may contain a better value",
+            at_bound_in_words(design.problem.task, design.gain or 0.0),
         )
     if design.certificate is not None and design.certificate.at == "edge of contact":
         yield caution(

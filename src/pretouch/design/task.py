@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import wraps
@@ -215,6 +216,21 @@ def _law_of(loop: Any) -> ContinuousLaw:
             '"virtual-damper" or to a CustomLaw, or set the law of the task'
         )
     return cast("ContinuousLaw", loop.continuous)
+
+
+_ALIKE: Final = 1e-9  # relative rounding error of a bound
+
+
+def at_bound_in_words(task: Task, gain: float) -> str:
+    """Return a sentence about an optimal gain at an end of its range, and about what would widen this range."""
+    number = task.law.number
+    at_own = any(math.isclose(gain, bound, rel_tol=_ALIKE) for bound in task.bounds or ())
+    if task.stability_margin is not None and not at_own:
+        return (
+            f"the required gain margin of {task.stability_margin:g} limits the {number.name} to "
+            f"{number.text(gain)}; a faster sensor, less latency or a faster robot allows a stronger {number.name}"
+        )
+    return f"the optimal {number.name} lies on its bound {number.text(gain)}; a wider range may contain a better value"
 
 
 def with_file_location(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:

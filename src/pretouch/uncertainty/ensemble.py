@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, Final, TypeAlias
@@ -13,6 +13,7 @@ import numpy as np
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.units import format_quantity, format_range
 from pretouch._core.values import Value
 from pretouch.motion import DAMPER, DRAG, ContactResult, ContinuousLaw, Scenario
 from pretouch.motion.evaluator import Evaluator, ManySensorEvaluator, with_noise_after
@@ -23,7 +24,7 @@ from pretouch.motion.similarity import EncounterSimilarity, find_similarity
 from pretouch.motion.solution import Solution
 from pretouch.sensors import SensorModel
 
-from .distributions import JointDistribution
+from .distributions import Interval, JointDistribution
 from .sobol import MOST_DIMENSIONS, scrambled_sobol
 
 Uncertainty: TypeAlias = Mapping[str, JointDistribution]
@@ -142,6 +143,44 @@ def uncertainty_in_words(uncertainty: Uncertainty, sensor: SensorModel) -> list[
     """Return the name of each uncertain input with a description of its distribution."""
     units = input_units(sensor)
     return [row for name, distribution in uncertainty.items() for row in distribution.rows(name, units)]
+
+
+_ALIKE: Final = 1e-9  # relative rounding error of a value at an end of a range
+_CENTRAL: Final = (0.025, 0.975)  # probabilities between which the value of the encounter has to lie
+
+
+def contradictions(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorModel) -> Iterator[tuple[str, str]]:
+    """Yield the uncertain inputs whose value in the encounter is not typical of their distribution, with a sentence.
+
+    Otherwise a gain would be designed for one encounter and verified in others, for example at another speed.
+    """
+    units, parameters = input_units(sensor), sensor.parameters
+    for name, distribution in uncertainty.items():
+        for i, member in enumerate(distribution.inputs(name)):
+            if member not in units:  # reported where the encounters are made
+                continue
+            part, _, attribute = member.partition(".")
+            value = parameters.get(attribute) if part == "sensor" else getattr(getattr(scenario, part), attribute)
+            one = distribution.alone(i)
+            low, high = one.support if isinstance(one, Interval) else one.quantile(_CENTRAL)
+            slack = _ALIKE * max(abs(low), abs(high))
+            if value is not None and np.ndim(value) == 0 and not low - slack <= value <= high + slack:
+                unit = units.get(member, "")
+                yield (
+                    member,
+                    f"the encounter has {format_quantity(value, unit)}, but the distribution of {member} covers "
+                    f"{format_range((low, high), unit)}; change one of them, so that both describe the same encounter",
+                )
+
+
+def check_nominal(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorModel) -> None:
+    """Raise an error if the encounter contradicts the distributions of its uncertain inputs.
+
+    Raises:
+        InvalidInputError: the value of an uncertain input is outside the central 95 % of its distribution.
+    """
+    for name, text in contradictions(uncertainty, scenario, sensor):
+        raise InvalidInputError(f"uncertainty {name}: {text}")
 
 
 _REMEDY: Final = (

@@ -22,6 +22,7 @@ from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
+from pretouch.uncertainty.ensemble import check_nominal
 
 from .effect import EFFECT, Effect, VerdictStatus, effect_of
 
@@ -104,6 +105,7 @@ def draw_encounters(task: Task) -> Draws:
         obstacle = task.scenario.obstacle
         alike = replace(obstacle, position=np.full(task.verify.runs, obstacle.position))
         return Draws(task=task, scenarios=replace(task.scenario, obstacle=alike))
+    check_nominal(task.uncertainty, task.scenario, task.sensor)
     values = sample_inputs(task.uncertainty, task.verify.runs, seed=task.loop.seed, sampling="random")
     certain = [name for name in values if name.startswith("admittance.")]
     if certain:
@@ -226,6 +228,15 @@ class LoopProblem:
         needed |= set() if custom else {term.quantity for term in task.goal.terms}
         # up to contact, the results are bit-identical with those of the whole loop
         return loop if custom or needed & _IN_CONTACT else replace(loop, follow_time=0.0)
+
+    def changes_of_level(self, distance: FloatArray) -> tuple[float, float]:
+        """Return the largest |d ln xi / dt| [1/s] of an approach and the largest noise of ln xi, over distances [m]."""
+        sensor, c, free = self.draws.task.sensor, self.draws.task.loop.chain, self.unmitigated
+        slope, xi = np.abs(np.asarray(sensor.log_slope(distance))), np.exp(np.asarray(sensor.log_output(distance)))
+        noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
+        ends = np.abs(free.relative_velocity[free.touched])
+        fastest = max(ends.max(initial=0.0), np.abs(self.draws.scenarios.relative_velocity).max())  # [m/s]
+        return float(fastest * slope.max()), float(noise.max())
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
         """Simulate all encounters, or the first `count` encounters, with one gain; compute limits and objective."""

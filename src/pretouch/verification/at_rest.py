@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import Final, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch._core.progress import note_work
 from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
 from pretouch._core.warning_codes import caution
 from pretouch.control import Controller
 from pretouch.design import Task
@@ -33,6 +34,7 @@ _QUIET: Final = 0.3  # share of _STILL: with a smaller mean, fewer than 1 run of
 _TRIES: Final = 4  # number of higher floors that are tried
 _LEAST: Final = 1e-9  # m: a smaller motion counts as this motion in a power law
 _FARTHEST: Final = 2.0  # m
+_ROUNDING: Final = 1e-6  # relative error of a motion that ends at the object
 _PLACES: Final = 2001  # number of distances from contact to _FARTHEST
 
 
@@ -49,34 +51,84 @@ class _Scan(NamedTuple):
         return np.asarray(self.largest.mean(axis=1))
 
 
-def creep_in_words(task: Task, gain: float) -> Iterator[str]:
-    """Yield a sentence on how far noise moves a robot at rest near an object, and which signal floor prevents this."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestMotion(Value):
+    """How far sensor noise alone moves a robot at rest near an object at rest.
+
+    The values hold at the worst distance, in 95 % of the runs, with a confidence of 95 %. The robot follows the virtual
+    object exactly.
+
+    Args:
+        distance: the distance to the object at which the motion is largest [m].
+        motion: the largest motion [m].
+        duration: the simulated time [s].
+        quiet_floor: a floor of the controller with which the motion stays below 1 mm; None if none was found.
+        detected_from: the distance from which objects are detected with this floor [m]; None without a floor.
+    """
+
+    distance: float
+    motion: float
+    duration: float
+    quiet_floor: float | None = None
+    detected_from: float | None = None
+
+    @property
+    def reaches_object(self) -> bool:
+        """True if the motion is as long as the distance to the object."""
+        return self.motion >= self.distance * (1 - _ROUNDING)
+
+    @property
+    def text(self) -> str:
+        """Distance and duration of the motion, as the start of a sentence."""
+        far = format_quantity(self.motion, "m", 3)
+        return f"Sensor noise alone moves a robot at rest by up to {far} within {self.duration:g} s"
+
+    def remedy(self, law: Any) -> str:
+        """Return a sentence on which setting of a controller reduces the motion."""
+        faster = " or raise largest_rate," if law.conditioning.largest_rate is not None else ""
+        if self.quiet_floor is None:
+            return f"reduce the noise of the sensor,{faster} or use a law with a dead zone"
+        return f"set floor = {self.quiet_floor:g} in [controller],{faster} and verify again"
+
+
+def motion_at_rest(task: Task, gain: float) -> RestMotion | None:
+    """Compute how far noise moves a robot at rest near an object, and which signal floor prevents this.
+
+    Returns:
+        The motion; None if it is below 1 mm, if nothing is ever detected, or for laws whose floor is unknown.
+    """
     law = task.loop.law
     if not isinstance(law, Controller) or not gain:
-        return
-    floor = law.conditioning.floor
-    scan = _scan(task, gain, law, floor)
+        return None
+    scan = _scan(task, gain, law, law.conditioning.floor)
     if scan is None:  # nothing is ever detected
-        return
+        return None
     worst, moved = _bound(task, gain, scan)
     if not moved > _STILL:
-        return
-    where, far, still = (format_quantity(x, "m", 3) for x in (worst, moved, _STILL))
-    text = f"Sensor noise alone moves a robot at rest by up to {far} within {_duration(law):g} s"
-    place = f"These values hold at the worst distance, {where}, in 95 % of the runs ({_RESTS} runs, 95 % confidence)."
+        return None
     quiet = _quiet_floor(task, gain, law, scan, moved)
-    if quiet is None:
+    seen = None if quiet is None else float(_places(task, law, quiet, np.zeros(1))[0])
+    return RestMotion(distance=worst, motion=moved, duration=_duration(law), quiet_floor=quiet, detected_from=seen)
+
+
+def rest_in_words(rest: RestMotion | None, law: Any) -> Iterator[str]:
+    """Yield a warning if noise moves a robot at rest, with the signal floor that prevents this."""
+    if rest is None:
+        return
+    where, still = format_quantity(rest.distance, "m", 3), format_quantity(_STILL, "m", 3)
+    place = f"These values hold at the worst distance, {where}, in 95 % of the runs ({_RESTS} runs, 95 % confidence)."
+    if rest.quiet_floor is None or rest.detected_from is None:
         yield caution(
             "PT406",
-            f"{text}. No higher detection threshold (floor of the controller) was found that limits this motion to "
-            f"{still} and still detects objects. Reduce the noise, or use a law with a dead zone. {place}",
+            f"{rest.text}. No higher detection threshold (floor of the controller) was found that limits this motion "
+            f"to {still} and still detects objects. Reduce the noise, or use a law with a dead zone. {place}",
         )
         return
-    sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)
     yield caution(
         "PT406",
-        f"{text}: a controller floor of {quiet:g} instead of {floor:g} (unit of the readings) keeps this motion "
-        f"within {still}, but objects are then detected only from {sees} on. {place}",
+        f"{rest.text}: a controller floor of {rest.quiet_floor:g} above the offset, instead of "
+        f"{law.conditioning.floor:g}, keeps this motion within {still}, but objects are then detected only from "
+        f"{format_quantity(rest.detected_from, 'm', 3)} on. {place}",
     )
 
 

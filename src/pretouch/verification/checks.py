@@ -24,7 +24,7 @@ from pretouch.simulation.closed_loop import loop_sentences
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from .appraisal import Draws, LoopOutcomes, foreseen_impact
-from .at_rest import creep_in_words
+from .at_rest import RestMotion, rest_in_words
 from .effect import SIGNIFICANT, mean_and_error
 from .result import Comparison, LimitCheck, Reached, RunSpread
 
@@ -166,16 +166,30 @@ def cautions_of(
     runs: tuple[SimulationResult, SimulationResult],
     comparisons: tuple[Comparison, ...],
     design: GainDesign,
-    gain: float,
+    *,
+    at_rest: RestMotion | None,
+    largest_rate: float,
 ) -> tuple[str, ...]:
-    """Return the warnings of a verification, from simulated runs with the gain and without mitigation."""
+    """Return the warnings of a verification, from simulated runs with the gain and without mitigation.
+
+    Args:
+        draws: the encounters.
+        runs: the runs with the gain and without mitigation.
+        comparisons: the quantities, predicted and simulated.
+        design: the ideal design.
+        at_rest: how far noise moves a robot at rest.
+        largest_rate: a largest plausible rate of ln xi for the controller [1/s].
+
+    Returns:
+        The warnings, each with its code.
+    """
     loop = draws.task.loop
     return (
         *_no_ideal_gain(design),
         *_other_admittance(loop, draws.task.scenario),
-        *_recession(loop),
+        *_recession(loop, largest_rate),
         *_detection(loop, draws, runs[0]),
-        *creep_in_words(draws.task, gain),
+        *rest_in_words(at_rest, loop.law),
         *_push(loop, *runs),
         *_impact(comparisons),
         *_flag_warnings(loop, runs[0]),
@@ -203,7 +217,7 @@ def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
     )
 
 
-def _recession(loop: ClosedLoop) -> Iterator[str]:
+def _recession(loop: ClosedLoop, largest_rate: float) -> Iterator[str]:
     law, chain = loop.law, loop.chain
     if not isinstance(law, Controller) or law.conditioning.largest_rate is not None:
         return
@@ -212,9 +226,10 @@ def _recession(loop: ClosedLoop) -> Iterator[str]:
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
         yield caution(
             "PT404",
-            "A broken sensor cable makes the robot jump toward the object: set largest_rate of the controller, which "
-            "ignores such readings. A broken cable reads 0, like an object that recedes suddenly; no run here has this "
-            "fault.",
+            "A broken sensor cable makes the robot jump toward the object: set largest_rate of the controller to "
+            f"{format_quantity(largest_rate, '1/s', 3)}, which ignores such readings. A broken cable "
+            "reads 0, like an object that recedes suddenly; no run here has this fault. This rate is twice the largest "
+            "rate |d ln xi / dt| of an approach, plus noise.",
         )
 
 

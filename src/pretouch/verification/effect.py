@@ -22,6 +22,7 @@ from .encounter_parts import higher_in_words
 from .stability import NOISES, controller_at
 
 OFTEN: Final = 0.05  # share of the runs above which harder contact counts as frequent
+LOST: Final = 0.5  # share of the predicted mitigation; a loop that loses more fails
 EFFECT: Final = 0.01  # a gain that changes the speed by less than this share has no effect
 SIGNIFICANT: Final = 2.0  # standard errors: by chance, one in twenty differences exceeds them, half of these upward
 _ALIKE: Final = 1e-9  # relative: the speeds of equal runs without noise differ by less
@@ -114,9 +115,16 @@ class Effect(Value):
         """Relative excess of the mean contact speed over the prediction; None if no contact is predicted."""
         return self.reached / self.predicted - 1 if self.predicted and self.reached is not None else None
 
+    @property
+    def lost(self) -> float:
+        """Share of the predicted fall of the contact speed that the loop does not reach; 0 without a prediction."""
+        if self.predicted is None or self.reached is None or not self.predicted < self.unmitigated:
+            return 0.0
+        return (self.reached - self.predicted) / (self.unmitigated - self.predicted)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the effect of the gain as one JSON object, in SI units."""
-        derived = {name: getattr(self, name) for name in ("is_harder", "is_absent", "excess")}
+        derived = {name: getattr(self, name) for name in ("is_harder", "is_absent", "excess", "lost")}
         return {**asdict(self), **derived}
 
     @property

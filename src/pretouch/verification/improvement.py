@@ -168,17 +168,10 @@ def find_improvements(
 
 def _candidates(problem: LoopProblem, verified: Verified) -> list[ChangedLoop]:
     """Return changes of the loop that may make contact softer, sized for the fastest approach and the largest noise."""
-    draws, check, free = problem.draws, verified.stability, problem.unmitigated
-    sensor, c = draws.task.sensor, draws.task.loop.chain
-    slope = np.abs(np.asarray(sensor.log_slope(verified.passed[0])))
-    xi = np.exp(np.asarray(sensor.log_output(verified.passed[0])))
-    noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
-    ends = np.abs(free.relative_velocity[free.touched])
-    fastest = max(ends.max(initial=0.0), np.abs(draws.scenarios.relative_velocity).max())  # [m/s]
-    rate = None
+    check, rate = verified.stability, None
     if check is not None and check.margin < USUAL_MARGIN and math.isfinite(check.lowest_rate_for_margin_2):
         rate = max(check.lowest_rate_for_margin_2, check.rate)
-    return candidates_of(draws.task.loop, float(fastest * slope.max()), float(noise.max()), rate)
+    return candidates_of(problem.draws.task.loop, *problem.changes_of_level(verified.passed[0]), rate)
 
 
 def _loss(task: Task, verified: Verified, search: _Search, best: FloatArray | None) -> Loss:

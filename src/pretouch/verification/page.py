@@ -139,18 +139,28 @@ def _findings(v: Verdict) -> Iterator[str]:
 
 
 def _next_step(v: Verdict) -> str:
+    return next(filter(None, _next_steps(v)), "")
+
+
+def _next_steps(v: Verdict) -> Iterator[str]:
+    """Yield what may help, most urgent first; a text may be empty."""
+    calibration, report = v.calibration_check, v.design.problem.task.calibration
     if v.scenario.relative_velocity > 0 and not (v.reached is not None and v.reached.simulated):
-        return RECEDING
+        yield RECEDING
     if v.gain is None:
-        return _next_step_without_gain(v)
-    if v.calibration_check is not None and not v.calibration_check.is_good_enough:
-        return v.calibration_check.remedy
-    if change := _next_change(v):
-        return change
-    report = v.design.problem.task.calibration
+        yield _next_step_without_gain(v)
+        return
+    if calibration is not None and not calibration.is_good_enough:
+        yield calibration.remedy
+    if v.at_rest is not None and v.at_rest.reaches_object:
+        yield v.at_rest.remedy(v.loop.law)
+    yield _next_change(v)
+    if v.sensor_speed is not None and not v.sensor_speed.is_fast_enough:
+        yield f"read the sensor much faster than at {v.loop.chain.rate:g} Hz"
     if v.reasons and report is not None and report.reasons and report.verdict != "usable":
-        return f"improve the calibration: {report.reasons[0].removesuffix('.')}"
-    return "none of the tried changes helps; see the report for the causes" if v.changes and v.reasons else ""
+        yield f"improve the calibration: {report.reasons[0].removesuffix('.')}"
+    if v.changes and v.reasons:
+        yield "none of the tried changes helps; see the report for the causes"
 
 
 def _next_change(v: Verdict) -> str:

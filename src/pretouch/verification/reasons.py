@@ -12,7 +12,7 @@ from pretouch.design.robust.required import runs_to_show
 from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN
-from .effect import OFTEN, Effect, VerdictStatus, chase_in_words
+from .effect import LOST, OFTEN, Effect, VerdictStatus, chase_in_words
 from .encounter_parts import higher_in_words
 from .result import LimitCheck, Verdict
 from .stability import rounded_up
@@ -60,6 +60,9 @@ def _failures(v: Verdict) -> Iterator[str]:
     if reached is not None and reached.missing:
         yield f"{reached.missing} of {v.runs} runs end without contact, although contact was predicted"
     yield from _harm_reasons(v)
+    if v.at_rest is not None and v.at_rest.reaches_object:
+        place = format_quantity(v.at_rest.distance, "m", 3)
+        yield f"{v.at_rest.text[0].lower()}{v.at_rest.text[1:]}, as far as an object at {place}"
     yield from (_limit_missed(check, v.runs) for check in v.limits if not check.is_met)
     if calibration is not None and not calibration.is_good_enough:
         yield calibration.reason
@@ -77,6 +80,8 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
         yield (
             f"the gain has no effect: the average contact speed is {speed} with the gain, and {free} without mitigation"
         )
+    elif effect is not None and effect.lost > LOST:
+        yield f"most of the mitigation is lost on the loop: contact at {_speeds(effect)}"
     predicted, free_end = v.predicted, v.design.no_mitigation
     if predicted is None or not predicted.reached.all():
         return
@@ -89,6 +94,14 @@ def _harm_reasons(v: Verdict) -> Iterator[str]:
             f"{format_quantity(own, 'm/s')} instead of "
             f"{format_quantity(before, 'm/s') if before else 'no contact'}"
         )
+
+
+def _speeds(effect: Effect) -> str:
+    """Return the contact speeds on the loop, as predicted, and without mitigation, as text."""
+    reached, predicted, free = (
+        format_quantity(x or 0.0, "m/s", 3) for x in (effect.reached, effect.predicted, effect.unmitigated)
+    )
+    return f"{reached} on average instead of the predicted {predicted}, and {free} without mitigation"
 
 
 def _harder(effect: Effect) -> str:
@@ -169,11 +182,10 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
     """Yield the reasons against a gain whose contact is harder than predicted, or not clearly softer."""
     # Contact may also be harder than with a faster sensor.
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
-    if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:
-        reached, predicted = (format_quantity(x or 0.0, "m/s") for x in (effect.reached, effect.predicted))
+    if effect is not None and effect.excess is not None and v.speed_tolerance < effect.excess and effect.lost <= LOST:
         yield (
-            f"the contact speed is {higher_in_words(effect.excess, 'predicted')}: on average, it is "
-            f"{reached} instead of {predicted}, but may be only {allowed:.3g} % higher"
+            f"the contact speed is {higher_in_words(effect.excess, 'predicted')}, where {allowed:.3g} % is allowed: "
+            f"{_speeds(effect)}"
         )
     if sensor is not None and not sensor.is_fast_enough:
         yield f"the sensor is too slow: {sensor.excess_in_words}"

@@ -18,6 +18,7 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Uncertainty
 
+from .at_rest import RestMotion
 from .calibration_check import CalibrationCheck
 from .effect import Effect, SensorSpeed, VerdictStatus
 from .improvement import LoopChange, Loss
@@ -176,6 +177,7 @@ class Verdict(Described, Value):
         stability_text: the stability in words, or why it is not known.
         sensor_speed: comparison with an infinitely fast sensor; None for a law without a sensor rate, or without
             contact.
+        at_rest: how far noise alone moves a robot at rest near an object; None if it is below 1 mm.
         noiseless_effect: the effect without noise, in the encounters on which changes are compared.
         speed_tolerance: share by which contact may be faster than predicted and than with an infinitely fast sensor.
         calibration_check: results on other sensors that are compatible with the readings of the calibration; None
@@ -213,6 +215,7 @@ class Verdict(Described, Value):
     stability: StabilityCheck | None = None
     stability_text: str = ""
     sensor_speed: SensorSpeed | None = None
+    at_rest: RestMotion | None = None
     noiseless_effect: Effect | None = None
     speed_tolerance: float = 0.1
     calibration_check: CalibrationCheck | None = None
@@ -269,7 +272,7 @@ class Verdict(Described, Value):
         names = (
             *("status", "headline", "gain", "reasons", "runs", "compared_runs", "needed_rate", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
-            *("sensor_speed", "noiseless_effect", "speed_tolerance"),
+            *("sensor_speed", "at_rest", "noiseless_effect", "speed_tolerance"),
             *("calibration_check", "loss", "changes", "unchanged", "assumptions", "warnings"),
         )
         design, best = self.design, self.best_change

@@ -242,6 +242,19 @@ class ChangedLoop(NamedTuple):
 _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
+def plausible_rate(loop: ClosedLoop, quickest: float, noise: float) -> float:
+    """Return a largest plausible |d ln xi / dt| for the controller [1/s].
+
+    It rejects a reading only if neither the fastest approach nor noise can explain the reading.
+
+    Args:
+        loop: the loop.
+        quickest: the largest |d ln xi / dt| of an approach [1/s].
+        noise: standard deviation of the noise of ln xi.
+    """
+    return _ROOM * quickest + _DEVIATIONS * noise * loop.chain.rate
+
+
 def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[ChangedLoop]:
     """Return several loops, each with one change, such as a faster sensor or less noise."""
     # |d ln xi / dt| is at most `quickest` [1/s]; `noise` is that of ln xi.
@@ -345,8 +358,7 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
         text += f" instead of {configured:.4g}" if pedestal != configured else ""
         text += ", and track its drift." if loop.chain.drift else "."
         yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
-    # The limit rejects a reading only if neither the fastest approach nor noise can explain it.
-    rate = _ROOM * quickest + _DEVIATIONS * noise * loop.chain.rate
+    rate = plausible_rate(loop, quickest, noise)
     if c.largest_rate is None and rate > 0:
         text = (
             f"Set the controller's largest_rate to {format_quantity(rate, '1/s')}, which is twice the largest "

@@ -21,6 +21,7 @@ from pretouch.simulation.result import refuse_too_many_runs
 from pretouch.simulation.stability import passage
 
 from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
+from .at_rest import motion_at_rest
 from .calibration_check import check_calibration
 from .checks import assumptions_of, cautions_of, check_limits, check_reached, compare_quantities
 from .effect import VerdictStatus, compare_with_fast_sensor, effect_of, without_noise
@@ -28,7 +29,7 @@ from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
 from .reasons import judge, no_gain_with_margin
 from .result import Verdict
-from .stability import check_stability, limit_of, rates_for_margins, stability_margin
+from .stability import check_stability, limit_of, plausible_rate, rates_for_margins, stability_margin
 
 _NO_LOOP: Final = (
     "loop: found none, expected the sampled loop, loop=ClosedLoop(...); in a file [chain] and [controller], such as "
@@ -121,6 +122,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
     runs = outcomes.result, unmitigated
     comparisons = compare_quantities(task, runs, (predicted, free))
     verified = Verified(gain, predicted, outcomes, design, stability, limit, passed)
+    at_rest = motion_at_rest(task, gain)
     loss, tried, unchanged = find_improvements(problem, verified) if changes else (None, (), ())
     return {
         "reached": check_reached(outcomes.result, problem.predicted, task.verify.confidence),
@@ -137,7 +139,15 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
         "changes": tried,
         "unchanged": unchanged,
         "assumptions": assumptions_of(task, draws.compared),
-        "warnings": cautions_of(draws, runs, comparisons, design, gain),
+        "warnings": cautions_of(
+            draws,
+            runs,
+            comparisons,
+            design,
+            at_rest=at_rest,
+            largest_rate=plausible_rate(loop, *problem.changes_of_level(passed[0])),
+        ),
+        "at_rest": at_rest,
         "compared_runs": draws.compared,
         "mitigated": outcomes.result,
         "unmitigated": unmitigated,

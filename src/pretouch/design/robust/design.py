@@ -10,7 +10,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion.evaluator import with_noise_after
 from pretouch.uncertainty import Interval, sample_inputs
-from pretouch.uncertainty.ensemble import check_draw
+from pretouch.uncertainty.ensemble import check_draw, check_nominal
 
 from ..certificate import DesignStatus
 from ..gain import GainDesign
@@ -128,6 +128,7 @@ def _draw(task: Task, count: int, seed: int, sampling: str) -> dict[str, FloatAr
 def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
     if not task.uncertainty and task.evaluate is None:
         raise InvalidInputError(NOTHING_UNCERTAIN)
+    check_nominal(task.uncertainty, task.scenario, task.sensor)
     if isinstance(measure, WorstCase):
         if task.evaluate is not None or task.scenario.obstacle.course:
             what = "an obstacle with a course" if task.evaluate is None else "evaluate"

@@ -21,6 +21,7 @@ from pretouch.uncertainty.ensemble import names_of, share_in_words
 from ..certificate import DesignStatus
 from ..problem import Answer
 from ..search import Scan
+from ..task import at_bound_in_words
 from .importance import InputImportance, rank_uncertain_inputs
 from .measures import Measure
 from .outcomes import RobustOutcomes, RobustTradeOff
@@ -346,6 +347,5 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
     if design.gain in design.bounds:
         yield caution(
             "PT301",
-            f"the optimal {design.number.name} lies on its bound {design.number.text(design.gain)}; a "
-            "wider range may contain a better value",
+            at_bound_in_words(design.problem.task, design.gain),
         )

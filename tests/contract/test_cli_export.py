@@ -16,7 +16,7 @@ import pytest
 
 import pretouch as pt
 from pretouch.cli.export import Target
-from pretouch.control import VirtualDamper
+from pretouch.control import Limits, VirtualDamper
 from pretouch.errors import InvalidInputError, OutputExistsError
 from pretouch.export import TARGETS, export_law
 from pretouch.export.folder import MANIFEST, write_folder
@@ -68,6 +68,18 @@ def test_without_verification_the_files_say_so(tmp_path: Path) -> None:
     assert "not verified" in answer.stdout.splitlines()[0]
     for name in ("pretouch_design.h", "README.md"):
         assert "Not verified" in (tmp_path / "law" / name).read_text()
+
+
+def test_a_law_without_limits_is_written_with_a_warning_and_the_reason_of_its_verdict(tmp_path: Path) -> None:
+    task = pt.load_scenario(LOOP).replace(constraints=(), gain=-0.86)
+    free = replace(task.loop.law, limits=Limits())
+    for law, gain, warned in ((task.loop.law, -0.86, False), (free, -0.86, True), (free, -1.2, True)):
+        export = export_law(task.replace(loop=replace(task.loop, law=law), gain=gain), tmp_path / f"{gain}{warned}")
+        assert ("PT416" in str(export)) == warned
+        assert export.verdict is not None
+        narrow = "".join(f" (holds narrowly: {reason})." for reason in export.verdict.reasons[:1])
+        assert bool(narrow) == (gain == -1.2)
+        assert export.headline.endswith(narrow or " (holds).")
 
 
 def test_the_same_design_gives_the_same_files(tmp_path: Path) -> None:

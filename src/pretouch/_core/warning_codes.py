@@ -421,6 +421,14 @@ _TABLE: Final = (
         "Check that the object is detected, that the robot follows commands, and that the gain is not too weak.",
         "The gain has no effect in this run",
     ),
+    (
+        "PT416",
+        "The exported law has no limits",
+        "The controller has no limit of force, speed, acceleration or excursion.",
+        "A faulty sensor can then move the robot as far as its drive allows.",
+        "Set `largest_force` and `largest_excursion` in `[controller]`, and verify again.",
+        "The law limits neither force nor motion",
+    ),
     # --- robot models
     (
         "PT501",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -9,6 +10,7 @@ from typing import Any, ClassVar
 from pretouch._core.blocks import Cell, Described, Page, PageSection, PageTable, page_of
 from pretouch._core.files import plain
 from pretouch._core.values import Value
+from pretouch._core.warning_codes import caution
 from pretouch.verification import Verdict
 
 
@@ -22,6 +24,7 @@ class Export(Described, Value):
         files: paths of the files; empty if nothing was written.
         law: the law and its number in words.
         verdict: the verdict; None if the gain was not verified.
+        is_limited: whether the law limits force, speed, acceleration or excursion.
     """
 
     kind: str
@@ -29,6 +32,7 @@ class Export(Described, Value):
     files: tuple[Path, ...]
     law: str
     verdict: Verdict | None
+    is_limited: bool = True
 
     page: ClassVar[str] = "pretouch.export.export:export_page"
 
@@ -43,7 +47,10 @@ class Export(Described, Value):
         if not self.is_written:
             assert self.verdict is not None  # noqa: S101 - only a verdict prevents an export
             return f"Nothing was exported, because the verdict is negative. {self.verdict.headline}"
-        verified = "not verified" if self.verdict is None else self.verdict.status.value.replace("-", " ")
+        verified = "not verified"
+        if self.verdict is not None:
+            reason = f": {self.verdict.reasons[0]}" if self.verdict.reasons else ""
+            verified = f"{self.verdict.status.value.replace('-', ' ')}{reason}"
         return f"Exported to {self.folder} as {self.kind}: {self.law} ({verified})."
 
     @property
@@ -72,6 +79,18 @@ class Export(Described, Value):
         return f"<Export: {len(self.files)} files in {self.folder}>"
 
 
+def _warnings(export: Export) -> Iterator[str]:
+    """Yield the warnings of the verdict, after a warning if the law has no limit."""
+    if export.is_written and not export.is_limited:
+        yield caution(
+            "PT416",
+            "The law limits neither force nor motion, so a faulty sensor can move the robot as far as its drive "
+            "allows: set largest_force and largest_excursion in [controller].",
+        )
+    if export.verdict is not None:
+        yield from page_of(export.verdict).warnings
+
+
 def export_page(export: Export) -> Page:
     """Create the report on an export."""
     rows: list[tuple[str, Cell]] = [(path.name, str(path)) for path in export.files]
@@ -80,7 +99,7 @@ def export_page(export: Export) -> Page:
         headline=export.headline,
         status="exported" if export.is_written else "not exported",
         good=export.is_written,
-        warnings=() if export.verdict is None else page_of(export.verdict).warnings,
+        warnings=tuple(_warnings(export)),
         next_step=export.next_step,
         blocks=(PageSection(title="Files", blocks=(PageTable(rows=tuple(rows)),)),) if rows else (),
     )

@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import refuse_input
+from pretouch.control import Limits
 from pretouch.design import Task
 
 from .c import c_files
@@ -84,4 +85,11 @@ def export_law(
     if design.is_supported or not verify:
         content = {name: text.encode() if isinstance(text, str) else text for name, text in make(design).items()}
         files = write_folder(folder, content, overwrite=overwrite)
-    return Export(kind=kind(), folder=Path(folder), files=files, law=design.law_text, verdict=design.verdict)
+    return Export(
+        kind=kind(),
+        folder=Path(folder),
+        files=files,
+        law=design.law_text,
+        verdict=design.verdict,
+        is_limited=design.controller.limits != Limits(),
+    )

@@ -183,6 +183,22 @@ _TABLE: Final = (
         "For a sensor that reports a distance, set `measures_distance = true` in `[chain]`. Invert an inverted signal.",
         "The sensor output rises with the distance, but the signal of a proximity sensor falls",
     ),
+    (
+        "PT114",
+        "The distances are very large",
+        "The farthest distance of the calibration is more than 10 m, so the unit of the distances is probably wrong.",
+        "If distances in mm count as m, the sensor slope is a thousand times too small, and so is the virtual force.",
+        "Write the right unit into the header of the column, such as `distance [mm]`.",
+        "The distances reach 80 m, which is too far for a proximity sensor",
+    ),
+    (
+        "PT115",
+        "Repeated readings are equal",
+        "Repeated readings are equal at every distance with repeats, or each reading occurs equally often.",
+        "Copies, averages and readings of a coarse sensor do not show the noise. The fit counts equal readings once.",
+        "Remove copies, and record raw readings. With a coarse sensor, measure at more distances instead.",
+        "26 of 52 readings repeat another reading exactly",
+    ),
     # --- what the calibration says about an answer
     (
         "PT201",

@@ -12,7 +12,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import caution
 
-from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, reading_noise
+from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, count_copies_once, reading_noise
 from .ceilings import CeilingFits, fit_under_ceilings
 from .data import Calibration
 from .family_fits import find_noise, outlier_indices
@@ -65,7 +65,7 @@ def prepare(
     """Find the usable distances, outliers, offset and noise of a calibration, for the fits of all sensor models."""
     # The arguments are those of `fit_sensor`.
     positive(floor_sigmas, "floor_sigmas")
-    calibration = condense(calibration)
+    calibration = condense(count_copies_once(calibration))
     curve = average(calibration)
     noise = reading_noise(calibration, curve)
     offset_estimate = _user_offset(calibration, offset, noise)

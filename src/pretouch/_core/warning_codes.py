@@ -83,7 +83,8 @@ _TABLE: Final = (
         "PT101",
         "Too few distances",
         "The usable range contains few distances, compared with the number of unknown parameters of the curve.",
-        "A curve through few distances cannot be tested, so an error of its slope goes unnoticed.",
+        "A curve through few distances cannot be tested, so an error of its slope goes unnoticed. With fewer than 4 "
+        "distances, or 5 if the offset is fitted, no curve is fitted.",
         "Measure at 8 or more distances in the usable range, several readings each. `pretouch record` proposes them.",
         "The usable range from 0 mm to 80 mm contains only 5 different distances",
     ),
@@ -180,7 +181,8 @@ _TABLE: Final = (
         "The output rises with the distance, or is a distance",
         "The column is not a signal that falls with the distance.",
         "The controller interprets a rising output as an approach, so the robot would move the wrong way.",
-        "For a sensor that reports a distance, set `measures_distance = true` in `[chain]`. Invert an inverted signal.",
+        "For a sensor that reports distances, write a scenario with `pretouch init --part VL53L0X`; it needs no "
+        "calibration. Invert an inverted signal, in the file and on the robot.",
         "The sensor output rises with the distance, but the signal of a proximity sensor falls",
     ),
     (

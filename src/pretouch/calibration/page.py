@@ -9,6 +9,7 @@ from typing import Any
 from pretouch._core.blocks import Cell, Code, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
+from pretouch._core.warning_codes import split_code
 from pretouch.sensors.recessed import recess_in_words
 
 from .result import CalibrationReport, Estimate, SensorFit
@@ -113,6 +114,8 @@ def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tup
 
 def _headline(report: CalibrationReport) -> str:
     name = report.calibration.name
+    if report.verdict == "too few distances":
+        return f"{name}: {report.verdict}. {split_code(report.reasons[0])[1].partition(': ')[0]}."
     if report.best is None:
         return f"{name}: the readings contain no usable signal, so they do not determine a sensor curve."
     low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))

@@ -67,7 +67,7 @@ def rank_models(
         window=prepared.window,
         offset=prepared.offset,
         noise=prepared.noise,
-        verdict="no usable signal" if prepared.no_signal else usable,
+        verdict=usable if not prepared.no_signal else "too few distances" if prepared.too_few else "no usable signal",
         reasons=reasons or (summary(prepared, fits),),
         not_fitted=not_fitted,
         slope=slope,

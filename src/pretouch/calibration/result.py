@@ -279,11 +279,11 @@ class CalibrationReport(Described, Value):
 
     Args:
         calibration: the readings.
-        fits: the fits, best first; empty without a usable signal.
+        fits: the fits, best first; empty without a usable signal and with too few distances.
         window: the usable window.
         offset: the offset; None with too few readings to determine it.
         noise: the noise of the readings; None with too few readings to determine it.
-        verdict: `usable`, `usable with reservations` or `no usable signal`.
+        verdict: `usable`, `usable with reservations`, `too few distances` or `no usable signal`.
         reasons: the reasons of the verdict, and what to do, in sentences.
         not_fitted: requested models that could not be fitted, each with the reason.
         slope: the slope g and its uncertainty over all models; None with too few readings.
@@ -307,7 +307,7 @@ class CalibrationReport(Described, Value):
 
     @property
     def best(self) -> SensorFit | None:
-        """The fit of the best sensor model, or None if the readings contain no usable signal."""
+        """The fit of the best sensor model, or None if no curve can be fitted to the readings."""
         return self.fits[0] if self.fits else None
 
     def to_dict(self) -> dict[str, Any]:

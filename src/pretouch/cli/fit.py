@@ -58,7 +58,7 @@ def fit(
     with figures, STEM-fit.html in this folder. A file with several curves gives one row for each; choose one with
     --select for its report. VALUE is a number in the unit of the output, or text such as "110 mV".
 
-    Exit status: 0 a usable fit, 1 no usable signal, 2 a mistake in the request.
+    Exit status: 0 a usable fit, 1 no fit, 2 a mistake in the request.
     """
     from pretouch.config.sensor import FitRequest, read_no_object, read_output  # noqa: PLC0415 - keeps `pretouch --help` quick
 

@@ -35,12 +35,12 @@ def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: S
     if room < 1:
         step, room = [], room + len(step)
     findings = [_wrapped(text, first="  - ", indent="    ") for text in page.findings]
-    warnings = [_warning(text) for text in page.warnings]
+    warnings = [warning_lines(text) for text in page.warnings]
     shown = _fitting([*findings, *warnings], room, len(findings))
     return "\n\n".join("\n".join(block) for block in (top, [*figures, *shown], [*step, *ending]) if block)
 
 
-def _warning(text: str) -> list[str]:
+def warning_lines(text: str) -> list[str]:
     """Return the first sentence of a warning as lines that begin with its code."""
     code, rest = split_code(text)
     return _wrapped(_first_sentence(rest), first=f"Warning {code}: " if code else "Warning: ", indent="  ")

@@ -223,12 +223,11 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
 def test_the_mounting_of_a_sensor_is_named_by_its_fit_and_assumed_by_design_and_verdict(run):
     near, _ = near_end()
     _, out, _ = run("fit", "clipped.csv", "--no-report")
-    mounting = (
-        f'and the line recess = "{near}", which means that the sensor is mounted {near} behind the contact surface.'
-    )
-    assert mounting in " ".join(out.split())
+    assert f'  recess = "{near}"  # the sensor is mounted {near} behind the contact surface\n' in out
     _, whole, _ = run("fit", "sensor.csv", "--no-report")
-    assert "Next: add calibration" in whole
+    assert (
+        'Next: put these lines into the section [sensor] of a scenario file.\n  calibration = "sensor.csv"\n' in whole
+    )
     assert "recess" not in whole
     recessed = scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"')
     for verb in ("design", "verify"):

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from command_text import SCENARIO, command, curve, lay_out, stand_in_for_reports, strict
 
+import pretouch as pt
+
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
@@ -108,6 +110,36 @@ def test_a_negative_distance_has_a_remedy(run):
     assert code == 2
     assert "below.csv, line 2: found the distance -4, but distances must not be negative; remove the reading if" in err
     assert "otherwise add the same length to every distance" in err
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("two.csv", "--select", "unit=b"),
+        ("days.csv", "--select", "day=30", "--select", "sensor no=1.5 m"),
+        ("bare.csv", "--columns", "distance=1 [mm],output=3 [V]", "--labels", "none"),
+        ("days.csv", "--labels", "day", "--select", "day=30"),
+        ("sensor.csv", "--model", "inverse-power", "--model", "exponential-1", "--offset", "0.12 V"),
+        ("sensor.csv", "--near-field-peak", "7 mm", "--floor-sigmas", "5", "--saturation", "1.9"),
+        ("sensor.csv", "--no-object", "0.11", "--offset", "fit", "--near-field-peak", "none"),
+        ("sensor.csv", "--no-object", "dark.csv"),
+    ],
+    ids=" ".join,
+)
+def test_the_lines_that_a_fit_proposes_repeat_the_fit_in_a_scenario(run, options):
+    rows = [row.replace(",", ",9.9,") + f",{i}" for i, row in enumerate(curve())]
+    Path("bare.csv").write_text("\n".join(rows) + "\n")
+    days = [f"{day},1.5 m,{row}" for day in (30, 60) for row in curve(rate=-day)]
+    Path("days.csv").write_text("\n".join(["day,sensor no,distance [mm],output [V]", *days]) + "\n")
+    Path("dark.csv").write_text("output [V]\n0.119\n0.121\n0.12\n0.122\n")
+    out = run("fit", *options, "--no-report")[1]
+    lines = out.partition("Next: put these lines into the section [sensor] of a scenario file.\n")[2].splitlines()
+    Path("said.toml").write_text(calibrated(*lines[: lines.index("All numbers: --verbose")]))
+    sensor = pt.load_scenario("said.toml").sensor
+    told = strict(run("fit", *options, "--json")[1])
+    best = next(m for m in told["models"] if m["name"] == told["best"])
+    curve_of_sensor = getattr(sensor, "sensor", sensor)  # without the recess
+    assert curve_of_sensor.parameters == pytest.approx(best["parameters"], rel=1e-12)
 
 
 def test_fit_and_init_warn_of_distances_beyond_ten_meters(run):

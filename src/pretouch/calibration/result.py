@@ -289,6 +289,8 @@ class CalibrationReport(Described, Value):
         slope: the slope g and its uncertainty over all models; None with too few readings.
         left_out: groups of readings that the fits of all models ignore, in sentences.
         curves: source of curves that fit the readings, on which a gain is checked; None without a usable signal.
+        scenario_lines: the lines of the section [sensor] of a scenario file that repeat this fit; empty if the readings
+            are not from a file.
     """
 
     calibration: Calibration
@@ -302,6 +304,7 @@ class CalibrationReport(Described, Value):
     slope: SlopeUncertainty | None = None
     left_out: tuple[str, ...] = ()
     curves: AllowedCurves | None = None
+    scenario_lines: tuple[str, ...] = ()
 
     page: ClassVar[str] = "pretouch.calibration.page:calibration_page"
 

@@ -31,6 +31,7 @@ def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: S
     top = [line for text in (*opening, page.headline, *page.reservations) for line in _wrapped(text)]
     figures = _figures(page)[: max(lines - len(top) - len(ending) - 3, 0)]
     step = _wrapped(f"Next: {page.next_step}.", indent="  ") if page.next_step else []
+    step += [f"  {line}" for line in page.next_lines]
     room = lines - len(top) - len(figures) - len(ending) - len(step) - 2  # one empty line before and after the figures
     if room < 1:
         step, room = [], room + len(step)

@@ -142,6 +142,19 @@ def test_the_lines_that_a_fit_proposes_repeat_the_fit_in_a_scenario(run, options
     assert curve_of_sensor.parameters == pytest.approx(best["parameters"], rel=1e-12)
 
 
+def test_notes_are_wrapped_and_count_rows_without_an_output(run):
+    rows = [f"{row},9,7,8,6" for row in curve()]
+    rows[4] = ",".join([rows[4].split(",")[0], "", *rows[4].split(",")[2:]])
+    header = "distance [mm],the output of the sensor without a unit,first,second,temperature,gain"
+    Path("gap.csv").write_text("\n".join([header, *rows]) + "\n")
+    out = run("fit", "gap.csv", "--columns", "output=2", "--labels", "none", "--no-report")[1]
+    assert "note: Rows or cells without an output (empty, nan or -) are not used: 1.\n" in out
+    assert out.startswith(
+        "note: The column 'the output of the sensor without a unit' of sensor outputs has no unit, so"
+    )
+    assert max(map(len, out.splitlines())) <= 100
+
+
 def test_fit_and_init_warn_of_distances_beyond_ten_meters(run):
     text = Path("sensor.csv").read_text().replace("distance [mm]", "distance [m]")
     Path("far.csv").write_text(text)

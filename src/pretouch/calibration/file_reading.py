@@ -254,6 +254,8 @@ def _curve(
     present = ~np.isnan(readings.outputs)
     without_object = np.isinf(readings.distances)
     label = ", ".join(f"{name}={value}" for name, value in labels.items())
+    dropped = int((~present).sum())
+    missing = f"Rows or cells without an output (empty, nan or -) are not used: {dropped}."
     _refuse_stray_distance(table, readings.distances[present & ~without_object])
     if not (present & ~without_object).any():
         raise CalibrationDataError(
@@ -278,8 +280,8 @@ def _curve(
             output_column=layout.outputs,
             label_columns=tuple(labels),
             rows=len(present),
-            dropped=int((~present).sum()),
-            notes=(*table.notes, *layout.notes),
+            dropped=dropped,
+            notes=(*table.notes, *layout.notes, *((missing,) if dropped else ())),
         ),
     )
 

@@ -92,9 +92,11 @@ def _show(request: FitRequest, shown: Presentation) -> None:
 
 def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
     """Print the notes on a calibration curve, except notes that are already printed."""
+    from .summary import wrapped  # noqa: PLC0415 - keeps `pretouch --help` quick
+
     for note in () if curve.source is None else curve.source.notes:
         if note not in printed:
-            print_text(f"note: {note}")
+            print_text("\n".join(wrapped(f"note: {note}", indent="  ")))
 
 
 def _word_or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:

@@ -18,7 +18,6 @@ from pretouch._core.files import as_json, refuse_input, write_text
 from pretouch._core.units import read_quantity
 from pretouch._core.warning_codes import split_code
 
-from .summary import warning_lines
 from .terminal import conclude, option, print_text
 from .verbs import refuse_existing
 
@@ -125,6 +124,8 @@ def _init(csv: Path | None, output: Path, given: dict[str, str | None], *, drag:
         f"  pretouch verify {output}    to check it on the sampled loop."
     )
     if warnings:
+        from .summary import warning_lines  # noqa: PLC0415 - keeps `pretouch --help` quick
+
         lines = [
             f"\nThe readings in {csv} are usable with reservations.",
             *(x for w in warnings for x in warning_lines(w)),

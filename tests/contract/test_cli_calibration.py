@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -77,7 +78,9 @@ def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
     for reason in report.reasons:
         assert f"  - {reason}\n" in out
     assert f"to 56 mm ({report.window.end_reason})" in out
-    assert f"the controller must subtract the {report.offset.kind} offset {report.offset.value:.4g} ± " in out
+    assert (
+        f"the controller and exported laws subtract the {report.offset.kind} offset {report.offset.value:.4g} ± " in out
+    )
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     known = told["calibration"]
     assert (known["verdict"], known["reasons"]) == (report.verdict, list(report.reasons))
@@ -103,7 +106,8 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
         brief = run(verb, file, *VERBS[verb], "--no-report")[1]
         assert " ".join(brief.split()).startswith(first), "the summary begins with it, too"
         offset = pt.load_scenario(file).calibration.offset.value
-        assert f"Calibration clipped.csv: usable; the controller must subtract {offset:.4g} V\n" in brief
+        subtracted = f"offset {offset:.4g} V, which the controller and exported laws subtract"
+        assert f"Calibration clipped.csv: usable; {subtracted}\n" in brief
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     assert next(iter(told)) == "headline"
     assert told["headline"].startswith(first)
@@ -119,7 +123,7 @@ def test_every_page_has_the_reservations_and_the_headline_at_its_top(run, verb):
     first = words.index(UNSUPPORTED + near_end()[0])
     assert first < words.index("D_p")
     assert "Sensor calibration: clipped.csv" in words
-    assert "The controller must subtract the " in words
+    assert "The controller and exported laws subtract the " in words
     run(verb, scenario("whole.toml", WHOLE), *VERBS[verb])
     words = assert_sound(Path(f"whole-{verb}.html").read_text(encoding="utf-8")).words
     assert "Not supported by data" not in words
@@ -223,12 +227,11 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
 def test_the_mounting_of_a_sensor_is_named_by_its_fit_and_assumed_by_design_and_verdict(run):
     near, _ = near_end()
     _, out, _ = run("fit", "clipped.csv", "--no-report")
-    mounting = (
-        f'and the line recess = "{near}", which means that the sensor is mounted {near} behind the contact surface.'
-    )
-    assert mounting in " ".join(out.split())
+    assert f'  recess = "{near}"  # the sensor is mounted {near} behind the contact surface\n' in out
     _, whole, _ = run("fit", "sensor.csv", "--no-report")
-    assert "Next: add calibration" in whole
+    assert (
+        'Next: put these lines into the section [sensor] of a scenario file.\n  calibration = "sensor.csv"\n' in whole
+    )
     assert "recess" not in whole
     recessed = scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"')
     for verb in ("design", "verify"):
@@ -237,3 +240,12 @@ def test_the_mounting_of_a_sensor_is_named_by_its_fit_and_assumed_by_design_and_
         assert "The sensor is mounted 12 mm behind the contact surface. Positions and distances count from" in page
     run("design", scenario("flush.toml", WHOLE))
     assert "mounted" not in Path("flush-design.html").read_text(encoding="utf-8")
+
+
+def test_an_exported_law_subtracts_the_offset_of_the_calibration(run):
+    assert run("init", "sensor.csv", "--rate", "1 kHz")[0] == 0
+    offset = pt.load_scenario("scenario.toml").calibration.offset.value
+    assert run("export", "json", "scenario.toml", "--output", "law", "--force")[0] == 0
+    text = Path("law/design.json").read_text(encoding="utf-8")
+    assert re.findall(r'"offset": ([\d.e-]+)', text) == [repr(offset)]
+    assert "reading - p.offset" in Path("law/pretouch_step.m").read_text(encoding="utf-8")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 from command_text import SCENARIO, command, curve, lay_out, stand_in_for_reports, strict
+
+import pretouch as pt
 
 
 @pytest.fixture
@@ -48,6 +51,123 @@ def test_no_usable_signal_ends_with_1_and_its_object(run):
     told = strict(out)
     assert (told["verdict"], told["best"]) == ("no usable signal", None)
     assert run("fit", "flat.csv", "--no-report")[0] == 1
+
+
+def test_too_few_distances_are_not_called_a_missing_signal(run):
+    Path("four.csv").write_text("distance [mm],output [counts]\n2,5000\n10,3000\n20,1500\n40,700\n")
+    code, out, _ = run("fit", "four.csv", "--no-report")
+    assert code == 1
+    assert out.startswith("four.csv: too few distances. Only 4 distances are usable, but a curve needs at least 5.\n")
+    assert "signal" not in out
+    assert "first measured distance" not in out
+    assert "Warning PT101: Only 4 distances are usable, but a curve needs at least 5: measure at 8 or more" in out
+    clipped = "distance [mm],output [counts]\n2,1023\n5,1023\n10,900\n20,500\n40,200\n50,150\n"
+    Path("clipped.csv").write_text(clipped)
+    out = " ".join(run("fit", "clipped.csv", "--no-report")[1].split())
+    because = "because the output clips at 1023 counts up to 5 mm (within 1 % of the full scale of a 10-bit converter)"
+    assert f"Only 4 distances are usable, {because}, but a curve needs at least 5." in out
+    code, _, err = run("init", "four.csv")
+    assert code == 2
+    assert "four.csv: too few distances, so no sensor curve can be fitted. Only 4 distances are usable, but" in err
+
+
+def test_the_summary_of_a_rising_output_has_a_remedy_that_works(run):
+    head, *rows = Path("sensor.csv").read_text().splitlines()
+    pairs = [row.split(",") for row in rows]
+    Path("rising.csv").write_text("\n".join([head, *(f"{d},{2.5 - float(y)}" for d, y in pairs)]) + "\n")
+    code, out, _ = run("fit", "rising.csv", "--no-report")
+    out = " ".join(out.split())
+    assert code == 1
+    (constant,) = re.findall(r"replace each reading by ([\d.]+) V minus the reading, in the file and on the robot", out)
+    upright = (f"{d},{float(constant) - (2.5 - float(y))}" for d, y in pairs)
+    Path("upright.csv").write_text("\n".join([head, *upright]) + "\n")
+    fits = [strict(run("fit", name, "--json")[1]) for name in ("sensor.csv", "upright.csv")]
+    rates = [m["parameters"]["rate"] for fit in fits for m in fit["models"] if m["name"] == "exponential-1"]
+    assert rates[1] == pytest.approx(rates[0], rel=1e-6)
+    assert fits[1]["left_out"] == fits[0]["left_out"] == []
+    assert (
+        "if the sensor reports a distance, write a scenario file for such a sensor with pretouch init --part VL53L0X"
+        in out
+    )
+
+
+def test_a_sensor_that_reports_distances_is_led_to_a_scenario_that_needs_no_calibration(run):
+    Path("range.csv").write_text("distance [mm],output [mm]\n" + "".join(f"{d},{d + 2}\n" for d in range(0, 60, 5)))
+    code, out, _ = run("fit", "range.csv", "--no-report")
+    assert code == 1
+    assert "with pretouch init --part VL53L0X, and correct rate and noise in [chain]." in " ".join(out.split())
+    code, out, _ = run("init", "--part", "VL53L0X")
+    assert code == 0
+    assert out.startswith("scenario.toml: a first scenario with the VL53L0X, which needs no calibration")
+    assert "replace it by your calibration" not in out
+    assert "pretouch record" not in Path("scenario.toml").read_text()
+    assert run("design", "scenario.toml", "--no-report")[0] == 0
+
+
+def test_a_negative_distance_has_a_remedy(run):
+    Path("below.csv").write_text("distance [mm],output [V]\n-4,3\n10,2\n20,1\n")
+    code, _, err = run("fit", "below.csv")
+    assert code == 2
+    assert "below.csv, line 2: found the distance -4, but distances must not be negative; remove the reading if" in err
+    assert "otherwise add the same length to every distance" in err
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("two.csv", "--select", "unit=b"),
+        ("days.csv", "--select", "day=30", "--select", "sensor no=1.5 m"),
+        ("bare.csv", "--columns", "distance=1 [mm],output=3 [V]", "--labels", "none"),
+        ("days.csv", "--labels", "day", "--select", "day=30"),
+        ("sensor.csv", "--model", "inverse-power", "--model", "exponential-1", "--offset", "0.12 V"),
+        ("sensor.csv", "--near-field-peak", "7 mm", "--floor-sigmas", "5", "--saturation", "1.9"),
+        ("sensor.csv", "--no-object", "0.11", "--offset", "fit", "--near-field-peak", "none"),
+        ("sensor.csv", "--no-object", "dark.csv"),
+    ],
+    ids=" ".join,
+)
+def test_the_lines_that_a_fit_proposes_repeat_the_fit_in_a_scenario(run, options):
+    rows = [row.replace(",", ",9.9,") + f",{i}" for i, row in enumerate(curve())]
+    Path("bare.csv").write_text("\n".join(rows) + "\n")
+    days = [f"{day},1.5 m,{row}" for day in (30, 60) for row in curve(rate=-day)]
+    Path("days.csv").write_text("\n".join(["day,sensor no,distance [mm],output [V]", *days]) + "\n")
+    Path("dark.csv").write_text("output [V]\n0.119\n0.121\n0.12\n0.122\n")
+    out = run("fit", *options, "--no-report")[1]
+    lines = out.partition("Next: put these lines into the section [sensor] of a scenario file.\n")[2].splitlines()
+    Path("said.toml").write_text(calibrated(*lines[: lines.index("All numbers: --verbose")]))
+    sensor = pt.load_scenario("said.toml").sensor
+    told = strict(run("fit", *options, "--json")[1])
+    best = next(m for m in told["models"] if m["name"] == told["best"])
+    curve_of_sensor = getattr(sensor, "sensor", sensor)  # without the recess
+    assert curve_of_sensor.parameters == pytest.approx(best["parameters"], rel=1e-12)
+
+
+def test_notes_are_wrapped_and_count_rows_without_an_output(run):
+    rows = [f"{row},9,7,8,6" for row in curve()]
+    rows[4] = ",".join([rows[4].split(",")[0], "", *rows[4].split(",")[2:]])
+    header = "distance [mm],the output of the sensor without a unit,first,second,temperature,gain"
+    Path("gap.csv").write_text("\n".join([header, *rows]) + "\n")
+    out = run("fit", "gap.csv", "--columns", "output=2", "--labels", "none", "--no-report")[1]
+    assert "note: Rows or cells without an output (empty, nan or -) are not used: 1.\n" in out
+    assert out.startswith(
+        "note: The column 'the output of the sensor without a unit' of sensor outputs has no unit, so"
+    )
+    assert max(map(len, out.splitlines())) <= 100
+
+
+def test_fit_and_init_warn_of_distances_beyond_ten_meters(run):
+    text = Path("sensor.csv").read_text().replace("distance [mm]", "distance [m]")
+    Path("far.csv").write_text(text)
+    warning = (
+        "Warning PT114: The distances reach 56 m, which is too far for a proximity sensor: if they are in millimeters, "
+        "change the header of their column to distance [mm]."
+    )
+    for words in (("fit", "far.csv", "--no-report"), ("init", "far.csv")):
+        code, out, _ = run(*words)
+        assert code == 0
+        assert warning in " ".join(out.split())
+    (told,) = strict(run("init", "far.csv", "--force", "--json")[1])["warnings"]
+    assert told.startswith("PT114: ")
 
 
 def test_several_curves_are_a_row_or_an_object_each(run):

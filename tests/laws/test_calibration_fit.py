@@ -7,6 +7,7 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from pretouch.calibration import Calibration, fit_sensor, rank_models
+from pretouch.calibration.averaging import count_copies_once
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, MittagLeffler
 
 # Table I of the letter; the Mittag-Leffler curve falls as much over the same distance
@@ -230,3 +231,57 @@ def test_a_model_needs_one_distance_more_than_it_has_parameters():
     report = rank_models(readings, floor_sigmas=60)  # the floor of 0.35 V leaves the outputs 2, 1.1 and 0.6 V
     assert [fit.model for fit in report.fits] == ["exponential-1", "table"]
     assert "4 or more distances" in report.not_fitted["inverse-power"]
+
+
+def copied(measured, times):
+    """The same readings several times, as in a file in which each row was pasted again."""
+    return Calibration(
+        distances=np.tile(measured.distances, times),
+        outputs=np.tile(measured.outputs, times),
+        unit=measured.unit,
+        no_object=np.tile(measured.no_object, times),
+    )
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+@pytest.mark.parametrize("times", [2, 5])
+@pytest.mark.parametrize("no_object", [0, 6])
+def test_copies_of_readings_change_no_fit_and_are_reported(repeats, times, no_object):
+    measured = noisy("inverse-power", 8, repeats=repeats, no_object=no_object)
+    once, again = rank_models(measured), rank_models(copied(measured, times))
+    assert again.to_dict()["models"] == once.to_dict()["models"]
+    assert again.noise == once.noise
+    assert again.offset == once.offset
+    readings = 15 * repeats + no_object
+    warning = f"PT115: {(times - 1) * readings} of {times * readings} readings repeat another reading exactly"
+    assert any(reason.startswith(warning) for reason in again.reasons)
+    assert not any("PT115" in reason for reason in once.reasons)
+    assert not any("PT102" in reason for reason in again.reasons)  # each distance was read several times
+
+
+def test_equal_repeats_of_a_coarse_sensor_are_no_more_certain_than_single_readings():
+    distance = np.linspace(0.0, 0.05, 15)
+    coarse = np.round((PEDESTAL + SENSORS["inverse-power"].output(distance)) / 0.01) * 0.01
+    once = rank_models(Calibration(distances=distance, outputs=coarse))
+    repeated = rank_models(Calibration(distances=np.repeat(distance, 4), outputs=np.repeat(coarse, 4)))
+    assert any("PT115" in reason for reason in repeated.reasons)
+    assert repeated.noise.output >= 0.01 / math.sqrt(12) * (1 - 1e-9)
+    assert repeated.slope.uncertainty.max() == once.slope.uncertainty.max()
+
+
+def test_repeats_that_differ_anywhere_are_no_copies():
+    distance, outputs = np.repeat([0.0, 0.01, 0.02, 0.03], 3), np.array([9.0, 9, 9, 5, 5, 5, 3, 3, 3, 2, 2, 1])
+    readings = Calibration(distances=distance, outputs=outputs)
+    assert count_copies_once(readings) is readings
+    two = Calibration(distances=[0.0, 0.0, 0.01, 0.01, 0.02], outputs=[9.0, 9.0, 5.0, 5.0, 3.0])
+    assert count_copies_once(two) is two  # equal by chance at two distances
+
+
+def test_distances_beyond_ten_meters_are_doubted():
+    measured = noisy("inverse-power", 8)
+    large = Calibration(distances=1000 * measured.distances, outputs=measured.outputs, no_object=measured.no_object)
+    doubt = "PT114: The distances reach 50 m, which is too far for a proximity sensor: if they are in millimeters, "
+    assert any(reason.startswith(doubt) for reason in rank_models(large).reasons)
+    rising = Calibration(distances=1000 * measured.distances, outputs=-measured.outputs)
+    assert any(reason.startswith(doubt) for reason in rank_models(rising).reasons)
+    assert not any("PT114" in reason for reason in rank_models(measured).reasons)

@@ -71,7 +71,7 @@ def test_an_output_that_rises_is_named_and_never_fitted(seed):
     assert report.verdict == "no usable signal"
     assert (report.fits, report.window.distances) == ((), ())
     assert "rises with the distance" in report.reasons[0]
-    assert "measures_distance" in report.reasons[0]
+    assert "pretouch init --part VL53L0X" in report.reasons[0]
     assert "peaks" not in str(report)
 
 

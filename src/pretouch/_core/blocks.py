@@ -203,6 +203,7 @@ class Page(Value):
         warnings: sentences to read before relying on the answer.
         findings: short sentences on limits and reasons, for the terminal.
         next_step: what to do next, in one sentence, for the terminal.
+        next_lines: lines of a file to copy, which belong to the next step.
         lead: name of the figure that a report shows first, below the answer.
         blocks: all further blocks; None is skipped.
         source: name of the input file, for the title.
@@ -217,6 +218,7 @@ class Page(Value):
     warnings: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
     next_step: str = ""
+    next_lines: tuple[str, ...] = ()
     lead: str = ""
     blocks: tuple[Any, ...] = ()
     source: str = ""

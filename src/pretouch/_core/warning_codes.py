@@ -83,7 +83,8 @@ _TABLE: Final = (
         "PT101",
         "Too few distances",
         "The usable range contains few distances, compared with the number of unknown parameters of the curve.",
-        "A curve through few distances cannot be tested, so an error of its slope goes unnoticed.",
+        "A curve through few distances cannot be tested, so an error of its slope goes unnoticed. With fewer than 4 "
+        "distances, or 5 if the offset is fitted, no curve is fitted.",
         "Measure at 8 or more distances in the usable range, several readings each. `pretouch record` proposes them.",
         "The usable range from 0 mm to 80 mm contains only 5 different distances",
     ),
@@ -180,8 +181,25 @@ _TABLE: Final = (
         "The output rises with the distance, or is a distance",
         "The column is not a signal that falls with the distance.",
         "The controller interprets a rising output as an approach, so the robot would move the wrong way.",
-        "For a sensor that reports a distance, set `measures_distance = true` in `[chain]`. Invert an inverted signal.",
+        "For a sensor that reports distances, write a scenario with `pretouch init --part VL53L0X`; it needs no "
+        "calibration. Invert an inverted signal, in the file and on the robot.",
         "The sensor output rises with the distance, but the signal of a proximity sensor falls",
+    ),
+    (
+        "PT114",
+        "The distances are very large",
+        "The farthest distance of the calibration is more than 10 m, so the unit of the distances is probably wrong.",
+        "If distances in mm count as m, the sensor slope is a thousand times too small, and so is the virtual force.",
+        "Write the right unit into the header of the column, such as `distance [mm]`.",
+        "The distances reach 80 m, which is too far for a proximity sensor",
+    ),
+    (
+        "PT115",
+        "Repeated readings are equal",
+        "Repeated readings are equal at every distance with repeats, or each reading occurs equally often.",
+        "Copies, averages and readings of a coarse sensor do not show the noise. The fit counts equal readings once.",
+        "Remove copies, and record raw readings. With a coarse sensor, measure at more distances instead.",
+        "26 of 52 readings repeat another reading exactly",
     ),
     # --- what the calibration says about an answer
     (

@@ -17,6 +17,7 @@ _BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; lost or dou
 _CLEAR_OF_ZERO = 5  # a zero counts as lost if the smallest other reading is at least so many converter steps above it
 _USUAL_SPREAD = 0.5  # standard deviation of the prior of ln c above its usual value
 _FEWEST_REPEATS = 3  # degrees of freedom from which a standard deviation is trusted
+_FEWEST_COPIED = 3  # repeated distances; at fewer, noisy readings may be equal by chance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -169,6 +170,42 @@ def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
     weight = 1 / variance
     away = distance - float(weight @ distance) / float(weight.sum())
     return np.asarray(weight * away / float(weight @ away**2))
+
+
+def count_copies_once(calibration: Calibration) -> Calibration:
+    """Return a calibration without readings that are exact copies of other readings; the same object if there are none.
+
+    There are copies if repeated readings are equal at every distance with repeats, or if every reading occurs equally
+    often.
+    """
+    # Copies, averages and readings of a sensor that is coarser than its noise contain no more information than one of
+    # them. Some equal readings of a sensor with integer outputs are no copies, because others differ.
+    pairs = calibration.distances + 1j * calibration.outputs  # np.unique compares distances first, then outputs
+    pairs, place, counts = np.unique(pairs, return_inverse=True, return_counts=True)
+    first = np.unique(pairs.real, return_index=True)[1]
+    repeated = np.add.reduceat(counts, first) > 1
+    all_equal = bool((np.diff(np.append(first, len(pairs)))[repeated] == 1).all())
+    times = int(np.gcd.reduce(counts))
+    if repeated.sum() < _FEWEST_COPIED or not (all_equal or times > 1):
+        return calibration
+    kept = np.ones_like(counts) if all_equal else counts // times
+    keep = _occurrence(place, counts) < kept[place]
+    values, empty_place, empty_counts = np.unique(calibration.no_object, return_inverse=True, return_counts=True)
+    empty_times = int(np.gcd.reduce(empty_counts)) if len(values) else 1
+    keep_empty = _occurrence(empty_place, empty_counts) < (empty_counts // empty_times)[empty_place]
+    return replace(
+        calibration,
+        distances=calibration.distances[keep],
+        outputs=calibration.outputs[keep],
+        no_object=calibration.no_object[keep_empty],
+    )
+
+
+def _occurrence(place: IntArray, counts: IntArray) -> IntArray:
+    """Return how many equal readings come before each reading; equal readings have the same index `place`."""
+    earlier = np.empty(len(place), dtype=np.int64)
+    earlier[np.argsort(place, kind="stable")] = np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return earlier
 
 
 _MANY: Final = 100  # number of distinct distances above which they are condensed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,11 @@ from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import MAGNITUDES, WORKABLE
 from pretouch._core.values import Value
+
+IF_NEGATIVE: Final = (
+    "remove the reading if its distance is wrong; otherwise add the same length to every distance, and give the "
+    "distance of the contact surface on this new scale as recess in [sensor]"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,8 +94,7 @@ class Calibration(Value):
             raise CalibrationDataError("distances: found none, expected at least one reading with an object in range")
         if self.distances.min() < 0:
             raise CalibrationDataError(
-                f"distances: found {self.distances.min():g} m, but distances must not be negative; measure "
-                "distances from the sensor or contact surface to the object"
+                f"distances: found {self.distances.min():g} m, but distances must not be negative; {IF_NEGATIVE}"
             )
 
     @property

@@ -15,7 +15,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray, finite
 
 from .column_options import find_label_columns, parse_column_options
-from .data import Calibration, Provenance
+from .data import IF_NEGATIVE, Calibration, Provenance
 from .headers import Column, Layout, TextTable, is_missing, is_no_object, number, output_column, split_title
 from .table_layout import long_layout, wide_layout
 from .text_table import read_table
@@ -237,7 +237,7 @@ def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
     value = math.inf if is_no_object(cell) else number(table, line, cell, column)
     if value < 0:
         raise CalibrationDataError(
-            f"{table.file}, line {line}: found the distance {cell}, but distances must not be negative",
+            f"{table.file}, line {line}: found the distance {cell}, but distances must not be negative; {IF_NEGATIVE}",
             problem=f"{table.file}, line {line}: found a negative distance, but a distance must be zero or positive",
         )
     return value
@@ -254,6 +254,8 @@ def _curve(
     present = ~np.isnan(readings.outputs)
     without_object = np.isinf(readings.distances)
     label = ", ".join(f"{name}={value}" for name, value in labels.items())
+    dropped = int((~present).sum())
+    missing = f"Rows or cells without an output (empty, nan or -) are not used: {dropped}."
     _refuse_stray_distance(table, readings.distances[present & ~without_object])
     if not (present & ~without_object).any():
         raise CalibrationDataError(
@@ -278,8 +280,8 @@ def _curve(
             output_column=layout.outputs,
             label_columns=tuple(labels),
             rows=len(present),
-            dropped=int((~present).sum()),
-            notes=(*table.notes, *layout.notes),
+            dropped=dropped,
+            notes=(*table.notes, *layout.notes, *((missing,) if dropped else ())),
         ),
     )
 

@@ -9,16 +9,19 @@ from typing import Any
 from pretouch._core.blocks import Cell, Code, Listing, Measured, Page, PageSection, PageTable, Paragraph, Picture
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
+from pretouch._core.warning_codes import split_code
 from pretouch.sensors.recessed import recess_in_words
 
 from .result import CalibrationReport, Estimate, SensorFit
 
 Row = tuple[Cell, ...]
+_NEXT = "put these lines into the section [sensor] of a scenario file"
 
 
 def calibration_page(report: CalibrationReport) -> Page:
     """Create the report on a calibration: verdict, usable distances, ranking of sensor models, and parameters."""
     usable, best = report.verdict == "usable", report.best
+    fitted_from_file = best is not None and bool(report.scenario_lines)
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
     if best is None:
         blocks: tuple[Any, ...] = (_ranking(report) if report.not_fitted else None,)
@@ -43,23 +46,19 @@ def calibration_page(report: CalibrationReport) -> Page:
         key_figures=tuple(_key_figures(report)),
         warnings=() if usable else report.reasons,
         findings=tuple(f"left out: {text}" for text in report.left_out),
-        next_step="" if best is None else _next_step(report),
+        next_step=_NEXT if fitted_from_file else "",
+        next_lines=_lines_for_scenario(report) if fitted_from_file else (),
         lead="calibration",
         blocks=(_picture(report), *first, *blocks, PageSection(title="Provenance", blocks=tuple(_provenance(report)))),
     )
 
 
-def _next_step(report: CalibrationReport) -> str:
-    """Return the scenario file keys for this sensor, including the recess that puts contact in the usable range."""
-    nearest = report.window.l_min
-    text = f'add calibration = "{report.calibration.name}" to the section [sensor] of a scenario file'
-    if nearest <= 0:
-        return text
-    recess = recess_in_words(nearest)
-    return (
-        f'{text}, and the line recess = "{recess}", which means that the sensor is mounted {recess} behind the '
-        "contact surface"
-    )
+def _lines_for_scenario(report: CalibrationReport) -> tuple[str, ...]:
+    """Return the scenario file lines for this sensor, including the recess that puts contact in the usable range."""
+    if report.window.l_min <= 0:
+        return report.scenario_lines
+    recess = recess_in_words(report.window.l_min)
+    return (*report.scenario_lines, f'recess = "{recess}"  # the sensor is mounted {recess} behind the contact surface')
 
 
 def _key_figures(report: CalibrationReport) -> Iterator[tuple[str, Cell]]:
@@ -113,6 +112,8 @@ def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tup
 
 def _headline(report: CalibrationReport) -> str:
     name = report.calibration.name
+    if report.verdict == "too few distances":
+        return f"{name}: {report.verdict}. {split_code(report.reasons[0])[1].partition(': ')[0]}."
     if report.best is None:
         return f"{name}: the readings contain no usable signal, so they do not determine a sensor curve."
     low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))

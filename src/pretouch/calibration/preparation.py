@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -12,7 +13,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch._core.units import format_quantity
 from pretouch._core.warning_codes import caution
 
-from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, reading_noise
+from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, count_copies_once, reading_noise
 from .ceilings import CeilingFits, fit_under_ceilings
 from .data import Calibration
 from .family_fits import find_noise, outlier_indices
@@ -36,7 +37,7 @@ class Prepared:
 
     `informed_by` is the number of distances from which the noise was estimated. `free` are the curves fitted with a
     free offset, if an offset was measured or declared. `witness` has curves through the readings. `no_signal` gives the
-    reasons why nothing can be fitted, and is empty otherwise.
+    reasons why nothing can be fitted, and is empty otherwise; `too_few` is true if there are too few distances.
     """
 
     calibration: Calibration
@@ -53,6 +54,7 @@ class Prepared:
     free: PossibleCurves | None = None
     witness: Witness | None = None
     no_signal: tuple[str, ...] = ()
+    too_few: bool = False
 
 
 def prepare(
@@ -65,7 +67,7 @@ def prepare(
     """Find the usable distances, outliers, offset and noise of a calibration, for the fits of all sensor models."""
     # The arguments are those of `fit_sensor`.
     positive(floor_sigmas, "floor_sigmas")
-    calibration = condense(calibration)
+    calibration = condense(count_copies_once(calibration))
     curve = average(calibration)
     noise = reading_noise(calibration, curve)
     offset_estimate = _user_offset(calibration, offset, noise)
@@ -77,13 +79,18 @@ def prepare(
     near = find_near_end(calibration, curve, saturation, near_field_peak)
     needed = _FEWEST_DISTANCES + (offset_estimate is None)
     count = len(curve.distance) - near.index
+    if not count:
+        clipped = f"No distance is usable, because {near.reason}: measure at larger distances, or amplify less."
+        return _without_signal(calibration, curve, near, offset_estimate, caution("PT110", clipped))
     if count < needed:
-        few = (
-            f"Only {count} distance{('s are' if count != 1 else ' is')} usable (reason: {near.reason}), "
-            f"but a curve needs at least {needed} distances: measure at 8 or more distances, out to where "
-            "the output no longer changes, and record readings with no object."
+        because = f" because {near.reason}," if near.index else ""
+        few = caution(
+            "PT101",
+            f"Only {count} distance{('s are' if count != 1 else ' is')} usable,{because} but a curve needs at least "
+            f"{needed}: measure at 8 or more distances, out to where the output no longer changes, and record readings "
+            "with no object.",
         )
-        return _without_signal(calibration, curve, near, offset_estimate, few)
+        return replace(_without_signal(calibration, curve, near, offset_estimate, few), too_few=True)
     if not np.ptp(curve.output[near.index :]) > 0:
         stuck = f"The output is {curve.output[near.index]:g} {calibration.unit}".rstrip()
         return _without_signal(
@@ -195,24 +202,31 @@ def _steep_end(
     return NearEnd(index=int(place[first]), reason=reason, saturation=near.saturation), True
 
 
+_OF_A_RANGING_PART = (
+    "write a scenario file for such a sensor with `pretouch init --part VL53L0X`, and correct rate and noise in "
+    "`[chain]`"
+)
+
+
 def _reports_distance(calibration: Calibration) -> str:
     """Return an error message for a sensor that outputs a distance instead of a signal strength."""
     return caution(
         "PT113",
-        f"The sensor output is a distance in {calibration.unit}, and not a signal that falls with the distance, "
-        "so no curve is fitted. Enter a sensor curve by hand, and set chain.measures_distance = true.",
+        f"The sensor output is a distance in {calibration.unit}, and not a signal that falls with the distance: a "
+        f"sensor that reports distances needs no calibration, so {_OF_A_RANGING_PART}.",
     )
 
 
 def _rising(calibration: Calibration) -> str:
     """Return an error message for a sensor whose output rises with distance."""
     top = float(max([calibration.outputs.max(), *calibration.no_object]))
-    highest = f"{top:g} {calibration.unit}".rstrip()
+    step = 10.0 ** (math.floor(math.log10(float(np.ptp(calibration.outputs)))) - 1)
+    highest = f"{(math.floor(top / step) + 1) * step:g} {calibration.unit}".rstrip()  # above all, since 0 means lost
     return caution(
         "PT113",
-        "The sensor output rises with the distance, but the signal of a proximity sensor falls. If the sensor "
-        "reports a distance, enter its curve by hand and set chain.measures_distance = true. If the electronics "
-        f"invert the signal, replace each reading by {highest} minus the reading.",
+        "The sensor output rises with the distance, but the signal of a proximity sensor falls: if the electronics "
+        f"invert the signal, replace each reading by {highest} minus the reading, in the file and on the robot; if the "
+        f"sensor reports a distance, {_OF_A_RANGING_PART}.",
     )
 
 

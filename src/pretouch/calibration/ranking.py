@@ -11,7 +11,7 @@ from .fit import attempt_fit, check_models, model_names
 from .preparation import OffsetChoice, prepare
 from .result import CalibrationReport, SensorFit
 from .slope_uncertainty import estimate_slope
-from .verdict_reasons import find_reservations, ignored_readings, summary
+from .verdict_reasons import distance_reservations, find_reservations, ignored_readings, summary
 
 
 @check_arguments
@@ -57,7 +57,9 @@ def rank_models(
         not_fitted = {model: reason for model, reason in attempts.items() if isinstance(reason, str)}
         fits = sorted((fit for fit in attempts.values() if isinstance(fit, SensorFit)), key=_rank)
     slope = estimate_slope(prepared)
-    reasons = prepared.no_signal or tuple(find_reservations(prepared, fits, slope))
+    given = len(calibration.outputs) + len(calibration.no_object)
+    reasons = prepared.no_signal or tuple(find_reservations(prepared, fits, slope, given=given))
+    reasons += distance_reservations(calibration)
     usable = "usable with reservations" if reasons else "usable"
     return CalibrationReport(
         calibration=prepared.calibration,
@@ -65,7 +67,7 @@ def rank_models(
         window=prepared.window,
         offset=prepared.offset,
         noise=prepared.noise,
-        verdict="no usable signal" if prepared.no_signal else usable,
+        verdict=usable if not prepared.no_signal else "too few distances" if prepared.too_few else "no usable signal",
         reasons=reasons or (summary(prepared, fits),),
         not_fitted=not_fitted,
         slope=slope,

@@ -279,16 +279,18 @@ class CalibrationReport(Described, Value):
 
     Args:
         calibration: the readings.
-        fits: the fits, best first; empty without a usable signal.
+        fits: the fits, best first; empty without a usable signal and with too few distances.
         window: the usable window.
         offset: the offset; None with too few readings to determine it.
         noise: the noise of the readings; None with too few readings to determine it.
-        verdict: `usable`, `usable with reservations` or `no usable signal`.
+        verdict: `usable`, `usable with reservations`, `too few distances` or `no usable signal`.
         reasons: the reasons of the verdict, and what to do, in sentences.
         not_fitted: requested models that could not be fitted, each with the reason.
         slope: the slope g and its uncertainty over all models; None with too few readings.
         left_out: groups of readings that the fits of all models ignore, in sentences.
         curves: source of curves that fit the readings, on which a gain is checked; None without a usable signal.
+        scenario_lines: the lines of the section [sensor] of a scenario file that repeat this fit; empty if the readings
+            are not from a file.
     """
 
     calibration: Calibration
@@ -302,12 +304,13 @@ class CalibrationReport(Described, Value):
     slope: SlopeUncertainty | None = None
     left_out: tuple[str, ...] = ()
     curves: AllowedCurves | None = None
+    scenario_lines: tuple[str, ...] = ()
 
     page: ClassVar[str] = "pretouch.calibration.page:calibration_page"
 
     @property
     def best(self) -> SensorFit | None:
-        """The fit of the best sensor model, or None if the readings contain no usable signal."""
+        """The fit of the best sensor model, or None if no curve can be fitted to the readings."""
         return self.fits[0] if self.fits else None
 
     def to_dict(self) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit
 
 from .column_options import ColumnOption, ColumnOptions, columns_hint
+from .data import IF_NEGATIVE
 from .headers import (
     Column,
     DistanceMark,
@@ -365,7 +366,7 @@ def _distance_of_header(table: TextTable, mark: DistanceMark, unit: str) -> floa
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))
     message = f"{table.place}: found the distance {quoted(f'{mark.number} {mark.unit or unit}')}"
     if value < 0:
-        raise CalibrationDataError(f"{message}, which must not be negative")
+        raise CalibrationDataError(f"{message}, which must not be negative; {IF_NEGATIVE}")
     if not (math.isfinite(value) and has_workable_magnitude(value)):
         raise CalibrationDataError(f"{message}, expected a number {WORKABLE} (in m)")
     return value

@@ -22,6 +22,7 @@ _LARGE_MISFIT = 0.1  # misfit of ln xi; over one step of distance, the virtual f
 _FEW_EMPTY = 4  # readings without an object from which the noise can be estimated, as from repeats
 _DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # allowed `PossibleCurves.doubt` of each kind of offset
 _MOST_NAMED = 5  # readings that a sentence lists
+_FARTHEST = 10.0  # distance [m] that no proximity sensor reaches
 _SMALL_FALL = 0.3  # decrease of ln xi over the window below which only the mean slope is determined
 
 
@@ -77,9 +78,29 @@ def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
     )
 
 
-def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None) -> list[str]:
-    """Return warnings about a sensor that has a usable signal, with a remedy in each warning."""
+def distance_reservations(calibration: Calibration) -> tuple[str, ...]:
+    """Return a warning if the distances of a calibration are so large that their unit must be wrong."""
+    farthest = float(calibration.distances.max())
+    if farthest <= _FARTHEST:
+        return ()
+    return (
+        caution(
+            "PT114",
+            f"The distances reach {farthest:.4g} m, which is too far for a proximity sensor: if they are in "
+            "millimeters, change the header of their column to `distance [mm]`.",
+        ),
+    )
+
+
+def find_reservations(
+    prepared: Prepared, fits: list[SensorFit], slope: SlopeUncertainty | None, *, given: int
+) -> list[str]:
+    """Return warnings about a sensor that has a usable signal, with a remedy in each warning.
+
+    `given` is the number of readings in the file, including copies of readings, which the fits count once.
+    """
     calibration, window, used = prepared.calibration, prepared.window, prepared.used
+    copies = given - len(calibration.outputs) - len(calibration.no_object)
     low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))
     signal = used.output - (fits[0].offset.value if fits else 0.0)
     fall = float(np.log(signal[0]) - np.log(signal[-1])) if fits else math.inf
@@ -94,7 +115,16 @@ def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeUnc
     )
     lacking = count < _FEW_POINTS or count - unknowns < _MORE_THAN_UNKNOWNS
     reasons = [few] if lacking else []
-    if used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
+    if copies:
+        reasons.append(
+            caution(
+                "PT115",
+                f"{copies} of {given} readings repeat another reading exactly, like copies, averages or readings of a "
+                "coarse sensor, so they do not show the noise and are not counted: remove copies, and record raw "
+                "readings.",
+            )
+        )
+    elif used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
         reasons.append(caution("PT102", f"{once}: read each distance 3 times or more."))
     reasons += _offset_reservations(prepared)
     if bad > 1 + count // 10:

@@ -12,7 +12,16 @@ from pretouch._core.errors import CalibrationDataError, InvalidInputError
 from pretouch._core.numbers import BoolArray, finite, nonnegative, positive
 from pretouch._core.units import format_quantity, to_si
 
-from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, reading_noise, resolution
+from .averaging import (
+    MAD_TO_SIGMA,
+    AveragedCurve,
+    ReadingNoise,
+    average,
+    condense,
+    count_copies_once,
+    reading_noise,
+    resolution,
+)
 from .data import Calibration
 from .result import OffsetEstimate, UsableWindow
 
@@ -121,7 +130,7 @@ def find_window(
     """
     positive(floor_sigmas, "floor_sigmas")
     offset_estimate = offset if isinstance(offset, OffsetEstimate) else declared_offset(offset)
-    calibration = condense(calibration)
+    calibration = condense(count_copies_once(calibration))
     curve = average(calibration)
     sigma = reading_noise(calibration, curve).sigma if noise is None else float(nonnegative(noise, "noise"))
     if sigma is None:

@@ -58,7 +58,7 @@ def fit(
     with figures, STEM-fit.html in this folder. A file with several curves gives one row for each; choose one with
     --select for its report. VALUE is a number in the unit of the output, or text such as "110 mV".
 
-    Exit status: 0 a usable fit, 1 no usable signal, 2 a mistake in the request.
+    Exit status: 0 a usable fit, 1 no fit, 2 a mistake in the request.
     """
     from pretouch.config.sensor import FitRequest, read_no_object, read_output  # noqa: PLC0415 - keeps `pretouch --help` quick
 
@@ -92,9 +92,11 @@ def _show(request: FitRequest, shown: Presentation) -> None:
 
 def _print_notes(curve: Calibration, printed: tuple[str, ...]) -> None:
     """Print the notes on a calibration curve, except notes that are already printed."""
+    from .summary import wrapped  # noqa: PLC0415 - keeps `pretouch --help` quick
+
     for note in () if curve.source is None else curve.source.notes:
         if note not in printed:
-            print_text(f"note: {note}")
+            print_text("\n".join(wrapped(f"note: {note}", indent="  ")))
 
 
 def _word_or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:

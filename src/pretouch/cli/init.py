@@ -16,6 +16,7 @@ import typer
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import as_json, refuse_input, write_text
 from pretouch._core.units import read_quantity
+from pretouch._core.warning_codes import split_code
 
 from .terminal import conclude, option, print_text
 from .verbs import refuse_existing
@@ -78,7 +79,7 @@ def _init(csv: Path | None, output: Path, given: dict[str, str | None], *, drag:
         raise InvalidInputError(f"{output.parent}: there is no such folder; make it, or choose another --output")
     asks = sys.stdin is not None and sys.stdin.isatty() and not json
     chosen = _part(_answer("part", given, "VCNL4010" if csv is None else _NONE, asks))
-    near, far = _usable(csv, chosen)
+    near, far, warnings = _usable(csv, chosen)
     if given["recess"] is not None:
         near = read_quantity(given["recess"], "m", name="--recess")
     reach = math.floor(1e4 * _INSIDE * (far - near)) / 1e4
@@ -103,14 +104,33 @@ def _init(csv: Path | None, output: Path, given: dict[str, str | None], *, drag:
     load_document(output, text, hashlib.sha256(text.encode()).hexdigest(), tomllib.loads(text))  # it runs
     write_text(output, text, overwrite=force)
     if json:
-        print_text(as_json({"status": "written", "file": str(output), "calibration": scenario.calibration or None}))
+        print_text(
+            as_json(
+                {
+                    "status": "written",
+                    "file": str(output),
+                    "calibration": scenario.calibration or None,
+                    "warnings": warnings,
+                }
+            )
+        )
         return
     source = "your calibration" if csv is not None else "a typical sensor curve; replace it by your calibration"
+    if csv is None and chosen is not None and chosen.chain.measures_distance:
+        source = f"the {chosen.name}, which needs no calibration, because it reports distances"
     print_text(
         f"{output}: a first scenario with {source}.\n\nCheck the values in the file. Then run\n"
         f"  pretouch design {output}    to choose the gain, and\n"
         f"  pretouch verify {output}    to check it on the sampled loop."
     )
+    if warnings:
+        from .summary import warning_lines  # noqa: PLC0415 - keeps `pretouch --help` quick
+
+        lines = [
+            f"\nThe readings in {csv} are usable with reservations.",
+            *(x for w in warnings for x in warning_lines(w)),
+        ]
+        print_text("\n".join(lines))
 
 
 def _answer(name: str, given: dict[str, str | None], default: str, asks: bool) -> str:
@@ -151,10 +171,10 @@ def _part(name: str) -> SensorPart | None:
     return known[name.lower()]
 
 
-def _usable(csv: Path | None, part: SensorPart | None) -> tuple[float, float]:
-    """Return the smallest usable distance of the sensor [m], in tenths of a millimeter, and the largest one."""
+def _usable(csv: Path | None, part: SensorPart | None) -> tuple[float, float, tuple[str, ...]]:
+    """Return the smallest (in tenths of mm) and the largest usable distance [m], and warnings about the calibration."""
     if csv is None:
-        return (0.0, 0.1) if part is None else (0.0, part.range[1])
+        return 0.0, 0.1 if part is None else part.range[1], ()
     from pretouch.config.sensor import FitRequest  # noqa: PLC0415
 
     request = FitRequest(path=csv)
@@ -165,8 +185,7 @@ def _usable(csv: Path | None, part: SensorPart | None) -> tuple[float, float]:
         )
     report = request.rank(curves[0])
     if report.best is None:
-        raise InvalidInputError(
-            f"{csv}: pretouch cannot fit a sensor curve to these readings ({report.verdict}); pretouch fit {csv} "
-            "explains why"
-        )
-    return math.ceil(1e4 * report.window.l_min - _ROUNDING) / 1e4, report.window.l_max
+        reasons = " ".join(split_code(reason)[1] for reason in report.reasons)
+        raise InvalidInputError(f"{csv}: {report.verdict}, so no sensor curve can be fitted. {reasons}")
+    warnings = () if report.verdict == "usable" else report.reasons
+    return math.ceil(1e4 * report.window.l_min - _ROUNDING) / 1e4, report.window.l_max, warnings

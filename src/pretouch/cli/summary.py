@@ -28,22 +28,23 @@ def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: S
     Returns:
         The text.
     """
-    top = [line for text in (*opening, page.headline, *page.reservations) for line in _wrapped(text)]
+    top = [line for text in (*opening, page.headline, *page.reservations) for line in wrapped(text)]
     figures = _figures(page)[: max(lines - len(top) - len(ending) - 3, 0)]
-    step = _wrapped(f"Next: {page.next_step}.", indent="  ") if page.next_step else []
+    step = wrapped(f"Next: {page.next_step}.", indent="  ") if page.next_step else []
+    step += [f"  {line}" for line in page.next_lines]
     room = lines - len(top) - len(figures) - len(ending) - len(step) - 2  # one empty line before and after the figures
     if room < 1:
         step, room = [], room + len(step)
-    findings = [_wrapped(text, first="  - ", indent="    ") for text in page.findings]
-    warnings = [_warning(text) for text in page.warnings]
+    findings = [wrapped(text, first="  - ", indent="    ") for text in page.findings]
+    warnings = [warning_lines(text) for text in page.warnings]
     shown = _fitting([*findings, *warnings], room, len(findings))
     return "\n\n".join("\n".join(block) for block in (top, [*figures, *shown], [*step, *ending]) if block)
 
 
-def _warning(text: str) -> list[str]:
+def warning_lines(text: str) -> list[str]:
     """Return the first sentence of a warning as lines that begin with its code."""
     code, rest = split_code(text)
-    return _wrapped(_first_sentence(rest), first=f"Warning {code}: " if code else "Warning: ", indent="  ")
+    return wrapped(_first_sentence(rest), first=f"Warning {code}: " if code else "Warning: ", indent="  ")
 
 
 def _figures(page: Page) -> list[str]:
@@ -79,7 +80,7 @@ def _first_sentence(text: str) -> str:
     return re.split(r"(?<=[\w)%][.!?])\s+(?=[A-Z])", text, maxsplit=1)[0]
 
 
-def _wrapped(text: str, *, first: str = "", indent: str = "") -> list[str]:
+def wrapped(text: str, *, first: str = "", indent: str = "") -> list[str]:
     """Break a text into lines, but never between a number and its unit, or between a key and its quoted value."""
     together = r"(?<=\d) (?=[^\W\d]|%)|(?<=\bN) (?=s\b)|(?<=\w) (?== \")|(?<==) (?=\")"
     kept = re.sub(together, "\u00a0", plain_text(text))

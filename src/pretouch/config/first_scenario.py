@@ -72,6 +72,13 @@ scale = {scale}
 distance_offset = "41.9 mm"
 exponent = 3.32
 """
+_RANGING: Final = """\
+[sensor]                          # the controller converts each distance of the {part} to an output on this curve
+model = "inverse-power"           # you may choose another curve; it needs no calibration
+scale = {scale}
+distance_offset = "41.9 mm"
+exponent = 3.32
+"""
 _DRAG: Final = """\
 [law]                             # the virtual drag: contact speed is this share of every approach speed
 kind = "virtual-drag"
@@ -151,7 +158,9 @@ class FirstScenario(Value):
         at, output = self._signal()
         unit = "" if self.part is None else self.part.unit
         number = f"{output * (at + _OFFSET) ** _EXPONENT:.4g}"
-        return _TYPICAL.format(part=name, scale=f'"{number} {unit}"' if unit else number)
+        return (_RANGING if self._reports_distance else _TYPICAL).format(
+            part=name, scale=f'"{number} {unit}"' if unit else number
+        )
 
     def _signal(self) -> tuple[float, float]:
         """Return a distance and the output of the typical curve there."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -229,7 +229,7 @@ class FitRequest:
             value if isinstance(value, str) else _in_unit_of(calibration, value, name)
             for name, value in (("offset", self.offset), ("saturation", self.saturation))
         )
-        return rank_models(
+        report = rank_models(
             calibration,
             **models,
             offset=offset,
@@ -237,6 +237,38 @@ class FitRequest:
             near_field_peak=None if self.near_field_peak == "none" else self.near_field_peak,
             floor_sigmas=self.floor_sigmas,
         )
+        return replace(report, scenario_lines=tuple(self._scenario_lines(calibration, report)))
+
+    def _scenario_lines(self, calibration: Calibration, report: CalibrationReport) -> Iterator[str]:
+        """Yield the lines of the section [sensor] of a scenario file that repeat this fit."""
+        yield f"{CALIBRATION} = {_in_toml(self.path)}"
+        if self.models and report.best is not None:
+            yield f"model = {_in_toml(report.best.model)}"
+        if self.select:
+            yield f"select = {_as_toml(calibration.label)}"
+        if self.columns:
+            yield f"columns = {{ {', '.join(f'{key} = {_in_toml(value)}' for key, value in self.columns.items())} }}"
+        if self.labels is not None:
+            yield f"labels = [{', '.join(map(_in_toml, self.labels))}]"
+        peak = self.near_field_peak
+        for key, value, default in (
+            ("no_object", self.no_object, None),
+            ("offset", self.offset, "auto"),
+            ("saturation", self.saturation, "auto"),
+            ("near_field_peak", peak if isinstance(peak, str) else (peak, "m"), "auto"),
+            ("floor_sigmas", self.floor_sigmas, 3.0),
+        ):
+            if value != default:
+                yield f"{key} = {_in_toml(value)}"
+
+
+def _in_toml(value: str | float | OutputValue | Path | None) -> str:
+    """Return a value of an option as a TOML value; a quantity is a number with its unit."""
+    if isinstance(value, tuple):
+        value = f"{value[0]!r} {value[1]}" if value[1] else value[0]
+    if isinstance(value, Path):
+        value = value.as_posix()
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _as_toml(label: str) -> str:

@@ -126,6 +126,9 @@ def page_top(page: Page, figure: str = "") -> str:
     parts += [f'<p class="warning">{_with_links(text)}</p>' for text in page.warnings]
     if page.next_step:
         parts.append(f'<p class="next"><b>Next:</b> {_inline(page.next_step)}.</p>')
+    if page.next_lines:
+        lines = "\n".join(page.next_lines)
+        parts.append(f"<pre>{escape(lines)}</pre>")
     return "\n".join(parts)
 
 

@@ -70,7 +70,7 @@ def calibration(report: CalibrationReport) -> Figure:
 
 def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
     """Draw all calibration readings with offset, detection floor, clipping level, usable range and fitted curves."""
-    scale = _set_up(axes, report, "Readings and their use" if report.fits else "Readings: no usable signal")
+    scale = _set_up(axes, report, "Readings and their use" if report.fits else f"Readings: {report.verdict}")
     outputs = report.calibration.outputs
     axes.set_ylabel(f"output [{_unit(report)}]", parse_math=False)
     levels = [level for level, *_ in _levels(report)]

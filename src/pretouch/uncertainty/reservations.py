@@ -197,7 +197,7 @@ class Reservations(Value):
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Notes on the calibration: sensor curve, covered distances, and the offset to subtract."""
+        """Notes on the calibration: sensor curve, covered distances, and the offset that the controller subtracts."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
         lines = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
         if self.recess:
@@ -247,10 +247,13 @@ class Reservations(Value):
 
     @property
     def verdict(self) -> str:
-        """One line of text: the verdict on the calibration, then the offset that the controller must subtract."""
+        """One line of text: the verdict on the calibration, then the offset that the controller subtracts."""
         offset, unit = self.report.offset, self.report.calibration.unit
-        subtract = "" if offset is None else f"; the controller must subtract {offset.value:.4g} {unit}".rstrip()
-        return f"Calibration {self.report.calibration.name}: {self.report.verdict}{subtract}"
+        text = f"Calibration {self.report.calibration.name}: {self.report.verdict}"
+        if offset is None:
+            return text
+        level = f"{offset.value:.4g} {unit}".rstrip()
+        return f"{text}; offset {level}, which the controller and exported laws subtract"
 
     def around_text(self, text: str) -> str:
         """Return the text of a result with the main warning before it and all notes on the calibration after it."""
@@ -385,6 +388,6 @@ def recess_advice(nearest: float, present: float) -> str:
 
 def _offset_in_words(offset: OffsetEstimate, unit: str) -> str:
     return (
-        f"the controller must subtract the {offset.kind} offset {offset.in_words(unit)} (95 % interval "
+        f"the controller and exported laws subtract the {offset.kind} offset {offset.in_words(unit)} (95 % interval "
         f"{offset.low:.4g} to {offset.high:.4g}) from each reading"
     )

@@ -32,17 +32,21 @@ _POLICY: Final = (
 )
 
 
-def page_text(server: Mapping[str, Any] | None = None, *, nonce: str | None = None) -> str:
+def page_text(
+    server: Mapping[str, Any] | None = None, *, scenario: Mapping[str, Any] | None = None, nonce: str | None = None
+) -> str:
     """Return the page as one HTML document, which makes no request to any address except its own server.
 
     Args:
         server: the data with which the page connects to its server, such as the token; None for a page without server.
+        scenario: the scenario with which a page without server starts, from `scenario_of_page`; None for the example of
+            the letter.
         nonce: the nonce of the scripts, if the content security policy of the server requires one.
 
     Returns:
         The document.
     """
-    data = _data() if server is None else {**_data(), "server": server}
+    data = _data() | {name: value for name, value in (("server", server), ("scenario", scenario)) if value is not None}
     content = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     allowed = "" if nonce is None else f' nonce="{nonce}"'
     data_of_page = "JSON.parse(document.getElementById('pretouch-data').textContent)"
@@ -53,7 +57,8 @@ def page_text(server: Mapping[str, Any] | None = None, *, nonce: str | None = No
         f"<script{allowed}>{_library()}</script>\n<script{allowed}>{_joined(modules, run)}</script>"
     )
     page = Template((_FOLDER / "page.html").read_text(encoding="utf-8"))
-    title = "pretouch: try it" if server is None else f"{server['title']} - pretouch studio"
+    opened = server or scenario
+    title = "pretouch: try it" if opened is None else f"{opened['title']} - pretouch studio"
     policy = _POLICY if server is None else ""
     return page.substitute(title=_escaped(title), style=_page_style(), scripts=scripts, policy=policy)
 

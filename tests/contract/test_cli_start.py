@@ -310,6 +310,22 @@ def test_the_doctor_names_versions_and_what_is_missing(tmp_path: Path) -> None:
         assert (f"pip install 'pretouch[{name}]'" in answer.stdout) == bool(missing)
 
 
+@pytest.mark.parametrize("is_there", [True, False])
+def test_the_doctor_tells_whether_the_studio_has_the_core_of_its_page(
+    is_there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    core = tmp_path / "core.wasm"
+    if is_there:
+        core.write_bytes(b"")
+    monkeypatch.setattr(doctor, "CORE", core)
+    pretouch = command(monkeypatch, capsys)
+    code, out, _ = pretouch("doctor")
+    line = next(line for line in out.splitlines() if line.startswith("  extra studio"))
+    assert code == 0
+    assert ("make page" in line) == (not is_there)
+    assert json.loads(pretouch("doctor", "--json")[1])["page_core"] == is_there
+
+
 def test_the_doctor_knows_all_extras_of_users() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert set(doctor._EXTRAS) == set(project["optional-dependencies"]) - {"dev", "docs", "benchmarks"}

@@ -21,6 +21,16 @@ from pretouch._core.errors import BrokenCoreError
 from pretouch._core.units import unit_tables
 
 _FOLDER: Final = Path(__file__).with_name("page")
+CORE: Final = _FOLDER / "core.wasm"
+"""The compiled core of the page. Wheels without it were built without zig."""
+
+BUILD_CORE: Final = (
+    "run make page in the source tree"
+    if (_FOLDER.parents[3] / "native/build.py").exists()  # pretouch runs from its source tree
+    else "run make page in the source tree of pretouch, and then pip install '.[studio]' there"
+)
+"""How to get a missing core of the page."""
+
 _FIGURES: Final = ("core", "model", "charts", "encounter", "live", "figures")
 _PAGE: Final = ("core", "model", "charts", "encounter", "live", "app", "start")
 _STUDIO: Final = (*_PAGE[:-1], "server", "start")
@@ -139,13 +149,12 @@ def _escaped(text: str) -> str:
 @lru_cache(maxsize=1)
 def _data() -> dict[str, Any]:
     """Return the compiled core, compressed with gzip and encoded as base64, and the table of units."""
-    path = _FOLDER / "core.wasm"
     try:
-        content = path.read_bytes()
+        content = CORE.read_bytes()
     except FileNotFoundError:
         raise BrokenCoreError(
-            f"the page of pretouch studio cannot be used, because the file {path.name} in the folder {path.parent} is "
-            "missing. Install a released wheel of pretouch; in a source tree, run: make page"
+            f"the page of pretouch studio cannot be used, because the file {CORE.name} in the folder {CORE.parent} is "
+            f"missing: {BUILD_CORE}"
         ) from None
     packed = gzip.compress(content, compresslevel=9, mtime=0)
     return {"core": base64.b64encode(packed).decode(), "units": unit_tables()}

@@ -11,7 +11,7 @@ def main() -> int:
     """Return the exit status of pip."""
     command = [sys.executable, "-m", "pip", "--disable-pip-version-check", *sys.argv[1:]]
     output, start, shown = [], time.monotonic(), 0.0
-    print("Setting up .venv (1 to 3 minutes) ...", flush=True)
+    print("Setting up .venv (1 to 5 minutes) ...", flush=True)
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as pip:
         for line in pip.stdout:
             output.append(line)

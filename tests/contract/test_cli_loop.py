@@ -131,7 +131,7 @@ def test_without_a_gain_verify_says_so_and_simulate_asks_for_one(run):
 @pytest.mark.parametrize("verb", ["simulate", "verify"])
 def test_mistakes_end_with_2_and_one_sentence(run, verb):
     for arguments, says in (
-        (["approach.toml"], "approach.toml: loop: found none, expected the sampled loop"),
+        (["approach.toml"], "approach.toml: found no sections [chain] and [controller], expected both"),
         (["loop.toml", "--gain", "-0.5 N"], "--gain: found "),
         (["none.toml"], "none.toml: there is no such file"),
     ):

@@ -8,10 +8,12 @@ import subprocess
 import sys
 import tomllib
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_text import command, curve
 
 import pretouch as pt
 from pretouch.cli import doctor
@@ -78,6 +80,75 @@ def test_the_options_are_the_values_of_the_file(tmp_path: Path) -> None:
     assert task.sensor_part.name == "VCNL4040"
 
 
+def write_two_curves(path: Path) -> None:
+    rows = [*curve(label="a,"), *curve(rate=-50.0, label="b,", seed=2)]
+    path.write_text("\n".join(["unit,distance [mm],output [V]", *rows]) + "\n")
+
+
+def write_equal_headers(path: Path) -> None:
+    rows = [row.replace(",", f",{i % 7},") for i, row in enumerate(curve())]
+    path.write_text("\n".join(["distance,output,output", *rows]) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "keys"),
+    [
+        ("two.csv", ["--select", "unit=b"], {"select": {"unit": "b"}}),
+        (
+            "equal.csv",
+            ["--columns", "distance=1 [mm], output=3 [V]", "--labels", "none"],
+            {"columns": {"distance": "1 [mm]", "output": "3 [V]"}, "labels": []},
+        ),
+        ("repeats.csv", ["--labels", "none"], {"labels": []}),
+    ],
+)
+def test_the_options_on_a_calibration_are_keys_of_the_file(
+    name: str, options: list[str], keys: dict[str, object], tmp_path: Path
+) -> None:
+    write_two_curves(tmp_path / "two.csv")
+    write_equal_headers(tmp_path / "equal.csv")
+    rows = [row for day in (1, 2) for row in curve(label=f"{day},", seed=day)]
+    (tmp_path / "repeats.csv").write_text("\n".join(["day,distance [mm],output [V]", *rows]) + "\n")
+    assert run("init", name, folder=tmp_path).returncode == 2
+    answer = run("init", name, *options, folder=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    section = tomllib.loads((tmp_path / "scenario.toml").read_text(encoding="utf-8"))["sensor"]
+    assert {key: section[key] for key in ("select", "columns", "labels") if key in section} == keys
+    assert pt.design_gain(pt.load_scenario(tmp_path / "scenario.toml")).status == "optimal"
+
+
+class Answers(StringIO):
+    """Typed answers, which look like a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_wrong_answer_is_asked_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", Answers("VCNL\nVCNL4040\n300\n0.4 m/s\n200\n200 mm\n\n"))
+    code, _, err = command(monkeypatch, capsys)("init")
+    assert code == 0, err
+    assert "expected one of RPR-220" in err
+    assert "found 300, expected a speed with its unit, such as 0.3 m/s" in err
+    assert "found 200, expected a length with its unit, such as 200 mm" in err
+    task = pt.load_scenario("scenario.toml")
+    assert (task.sensor_part.name, task.scenario.relative_velocity) == ("VCNL4040", -0.4)
+    assert {c.name: c.limit for c in task.limits} == {"excursion": 0.2}
+    assert task.impact.robot_mass == 4.0
+
+
+def test_values_that_belong_together_say_so(tmp_path: Path) -> None:
+    assert run("init", folder=tmp_path).returncode == 0
+    text = (tmp_path / "scenario.toml").read_text(encoding="utf-8")
+    assert re.search(r"^velocity = .*# .*change the mean in \[uncertainty\] with it$", text, re.MULTILINE)
+    assert re.search(r"^# .*together with velocity in \[obstacle\]\nobstacle.velocity", text, re.MULTILINE)
+    assert re.search(r"^robot_mass = .*# .*together with mass in \[robot\]$", text, re.MULTILINE)
+    assert re.search(r"^mass = .*# .*together with robot_mass in \[impact\]$", text, re.MULTILINE)
+
+
 def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
     run("init", "--part", "VCNL4010", folder=tmp_path)
     at, output = PARTS["VCNL4010"].signal
@@ -91,15 +162,29 @@ def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
         (["old.csv", "--output", "old.csv", "--force"], "old.csv"),
         (["--output", "no/a.toml"], "no such folder"),
         (["--part", "VCNL9999"], "expected one of RPR-220"),
-        (["--speed", "3 m"], "--speed"),
+        (["--speed", "3 m"], "--speed: found 3 m, expected a speed with its unit, such as 0.3 m/s"),
+        (["--speed", "300"], "--speed: found 300, expected a speed with its unit, such as 0.3 m/s"),
+        (["--excursion", "200"], "--excursion: found 200, expected a length with its unit, such as 200 mm"),
+        (["--distance", "50"], "--distance: found 50, expected a length with its unit, such as 200 mm"),
+        (["--robot-mass", "4"], "--robot-mass: found 4, expected a mass with its unit, such as 4 kg"),
+        (["--part", "other", "--rate", "100"], "--rate: found 100, expected a rate with its unit, such as 100 Hz"),
+        (["--contact-speed", "0.1"], "--contact-speed: found 0.1, expected a speed with its unit"),
+        (["--recess", "5"], "--recess: found 5, expected a length with its unit"),
+        (["--recess", "inf m"], "--recess: found inf m, expected a positive length"),
+        (["--columns", "distance=1,output=2"], "--columns: found without a calibration"),
         (["--speed", "-3 m/s"], "positive"),
         (["missing.csv"], "missing.csv"),
         (["old.csv", "--recess", "1 m"], "--recess"),
+        (["two.csv"], "choose a curve with --select, for example --select unit=a"),
+        (["two.csv", "--select", "unit=c"], "available in two.csv: unit=a"),
+        (["equal.csv"], '--columns "output=2"'),
     ],
 )
 def test_a_mistake_of_init_writes_nothing(words: list[str], told: str, tmp_path: Path) -> None:
     (tmp_path / "old.toml").write_text("mine")
     (tmp_path / "old.csv").write_bytes((EXAMPLES / "sensor.csv").read_bytes())
+    write_two_curves(tmp_path / "two.csv")
+    write_equal_headers(tmp_path / "equal.csv")
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     answer = run("init", *words, folder=tmp_path)
     assert answer.returncode == 2
@@ -224,6 +309,22 @@ def test_the_doctor_names_versions_and_what_is_missing(tmp_path: Path) -> None:
     assert told["core"]["variant"] in {"base", "avx2", "avx512"}
     for name, missing in told["missing_of_extras"].items():
         assert (f"pip install 'pretouch[{name}]'" in answer.stdout) == bool(missing)
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_the_doctor_tells_whether_the_studio_has_the_core_of_its_page(
+    is_there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    core = tmp_path / "core.wasm"
+    if is_there:
+        core.write_bytes(b"")
+    monkeypatch.setattr(doctor, "CORE", core)
+    pretouch = command(monkeypatch, capsys)
+    code, out, _ = pretouch("doctor")
+    line = next(line for line in out.splitlines() if line.startswith("  extra studio"))
+    assert code == 0
+    assert ("make page" in line) == (not is_there)
+    assert json.loads(pretouch("doctor", "--json")[1])["page_core"] == is_there
 
 
 def test_the_doctor_knows_all_extras_of_users() -> None:

@@ -134,6 +134,44 @@ def test_shell_completion_can_be_installed(tmp_path: Path) -> None:
     assert any("--install-completion" in line for line in shown)
 
 
+@pytest.mark.parametrize("length", [1, 3, 6])
+@pytest.mark.parametrize("reservations", [0, 2, 8])
+def test_the_next_step_is_always_printed(length: int, reservations: int) -> None:
+    """With room for 15 lines, a headline of 6 lines leaves no room for figures, findings or reservations."""
+    headline = " ".join(["word"] * 19 * length)
+    many = replace(page(3, 4), headline=headline, reservations=("A reservation.",) * reservations)
+    many = replace(many, next_step=" ".join(["step"] * 30))
+    text = summary_of(many, lines=15, ending=["the calibration is usable", "the end"]).splitlines()
+    assert len(text) <= 15
+    assert "Next: step step" in "\n".join(text)
+    assert text[-1] == "the end"
+    assert any("see --verbose" in line for line in text)
+
+
+@pytest.mark.parametrize("verb", ["design", "pareto", "robust"])
+def test_the_next_step_without_a_solution_can_be_taken(verb: str, tmp_path: Path) -> None:
+    text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
+    (tmp_path / "small.toml").write_text(text.replace('excursion = "0.2 m"', 'excursion = "1 mm"'), encoding="utf-8")
+    lines = printed(f"{verb} small.toml", tmp_path)
+    step = next(line for line in lines if line.startswith("Next: "))
+    assert "relax" in step
+    assert "point of the front" not in " ".join(lines)
+
+
+def test_pareto_robust_and_simulate_say_that_the_object_moves_away(tmp_path: Path) -> None:
+    text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8").replace('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"')
+    spread = 'obstacle.velocity = { normal = ["0.3 m/s", "0.1 m/s"], between = ["0.05 m/s", "0.6 m/s"] }'
+    text = "\n".join(spread if line.startswith("obstacle.velocity") else line for line in text.splitlines())
+    (tmp_path / "away.toml").write_text(text, encoding="utf-8")
+    step = "Next: give the obstacle a negative velocity: this object moves away"
+    assert f"{step}." in printed("pareto away.toml --no-report", tmp_path)
+    assert step in " ".join(printed("robust away.toml --no-report", tmp_path))
+    command = [sys.executable, "-m", "pretouch", "simulate", "away.toml"]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert answer.returncode == 2
+    assert "because the object moves away from the robot. Give the obstacle a negative velocity" in answer.stderr
+
+
 @pytest.mark.parametrize("verb", ["design", "verify", "simulate --gain -0.7"])
 def test_the_next_step_for_a_receding_object_is_its_sign(verb: str, tmp_path: Path) -> None:
     text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")

@@ -248,6 +248,34 @@ def test_the_page_is_written_to_a_file(tmp_path):
     assert subprocess.run(command, capture_output=True, check=False).returncode == 2
 
 
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("none.toml", "there is no such file"),
+        ("course.toml", "without course"),
+        ("fingertip.toml", "[constraints] has impact_force"),
+        ("tradeoff.toml", "the admittance has bounds"),
+        ("robots/arm.toml", "[robot] names a robot model"),
+    ],
+)
+def test_a_page_without_server_refuses_what_it_cannot_compute(tmp_path, name, reason):
+    built_core()
+    target = tmp_path / "page.html"
+    command = [sys.executable, "-m", "pretouch", "studio", str(EXAMPLES / name), "--output", str(target)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, target.exists()) == (2, False)
+    assert reason in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_page_does_not_replace_the_scenario(tmp_path):
+    scenario = Path(shutil.copy(EXAMPLES / "loop.toml", tmp_path))
+    before = scenario.read_bytes()
+    command = [sys.executable, "-m", "pretouch", "studio", str(scenario), "--output", str(scenario), "--force"]
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 2
+    assert scenario.read_bytes() == before
+
+
 def test_a_file_that_is_missing_is_one_sentence(tmp_path):
     built_core()
     command = [sys.executable, "-m", "pretouch", "studio", str(tmp_path / "none.toml"), "--no-browser"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from functools import lru_cache
 from pathlib import Path
 
@@ -111,6 +112,36 @@ def test_the_page_shows_the_design_of_python(open_page, static_file):
     assert "0.0791 m/s" in headline(page)
     assert page.mistakes == []
     assert [url for url in page.requests if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+@pytest.mark.parametrize("kind", ["model", "calibration", "drag"])
+def test_a_page_without_server_starts_with_the_scenario_of_a_file(open_page, tmp_path, kind):
+    built_core()
+    scenario, target = tmp_path / "cell.toml", tmp_path / "page.html"
+    options = {
+        "model": ["--speed", "0.45 m/s"],
+        "calibration": [str(ROOT / "examples/sensor.csv"), "--recess", "8 mm"],
+        "drag": ["--drag", "--speed", "0.2 m/s"],
+    }[kind]
+    for words in (["init", *options, "-o", scenario], ["studio", scenario, "--output", target]):
+        done = subprocess.run([sys.executable, "-m", "pretouch", *words], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    task = pt.load_scenario(scenario)
+    design = pt.design_drag(task) if kind == "drag" else pt.design_gain(task)
+    page = open_page(target.as_uri())
+    assert page.evaluate("pretouch.solved.gain") == pytest.approx(design.gain, rel=1e-6)
+    speed = page.evaluate("pretouch.solved.contact.relative_velocity")
+    assert speed == pytest.approx(design.result.contact.relative_velocity, rel=1e-6)
+    assert page.inner_text("#name") == "cell.toml"
+    assert "[chain]" in page.inner_text("#static-note")
+    page.click("#toml")
+    written = tmp_path / "written.toml"
+    written.write_text(page.inner_text("#text"), encoding="utf-8")
+    again = pt.load_scenario(written)
+    assert again.scenario == task.scenario
+    if kind != "drag":
+        assert pt.design_gain(again).gain == pytest.approx(design.gain, rel=1e-6)
+    assert page.mistakes == []
 
 
 def test_dragging_the_trade_off_changes_the_gain_and_undo_takes_it_back(open_page, static_file):

@@ -13,6 +13,7 @@ import typer
 
 from pretouch._core.errors import PretouchError
 from pretouch._core.files import as_json
+from pretouch.studio.page_file import BUILD_CORE, CORE
 
 from .terminal import conclude, end, print_text
 
@@ -47,18 +48,25 @@ def _doctor(*, json: bool) -> None:
     programs = {name: shutil.which(name) is not None for name in _PROGRAMS}
     packages = {name: _version(name) for name in ("pretouch", *_required(""))}
     works = "problem" not in core and None not in packages.values()
+    page = CORE.exists()
     if json:
         document = {"status": "works" if works else "broken", "python": platform.python_version(), "core": core}
-        print_text(as_json({**document, "packages": packages, "missing_of_extras": extras, "programs": programs}))
+        parts = {"packages": packages, "missing_of_extras": extras, "page_core": page, "programs": programs}
+        print_text(as_json(document | parts))
     else:
-        print_text("\n".join(_lines(core, packages, extras, programs)))
+        print_text("\n".join(_lines(core, packages, extras, programs, page=page)))
     end(good=works)
 
 
 def _lines(
-    core: dict[str, Any], packages: dict[str, str | None], extras: dict[str, list[str]], programs: dict[str, bool]
+    core: dict[str, Any],
+    packages: dict[str, str | None],
+    extras: dict[str, list[str]],
+    programs: dict[str, bool],
+    *,
+    page: bool,
 ) -> list[str]:
-    """Return the state of the installation as lines of text."""
+    """Return the state of the installation as lines of text; `page`: the core of the studio's page exists."""
     own = packages.pop("pretouch")
     lines = [f"pretouch {own}, Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
     lines.append(
@@ -71,6 +79,8 @@ def _lines(
     for name, purpose in _EXTRAS.items():
         missing = extras[name]
         state = "installed" if not missing else f"missing {', '.join(missing)}: pip install 'pretouch[{name}]'"
+        if name == "studio" and not page:
+            state += f"; the core of its page is missing: {BUILD_CORE}"
         lines.append(f"  extra {name:<8} {state}  ({purpose})")
     for name, purpose in _PROGRAMS.items():
         state = "found" if programs[name] else f"not found: install {'a C compiler' if name == 'cc' else name}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -15,6 +14,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import as_json
 from pretouch._core.units import read_quantity
 
+from .columns import Columns, Labels, Select, read_columns, read_labels, read_selection, selection_of
 from .terminal import Presentation, end, option, print_progress, print_text, verb
 
 if TYPE_CHECKING:
@@ -33,20 +33,9 @@ def fit(
     no_object: Annotated[
         str | None, option("FILE|VALUE", "Readings without an object, in addition to those in FILE.")
     ] = None,
-    select: Annotated[list[str] | None, option("COLUMN=VALUE", "Fit only curves with this label; repeatable.")] = None,
-    columns: Annotated[
-        str | None,
-        option(
-            "distance=COLUMN,output=COLUMN",
-            'Columns of distance and output, by header, number (from 1) or unit, such as "distance=1,output=3 [V]".',
-        ),
-    ] = None,
-    labels: Annotated[
-        str | None,
-        option(
-            "COLUMN,...|none", "The columns with labels of curves; by default all columns except distance and output."
-        ),
-    ] = None,
+    select: Select = None,
+    columns: Columns = None,
+    labels: Labels = None,
     saturation: Annotated[str, option("auto|none|VALUE", "Output at which the sensor clips.")] = "auto",
     near_field_peak: Annotated[str, option("auto|none|DISTANCE", "Distance of the near-field peak.")] = "auto",
     model: Annotated[list[str] | None, option("NAME", "Fit only this model; repeatable.")] = None,
@@ -64,9 +53,9 @@ def fit(
 
     request = FitRequest(
         path=file,
-        select=_selected(select or []),
-        columns=_columns(columns),
-        labels=None if labels is None else _names(labels),
+        select=read_selection(select),
+        columns=read_columns(columns),
+        labels=read_labels(labels),
         no_object=None if no_object is None else read_no_object(no_object, Path(), name="--no-object"),
         offset=_word_or(offset, ("auto", "fit", "zero"), read_output, "--offset"),
         saturation=_word_or(saturation, ("auto", "none"), read_output, "--saturation"),
@@ -104,34 +93,6 @@ def _word_or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: 
     return text if text in words else read(text, name=name)
 
 
-def _columns(text: str | None) -> dict[str, str]:
-    """Parse the option --columns, such as `distance=1,output=3 [V]`, which selects columns of a table."""
-    # A header may contain commas.
-    if text is None:
-        return {}
-    parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
-    if parts[0].strip() or len(parts) < 3:
-        raise InvalidInputError(
-            f"--columns: found {text!r}, expected NAME=COLUMN, where COLUMN is a header, a number from 1, or a "
-            'unit in brackets, for example "distance=1,output=3 [V]"'
-        )
-    return dict(zip(parts[1::2], parts[2::2], strict=True))
-
-
-def _names(text: str) -> tuple[str, ...]:
-    """Parse a list of column names such as `day,sensor`; the word `none` gives an empty list."""
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    return () if names == ("none",) else names
-
-
-def _selected(texts: list[str]) -> dict[str, str]:
-    """Parse the option that selects calibration curves by their labels, such as `day=30`."""
-    for text in texts:
-        if not re.fullmatch(r"[^=]+=.+", text):
-            raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")
-    return {key.strip(): value.strip() for key, value in (text.split("=", 1) for text in texts)}
-
-
 def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:
     """Fit one calibration curve, print the result and write its report."""
     report = request.rank(curve)
@@ -148,8 +109,7 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presen
     if shown.output is not None:
         raise InvalidInputError(
             f"--output: the file {request.path.name} contains {len(curves)} curves, but a report covers only one "
-            "curve; choose a curve with --select, for example "
-            f"{' '.join(f'--select {shlex.quote(part)}' for part in curves[0].label.split(', '))}"
+            f"curve; choose a curve with --select, for example {selection_of(curves[0].label)}"
         )
     width = max(len(curve.label) for curve in curves)
     usable, objects = 0, []

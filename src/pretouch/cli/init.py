@@ -7,23 +7,27 @@ import math
 import os
 import sys
 import tomllib
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
 import typer
 
-from pretouch._core.errors import InvalidInputError
+from pretouch._core.errors import InvalidInputError, PretouchError, UnitError
 from pretouch._core.files import as_json, refuse_input, write_text
-from pretouch._core.units import read_quantity
+from pretouch._core.units import missing_unit, read_quantity
 from pretouch._core.warning_codes import split_code
 
+from .columns import Columns, Labels, Select, read_columns, read_labels, read_selection, selection_of
 from .terminal import conclude, option, print_text
 from .verbs import refuse_existing
 
 if TYPE_CHECKING:
+    from pretouch.config.sensor import FitRequest
     from pretouch.simulation import SensorPart
 
+_T = TypeVar("_T")
 _NONE: Final = "other"  # the answer for a sensor that is no built-in part
 _INSIDE: Final = 0.98  # of the usable range, at which the encounter starts
 _ROUNDING: Final = 1e-6
@@ -35,6 +39,9 @@ def init(
         Path | None, typer.Argument(metavar="[CSV]", help="Calibration of your sensor, if you have one.")
     ] = None,
     *,
+    columns: Columns = None,
+    labels: Labels = None,
+    select: Select = None,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="PATH", help="The new scenario file.")] = Path(
         "scenario.toml"
     ),
@@ -64,40 +71,68 @@ def init(
     """
     given = {"part": part, "rate": rate, "recess": recess, "distance": distance, "speed": speed}
     given |= {"excursion": excursion, "contact-speed": contact_speed, "robot-mass": robot_mass}
-    conclude(partial(_init, csv, output, given, drag=drag, force=force, json=json), json_wanted=json)
+
+    def run() -> None:
+        request = _request(csv, columns, labels, select)
+        _init(request, output, given, drag=drag, force=force, json=json)
+
+    conclude(run, json_wanted=json)
 
 
-def _init(csv: Path | None, output: Path, given: dict[str, str | None], *, drag: bool, force: bool, json: bool) -> None:
+def _request(csv: Path | None, columns: str | None, labels: str | None, select: list[str] | None) -> FitRequest | None:
+    """Return the calibration file with the options for reading it; None without a calibration."""
+    from pretouch.config.sensor import FitRequest  # noqa: PLC0415 - keeps `pretouch --help` quick
+
+    if csv is not None:
+        return FitRequest(
+            path=csv, columns=read_columns(columns), labels=read_labels(labels), select=read_selection(select)
+        )
+    for name, value in (("columns", columns), ("labels", labels), ("select", select)):
+        if value:
+            raise InvalidInputError(f"--{name}: found without a calibration, expected the name of a CSV file as well")
+    return None
+
+
+def _init(
+    request: FitRequest | None, output: Path, given: dict[str, str | None], *, drag: bool, force: bool, json: bool
+) -> None:
     """Collect the answers, check the file that they result in, and write it."""
     from pretouch.config import load_document  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch.config.first_scenario import FirstScenario  # noqa: PLC0415
 
     refuse_existing(output, force=force)
-    if csv is not None:
-        refuse_input(output, [csv])
+    if request is not None:
+        refuse_input(output, request.files)
     if not output.parent.is_dir():
         raise InvalidInputError(f"{output.parent}: there is no such folder; make it, or choose another --output")
     asks = sys.stdin is not None and sys.stdin.isatty() and not json
-    chosen = _part(_answer("part", given, "VCNL4010" if csv is None else _NONE, asks))
-    near, far, warnings = _usable(csv, chosen)
+
+    def size(name: str, unit: str, asks: bool = asks) -> float:
+        return _answer(name, given, _DEFAULTS.get(name, ""), partial(_size, unit=unit), asks=asks)
+
+    chosen = _answer("part", given, "VCNL4010" if request is None else _NONE, _part, asks=asks)
+    near, far, warnings = _usable(request, chosen)
     if given["recess"] is not None:
-        near = read_quantity(given["recess"], "m", name="--recess")
+        near = _answer("recess", given, "", partial(_size, unit="m", zero=True), asks=False)
     reach = math.floor(1e4 * _INSIDE * (far - near)) / 1e4
-    start = min(reach, 0.3) if given["distance"] is None else _size("distance", given, "", "m", asks=False)
+    start = min(reach, 0.3) if given["distance"] is None else size("distance", "m", asks=False)
     if not start > 0:
         raise InvalidInputError(
             f"--recess: a recess of {near:g} m leaves nothing of the usable range, which ends at {far:g} m"
         )
     scenario = FirstScenario(
-        calibration="" if csv is None else Path(os.path.relpath(csv, output.parent)).as_posix(),
+        calibration="" if request is None else Path(os.path.relpath(request.path, output.parent)).as_posix(),
+        columns={} if request is None else request.columns,
+        labels=None if request is None else request.labels,
+        select={} if request is None else request.select,
         recess=near,
         part=chosen,
-        rate=_size("rate", given, _DEFAULTS["rate"], "Hz", asks=asks) if chosen is None else chosen.chain.rate,
+        rate=size("rate", "Hz") if chosen is None else chosen.chain.rate,
         distance=float(f"{start:.4g}"),
-        speed=_size("speed", given, _DEFAULTS["speed"], "m/s", asks=asks),
-        excursion=_size("excursion", given, _DEFAULTS["excursion"], "m", asks=asks),
-        contact_speed=None if given["contact-speed"] is None else _size("contact-speed", given, "", "m/s", asks=False),
-        robot_mass=_size("robot-mass", given, _DEFAULTS["robot-mass"], "kg", asks=asks),
+        speed=size("speed", "m/s"),
+        excursion=size("excursion", "m"),
+        contact_speed=None if given["contact-speed"] is None else size("contact-speed", "m/s", asks=False),
+        robot_mass=size("robot-mass", "kg"),
         drag=drag,
     )
     text = scenario.text()
@@ -115,31 +150,41 @@ def _init(csv: Path | None, output: Path, given: dict[str, str | None], *, drag:
             )
         )
         return
-    source = "your calibration" if csv is not None else "a typical sensor curve; replace it by your calibration"
-    if csv is None and chosen is not None and chosen.chain.measures_distance:
+    source = "your calibration" if request is not None else "a typical sensor curve; replace it by your calibration"
+    if request is None and chosen is not None and chosen.chain.measures_distance:
         source = f"the {chosen.name}, which needs no calibration, because it reports distances"
     print_text(
         f"{output}: a first scenario with {source}.\n\nCheck the values in the file. Then run\n"
         f"  pretouch design {output}    to choose the gain, and\n"
         f"  pretouch verify {output}    to check it on the sampled loop."
     )
-    if warnings:
+    if request is not None and warnings:
         from .summary import warning_lines  # noqa: PLC0415 - keeps `pretouch --help` quick
 
         lines = [
-            f"\nThe readings in {csv} are usable with reservations.",
+            f"\nThe readings in {request.path} are usable with reservations.",
             *(x for w in warnings for x in warning_lines(w)),
         ]
         print_text("\n".join(lines))
 
 
-def _answer(name: str, given: dict[str, str | None], default: str, asks: bool) -> str:
-    """Return the value of an option, the answer to a question, or the default."""
+def _answer(name: str, given: dict[str, str | None], default: str, read: Callable[[str], _T], *, asks: bool) -> _T:
+    """Parse the value of an option, the answer to a question, or the default; ask again after a wrong answer."""
     value = given[name]
-    if value is not None or not asks:
-        return default if value is None else value
-    answer: Any = typer.prompt(_QUESTIONS[name], default=default, err=True)
-    return str(answer)
+
+    def read_answer(text: Any) -> _T:
+        try:
+            return read(str(text))
+        except PretouchError as error:
+            raise typer.BadParameter(str(error)) from None
+
+    if value is None and asks:
+        answer: _T = typer.prompt(_QUESTIONS[name], default=default, err=True, value_proc=read_answer)
+        return answer
+    try:
+        return read(default if value is None else value)
+    except PretouchError as error:
+        raise InvalidInputError(f"--{name}: {error}") from None
 
 
 _QUESTIONS: Final = {
@@ -150,13 +195,29 @@ _QUESTIONS: Final = {
     "robot-mass": "Reflected mass of the robot at the contact point",
 }
 
+_DIMENSIONS: Final = {
+    "m": ("length", "200 mm"),
+    "m/s": ("speed", "0.3 m/s"),
+    "kg": ("mass", "4 kg"),
+    "Hz": ("rate", "100 Hz"),
+}
+"""The name and an example of the quantities that have a unit."""
 
-def _size(name: str, given: dict[str, str | None], default: str, unit: str, *, asks: bool) -> float:
-    """Return a positive quantity from an option, an answer or the default."""
-    value = read_quantity(_answer(name, given, default, asks), unit, name=f"--{name}")
-    if not 0 < value < float("inf"):
-        raise InvalidInputError(f"--{name}: found {value:g} {unit}, expected a positive number")
-    return float(value)
+
+def _size(text: str, *, unit: str, zero: bool = False) -> float:
+    """Parse a positive quantity with its unit; `zero` also allows 0."""
+    name, example = _DIMENSIONS[unit]
+    if zero and text.strip() == "0":
+        return 0.0
+    try:
+        value = math.nan if missing_unit(text, unit) else read_quantity(text, unit, name="")
+    except UnitError:
+        value = math.nan
+    if math.isnan(value):
+        raise InvalidInputError(f"found {text}, expected a {name} with its unit, such as {example}")
+    if not (0 < value < math.inf or (zero and value == 0)):
+        raise InvalidInputError(f"found {text}, expected a positive {name}, such as {example}")
+    return value
 
 
 def _part(name: str) -> SensorPart | None:
@@ -167,25 +228,23 @@ def _part(name: str) -> SensorPart | None:
         return None
     known = {known.lower(): part for known, part in PARTS.items()}
     if name.lower() not in known:
-        raise InvalidInputError(f"--part: found {name!r}, expected one of {', '.join(PARTS)}, or {_NONE}")
+        raise InvalidInputError(f"found {name!r}, expected one of {', '.join(PARTS)}, or {_NONE}")
     return known[name.lower()]
 
 
-def _usable(csv: Path | None, part: SensorPart | None) -> tuple[float, float, tuple[str, ...]]:
+def _usable(request: FitRequest | None, part: SensorPart | None) -> tuple[float, float, tuple[str, ...]]:
     """Return the smallest (in tenths of mm) and the largest usable distance [m], and warnings about the calibration."""
-    if csv is None:
+    if request is None:
         return 0.0, 0.1 if part is None else part.range[1], ()
-    from pretouch.config.sensor import FitRequest  # noqa: PLC0415
-
-    request = FitRequest(path=csv)
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(
-            f"{csv}: found {len(curves)} curves, expected one; select a curve with the key `select` of [sensor]"
+            f"{request.path}: found {len(curves)} curves, expected one; choose a curve with --select, for example "
+            f"{selection_of(curves[0].label)}"
         )
     report = request.rank(curves[0])
     if report.best is None:
         reasons = " ".join(split_code(reason)[1] for reason in report.reasons)
-        raise InvalidInputError(f"{csv}: {report.verdict}, so no sensor curve can be fitted. {reasons}")
+        raise InvalidInputError(f"{request.path}: {report.verdict}, so no sensor curve can be fitted. {reasons}")
     warnings = () if report.verdict == "usable" else report.reasons
     return math.ceil(1e4 * report.window.l_min - _ROUNDING) / 1e4, report.window.l_max, warnings

@@ -28,7 +28,7 @@ def studio(
 
     Serves a page on 127.0.0.1 that computes the motion while you drag, and asks this program for fits, simulations with
     noise, verification and exports. Ends with Ctrl+C. This command needs more libraries: pip install
-    'pretouch[studio]'. With --output, the page is written to a file, without these parts.
+    'pretouch[studio]'. With --output, writes the page with the scenario of FILE to an HTML file, without these parts.
 
     Exit status: 0 ended, or the page is written, 2 a mistake in the request.
     """
@@ -39,13 +39,17 @@ def studio(
 
 def _studio(file: Path | None, port: int, *, browser: bool, output: Path | None, force: bool, json: bool) -> None:
     """Serve the page, or write it to a file."""
-    from pretouch._core.files import as_json  # noqa: PLC0415 - keeps `pretouch --help` quick
+    from pretouch._core.files import as_json, refuse_input, write_text  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     if output is not None:
         from pretouch.studio.page_file import page_text  # noqa: PLC0415
+        from pretouch.studio.page_scenario import scenario_of_page  # noqa: PLC0415
 
         refuse_existing(output, force=force)
-        output.write_text(page_text(), encoding="utf-8")
+        if file is not None:
+            refuse_input(output, [file])
+        scenario = None if file is None else scenario_of_page(file)
+        write_text(output, page_text(scenario=scenario), overwrite=force)
         print_text(as_json({"status": "written", "page": str(output)}) if json else f"Page: {output}")
         return
     from pretouch.studio.serve import serve_studio  # noqa: PLC0415

@@ -21,20 +21,23 @@ def summary_of(page: Page, *, lines: int, opening: Sequence[str] = (), ending: S
 
     Args:
         page: the page.
-        lines: the largest number of lines. Warnings and findings that do not fit are counted instead of printed.
+        lines: the largest number of lines. Warnings, findings and reservations that do not fit are counted instead of
+            printed, and key figures that do not fit are left out. The next step is always printed.
         opening: sentences before the headline, such as that readings contradict the answer.
         ending: lines at the end, such as the verdict on the calibration.
 
     Returns:
         The text.
     """
-    top = [line for text in (*opening, page.headline, *page.reservations) for line in wrapped(text)]
-    figures = _figures(page)[: max(lines - len(top) - len(ending) - 3, 0)]
+    top = [line for text in (*opening, page.headline) for line in wrapped(text)]
     step = wrapped(f"Next: {page.next_step}.", indent="  ") if page.next_step else []
     step += [f"  {line}" for line in page.next_lines]
-    room = lines - len(top) - len(figures) - len(ending) - len(step) - 2  # one empty line before and after the figures
-    if room < 1:
-        step, room = [], room + len(step)
+    room = lines - len(top) - len(ending) - len(step) - 2  # one empty line before and after the figures
+    reservations = [wrapped(text) for text in page.reservations]
+    top += _fitting(reservations, room - 1, len(reservations))
+    room = lines - len(top) - len(ending) - len(step) - 2
+    figures = _figures(page)[: max(room - 1, 0)]
+    room -= len(figures)
     findings = [wrapped(text, first="  - ", indent="    ") for text in page.findings]
     warnings = [warning_lines(text) for text in page.warnings]
     shown = _fitting([*findings, *warnings], room, len(findings))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,7 +23,7 @@ natural_frequency = "{frequency}"   # how fast the robot returns to its task; cr
 
 [obstacle]                        # what approaches; position when the sensor first sees it
 position = "{position}"
-velocity = "-{speed}"            # negative: toward the robot
+velocity = "-{speed}"            # negative: toward the robot; change the mean in [uncertainty] with it
 
 [objective]                       # what the design minimizes: retreat and contact speed, each relative to its scale
 kind = "excursion"
@@ -34,12 +36,13 @@ bounds = ["{strongest}", "{weakest}"]
 {law}[constraints]                     # limits; the design keeps them, and pretouch verify checks them
 excursion = "{excursion}"            # how far the robot can retreat
 {contact_speed}
-[impact]                          # physical properties, for contact forces
-robot_mass = "{robot_mass}"             # reflected mass at the contact point; pretouch project computes it from a model
+[impact]                          # physical properties, for contact forces; pretouch project computes the mass
+robot_mass = "{robot_mass}"             # reflected mass at the contact point; change it together with mass in [robot]
 effective_modulus = "10 MPa"      # a padded link
 radius = "10 mm"
 
 [uncertainty]                     # pretouch robust and pretouch verify vary these inputs
+# normal = [mean, standard deviation]: change the mean together with velocity in [obstacle]
 obstacle.velocity = {{ normal = ["-{speed}", "{spread}"], between = ["-{fastest}", "-{slowest}"] }}
 
 [chain]                           # the sensor as it runs on the robot
@@ -49,7 +52,7 @@ rate = "1 kHz"
 {controller}
 [robot]                           # how the robot follows commands; replace by your robot
 kind = "impedance"
-mass = "{robot_mass}"
+mass = "{robot_mass}"             # change it together with robot_mass in [impact]
 stiffness = "4 kN/m"
 damping = "250 N*s/m"
 bandwidth = "80 Hz"
@@ -63,8 +66,8 @@ runs = 500
 """
 _CALIBRATED: Final = """\
 [sensor]                          # the curve is fitted to your calibration whenever the file is read
-calibration = "{calibration}"
-{recess}"""
+calibration = {calibration}
+{reading}{recess}"""
 _TYPICAL: Final = """\
 [sensor]                          # NOT your sensor: a typical curve with the signal of a {part}
 model = "inverse-power"           # measure your own: pretouch record, then calibration = "sensor.csv"
@@ -98,6 +101,9 @@ class FirstScenario(Value):
 
     Args:
         calibration: path of a calibration file as the scenario file names it; empty for none.
+        columns: the columns of distance and output in the calibration; empty to find them.
+        labels: the label columns of the calibration; None for all columns except distance and output.
+        select: the labels of the curve in the calibration.
         recess: distance of the sensor behind the contact surface [m].
         part: the built-in sensor part; None for any other sensor.
         rate: readings per second [Hz], for a sensor that is no built-in part.
@@ -110,6 +116,9 @@ class FirstScenario(Value):
     """
 
     calibration: str
+    columns: Mapping[str, str | int]
+    labels: Sequence[str | int] | None
+    select: Mapping[str, str | int | float]
     recess: float
     part: SensorPart | None
     rate: float
@@ -153,7 +162,7 @@ class FirstScenario(Value):
         if self.calibration:
             line = f'recess = "{_as_text(self.recess, "m")}"  # the sensor is this far behind the contact surface\n'
             recess = line if self.recess else ""
-            return _CALIBRATED.format(calibration=self.calibration, recess=recess)
+            return _CALIBRATED.format(calibration=_quoted(self.calibration), reading=self._reading(), recess=recess)
         name = "sensor" if self.part is None else self.part.name
         at, output = self._signal()
         unit = "" if self.part is None else self.part.unit
@@ -161,6 +170,17 @@ class FirstScenario(Value):
         return (_RANGING if self._reports_distance else _TYPICAL).format(
             part=name, scale=f'"{number} {unit}"' if unit else number
         )
+
+    def _reading(self) -> str:
+        """Return the keys that select the columns and the curve of the calibration."""
+        lines = []
+        if self.columns:
+            lines.append(f"columns = {_table(self.columns)}")
+        if self.labels is not None:
+            lines.append(f"labels = [{', '.join(map(_quoted, self.labels))}]")
+        if self.select:
+            lines.append(f"select = {_table(self.select)}")
+        return "".join(f"{line}\n" for line in lines)
 
     def _signal(self) -> tuple[float, float]:
         """Return a distance and the output of the typical curve there."""
@@ -189,6 +209,17 @@ class FirstScenario(Value):
     def _controller(self) -> str:
         floor = "floor = 1.0                       # smallest sensor output that counts as an object\n"
         return floor if self._reports_distance else ""
+
+
+def _quoted(text: object) -> str:
+    """Return a text as TOML."""
+    return json.dumps(str(text), ensure_ascii=False)
+
+
+def _table(texts: Mapping[str, object]) -> str:
+    """Return a table of texts as TOML."""
+    keys = {key: key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quoted(key) for key in texts}
+    return f"{{ {', '.join(f'{keys[key]} = {_quoted(text)}' for key, text in texts.items())} }}"
 
 
 def _as_text(value: float, unit: str) -> str:

@@ -14,7 +14,6 @@ from pretouch._core.vocabulary import QUANTITIES, words_for
 from pretouch.motion import DAMPER, DRAG, ContactResult, ContactStatus, LawNumber
 from pretouch.motion.contact import ContactState
 from pretouch.motion.page_sections import (
-    RECEDING,
     inputs_section,
     method_section,
     scenario_rows,
@@ -29,7 +28,7 @@ from .evidence_page import evidence_section, sensitivity_section
 from .gain import GainDesign
 from .impact import ImpactModel, impact_rows
 from .objectives import Objective
-from .page_sentences import limit_in_words, verify_step
+from .page_sentences import limit_in_words, step_without_gain, verify_step
 from .quantities import quantity_of
 from .task import Task
 
@@ -135,8 +134,6 @@ def _findings(design: GainDesign) -> Iterator[str]:
 
 
 def _next_step(design: GainDesign) -> str:
-    if design.scenario.relative_velocity > 0 and design.result is None:
-        return RECEDING
     if design.without_margin is not None:
         gain = design.without_margin.gain
         return (
@@ -144,9 +141,7 @@ def _next_step(design: GainDesign) -> str:
             "and `pretouch verify` reports the sensor rate that this value needs"
         )
     if design.result is None:
-        return (
-            "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
-        )
+        return step_without_gain(design.scenario, contact=design.status is not DesignStatus.NO_CONTACT)
     return verify_step(design.problem.task)
 
 

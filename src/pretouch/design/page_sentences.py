@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pretouch._core.units import format_quantity
+from pretouch.motion import Scenario
+from pretouch.motion.page_sections import RECEDING
 
 from .task import Task
 
@@ -11,6 +13,22 @@ def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, 
     """Return a sentence with the value of a limited quantity, its limit, and whether the limit is met."""
     reached = "none" if value is None else format_quantity(value, unit, 3)
     return f"{quantity} {reached}, limit {format_quantity(limit, unit, 3)}: {'met' if met else 'exceeded'}"
+
+
+def step_without_gain(scenario: Scenario, *, contact: bool) -> str:
+    """Return the text of the next step after a search without result.
+
+    Args:
+        scenario: the encounter.
+        contact: whether any gain within the bounds ends in contact.
+    """
+    if contact:
+        return (
+            "relax a limit, widen the bounds of the gain, or detect the object earlier (a sensor with a longer range)"
+        )
+    if scenario.relative_velocity > 0:
+        return RECEDING
+    return "check the motion of the object, or allow weaker gains: no gain within the bounds ends in contact"
 
 
 def verify_step(task: Task) -> str:

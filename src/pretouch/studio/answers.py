@@ -19,14 +19,17 @@ from .opened_files import OpenedFiles, change_text
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, SensorFit
     from pretouch.design import Task
+    from pretouch.sensors import SensorModel
 
-_SECTIONS: Final = (
+SECTIONS: Final = (
     *("sensor", "admittance", "obstacle", "plant", "reference", "objective", "gain", "law", "constraints"),
 )
 """The sections whose values the page shows."""
 
 _MODELS: Final = ("inverse-power", "exponential-1", "exponential-2")
-_LIMITS: Final = {"excursion", "relative_velocity", "acceleration", "virtual_force"}
+LIMITS: Final = ("excursion", "relative_velocity", "acceleration", "virtual_force")
+"""The limits that the page computes."""
+
 _SAMPLES: Final = 300
 _POINTS: Final = 160
 _MOST: Final = 4000  # readings that are drawn
@@ -48,21 +51,26 @@ def describe_scenario(files: OpenedFiles, text: str) -> dict[str, Any]:
 
     task = load_scenario(files.write_scenario(text))
     document = tomllib.loads(text)
-    fields = dict(_texts(document))
+    fields = dict(texts_of(document))
     fixed, notes = _fixed(task, document)
     if task.drag_effect is not None and "law.ratio" not in fields:
-        from pretouch.design import design_drag  # noqa: PLC0415
-
-        contact = design_drag(task).result.contact
-        fields["law.ratio"] = f"{contact.relative_velocity / task.scenario.relative_velocity:.6g}"
+        fields["law.ratio"] = ratio_of_drag(task)
         notes.append("law: the page chooses a drag by its ratio; this ratio has the effect that the file requires")
     sections = {name: name in document for name in ("uncertainty", "chain", "controller")}
     return {"fields": fields, "fixed": fixed, "notes": notes, "sections": sections}
 
 
-def _texts(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+def ratio_of_drag(task: Task) -> str:
+    """Return the ratio of contact speed to approach speed of the drag that has the required effect."""
+    from pretouch.design import design_drag  # noqa: PLC0415
+
+    contact = design_drag(task).result.contact
+    return f"{contact.relative_velocity / task.scenario.relative_velocity:.6g}"
+
+
+def texts_of(document: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the values of the sections that the page shows, as texts or lists of texts."""
-    for section in _SECTIONS:
+    for section in SECTIONS:
         for key, value in document.get(section, {}).items():
             if isinstance(value, list) and not any(isinstance(part, dict) for part in value):
                 yield f"{section}.{key}", [str(part) for part in value]
@@ -91,7 +99,7 @@ def _fixed(task: Task, document: dict[str, Any]) -> tuple[dict[str, Any], list[s
         if terms is None:
             notes.append("objective: the search of the page cannot compute this objective; run pretouch design")
         fixed["terms"] = [[float(x) for x in row] for row in terms or ()]
-    others = [c for c in task.limits if c.name not in _LIMITS]
+    others = [c for c in task.limits if c.name not in LIMITS]
     rows = limit_rows(problem, others)
     if rows is None:
         notes.append("constraints: the search of the page cannot compute some constraints; run pretouch design")
@@ -154,7 +162,7 @@ def _fit_as_dict(fit: SensorFit, verdict: str) -> dict[str, Any]:
     """Return the data of a fit that the page draws, and the keys of a scenario file that describe the curve."""
     sensor, window = fit.sensor, fit.window
     drawn = np.linspace(window.l_min, window.l_max, _POINTS)
-    fields = {f"sensor.{name}": f"{value!r} {unit}".strip() for name, value, unit in _parameters(fit)}
+    fields = {f"sensor.{name}": text for name, text in parameters_of(sensor).items()}
     largest = f"{sensor.valid_range[1]!r} m"
     return {
         "verdict": verdict,
@@ -173,9 +181,10 @@ def _fit_as_dict(fit: SensorFit, verdict: str) -> dict[str, Any]:
     }
 
 
-def _parameters(fit: SensorFit) -> Iterator[tuple[str, float, str]]:
-    for name, value in fit.sensor.parameters.items():
-        yield name, float(value), fit.sensor.parameter_units[name]
+def parameters_of(sensor: SensorModel) -> dict[str, str]:
+    """Return the parameters of a sensor curve as texts with units."""
+    units = sensor.parameter_units
+    return {name: f"{float(value)!r} {units[name]}".strip() for name, value in sensor.parameters.items()}
 
 
 def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from pretouch.motion.curve import LARGEST_START, approach_windows, curve_pieces, curve_tops, reach_to
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 
-_IN_THE_PAGE: Final[tuple[type[SensorModel], ...]] = (InversePower, ExponentialFirstOrder, ExponentialSecondOrder)
+IN_THE_PAGE: Final[tuple[type[SensorModel], ...]] = (InversePower, ExponentialFirstOrder, ExponentialSecondOrder)
 """The sensor curves that the page computes from their parameters."""
 
 _RANGE: Final = 256.0  # range of the polynomials, relative to the initial distance, because the object may recede first
@@ -32,7 +32,7 @@ def describe_curve(sensor: SensorModel, distance: float) -> dict[str, Any]:
     curve, recess = sensor.bare
     low, high = sensor.valid_range
     largest = None if math.isinf(high) else high
-    if type(curve) in _IN_THE_PAGE:
+    if type(curve) in IN_THE_PAGE:
         return {"model": curve.name, "recess": recess, "maximum_distance": largest, **curve.parameters}
     if distance > LARGEST_START or low > 0:
         if low > 0:

@@ -21,6 +21,16 @@ from pretouch._core.errors import BrokenCoreError
 from pretouch._core.units import unit_tables
 
 _FOLDER: Final = Path(__file__).with_name("page")
+CORE: Final = _FOLDER / "core.wasm"
+"""The compiled core of the page. Wheels without it were built without zig."""
+
+BUILD_CORE: Final = (
+    "run make page in the source tree"
+    if (_FOLDER.parents[3] / "native/build.py").exists()  # pretouch runs from its source tree
+    else "run make page in the source tree of pretouch, and then pip install '.[studio]' there"
+)
+"""How to get a missing core of the page."""
+
 _FIGURES: Final = ("core", "model", "charts", "encounter", "live", "figures")
 _PAGE: Final = ("core", "model", "charts", "encounter", "live", "app", "start")
 _STUDIO: Final = (*_PAGE[:-1], "server", "start")
@@ -32,17 +42,21 @@ _POLICY: Final = (
 )
 
 
-def page_text(server: Mapping[str, Any] | None = None, *, nonce: str | None = None) -> str:
+def page_text(
+    server: Mapping[str, Any] | None = None, *, scenario: Mapping[str, Any] | None = None, nonce: str | None = None
+) -> str:
     """Return the page as one HTML document, which makes no request to any address except its own server.
 
     Args:
         server: the data with which the page connects to its server, such as the token; None for a page without server.
+        scenario: the scenario with which a page without server starts, from `scenario_of_page`; None for the example of
+            the letter.
         nonce: the nonce of the scripts, if the content security policy of the server requires one.
 
     Returns:
         The document.
     """
-    data = _data() if server is None else {**_data(), "server": server}
+    data = _data() | {name: value for name, value in (("server", server), ("scenario", scenario)) if value is not None}
     content = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     allowed = "" if nonce is None else f' nonce="{nonce}"'
     data_of_page = "JSON.parse(document.getElementById('pretouch-data').textContent)"
@@ -53,7 +67,8 @@ def page_text(server: Mapping[str, Any] | None = None, *, nonce: str | None = No
         f"<script{allowed}>{_library()}</script>\n<script{allowed}>{_joined(modules, run)}</script>"
     )
     page = Template((_FOLDER / "page.html").read_text(encoding="utf-8"))
-    title = "pretouch: try it" if server is None else f"{server['title']} - pretouch studio"
+    opened = server or scenario
+    title = "pretouch: try it" if opened is None else f"{opened['title']} - pretouch studio"
     policy = _POLICY if server is None else ""
     return page.substitute(title=_escaped(title), style=_page_style(), scripts=scripts, policy=policy)
 
@@ -134,13 +149,12 @@ def _escaped(text: str) -> str:
 @lru_cache(maxsize=1)
 def _data() -> dict[str, Any]:
     """Return the compiled core, compressed with gzip and encoded as base64, and the table of units."""
-    path = _FOLDER / "core.wasm"
     try:
-        content = path.read_bytes()
+        content = CORE.read_bytes()
     except FileNotFoundError:
         raise BrokenCoreError(
-            f"the page of pretouch studio cannot be used, because the file {path.name} in the folder {path.parent} is "
-            "missing. Install a released wheel of pretouch; in a source tree, run: make page"
+            f"the page of pretouch studio cannot be used, because the file {CORE.name} in the folder {CORE.parent} is "
+            f"missing: {BUILD_CORE}"
         ) from None
     packed = gzip.compress(content, compresslevel=9, mtime=0)
     return {"core": base64.b64encode(packed).decode(), "units": unit_tables()}

@@ -11,7 +11,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch._core.progress import note_work
-from pretouch.design import GainDesign, Task, design_gain
+from pretouch.design import DesignStatus, GainDesign, Task, design_gain
 from pretouch.design.gain import designed_number
 from pretouch.design.task import with_file_location
 from pretouch.motion import ContactResult
@@ -31,9 +31,11 @@ from .reasons import judge, no_gain_with_margin
 from .result import Verdict
 from .stability import check_stability, limit_of, plausible_rate, rates_for_margins, stability_margin
 
-_NO_LOOP: Final = (
-    "loop: found none, expected the sampled loop, loop=ClosedLoop(...); in a file [chain] and [controller], such as "
-    '[chain] with part = "VCNL4010" and [controller] with rate = "1 kHz"'
+_NO_LOOP: Final = "loop: found none, expected the sampled loop, loop=ClosedLoop(...)"
+_NO_LOOP_IN_FILE: Final = (
+    "found no sections [chain] and [controller], expected both, because they describe the sampled loop; add, for "
+    'example, [chain] with part = "VCNL4010" and [controller] with rate = "1 kHz". pretouch init writes a file that '
+    "has both sections"
 )
 
 
@@ -187,7 +189,7 @@ def _check_task(task: Task) -> Task:
 def _loop_of(task: Task) -> ClosedLoop:
     """Return the sampled loop of a task; raise an error if the task has no such loop."""
     if task.loop is None:
-        raise InvalidInputError(_NO_LOOP)
+        raise InvalidInputError(_NO_LOOP if task.source is None else _NO_LOOP_IN_FILE)
     if not isinstance(task.loop, ClosedLoop):
         raise InvalidInputError(f"loop: found {type(task.loop).__name__}, expected a ClosedLoop")
     law = task.loop.continuous
@@ -279,9 +281,16 @@ def chosen_gain(task: Task) -> float:
         return task.gain
     designed = designed_number(task)
     if designed is None:
-        status = design_gain(task.replace(evaluate=None)).status.value
-        raise InvalidInputError(
-            f'gain: there is no gain to simulate, because the design is {status}. Set gain = "-0.7 N*s" '
-            "in [controller], the option --gain, or gain=-0.7 in Python"
-        )
+        raise InvalidInputError(f"gain: there is no gain to simulate, because {_why_no_gain(task)}")
     return designed
+
+
+def _why_no_gain(task: Task) -> str:
+    """Return why a design found no gain, and what to do."""
+    status = design_gain(task.replace(evaluate=None)).status
+    if status is DesignStatus.NO_CONTACT and task.scenario.relative_velocity > 0:
+        return "the object moves away from the robot. Give the obstacle a negative velocity"
+    reason = (
+        "the design is infeasible" if status is DesignStatus.INFEASIBLE else "no gain within the bounds ends in contact"
+    )
+    return f'{reason}. Set gain = "-0.7 N*s" in [controller], the option --gain, or gain=-0.7 in Python'

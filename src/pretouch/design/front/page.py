@@ -24,6 +24,7 @@ from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion.page_sections import inputs_section, method_section
 
 from ..impact import impact_rows
+from ..page_sentences import step_without_gain
 from .result import FrontPoint, FrontStatus, ParetoFront
 
 Row = tuple[Cell, ...]
@@ -62,7 +63,7 @@ def front_page(front: ParetoFront) -> Page:
         key_figures=tuple(_key_figures(front)),
         warnings=front.problem.task.warnings,
         findings=tuple(_sentences(front)) if len(front.gain) else (),
-        next_step="choose a point of the front in the report, and design with its limits",
+        next_step=_next_step(front),
         lead="pareto",
         blocks=(
             _points(front) if len(front.gain) else None,
@@ -71,6 +72,12 @@ def front_page(front: ParetoFront) -> Page:
             method_section(method, solved_on="loop" if method == "loop" else "motion"),
         ),
     )
+
+
+def _next_step(front: ParetoFront) -> str:
+    if front.status is FrontStatus.FOUND:
+        return "choose a point of the front in the report, and design with its limits"
+    return step_without_gain(front.scenario, contact=front.status is not FrontStatus.NO_CONTACT)
 
 
 def _key_figures(front: ParetoFront) -> Iterator[tuple[str, Cell]]:

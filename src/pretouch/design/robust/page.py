@@ -22,7 +22,7 @@ from pretouch._core.blocks import (
 )
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import unit_of, words_for
-from pretouch.motion.page_sections import inputs_section, method_section, solved_on
+from pretouch.motion.page_sections import RECEDING, inputs_section, method_section, solved_on
 from pretouch.motion.scenario import input_units
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
@@ -137,7 +137,7 @@ def robust_page(design: RobustDesign) -> Page:
         good=design.status is DesignStatus.OPTIMAL,
         key_figures=() if v is None else tuple(_key_figures(design, v)),
         findings=() if v is None else tuple(_findings(v)),
-        next_step=_NEXT.get(design.status) or verify_step(design.problem.task),
+        next_step=_next_step(design),
         lead="outcome",
         warnings=design.warnings,
         blocks=(
@@ -160,6 +160,13 @@ def robust_page(design: RobustDesign) -> Page:
             method_section(design.method, design.sensor, solved_on=solved_on(design), others=(premise,)),
         ),
     )
+
+
+def _next_step(design: RobustDesign) -> str:
+    if design.status is DesignStatus.NO_CONTACT and design.scenario.relative_velocity > 0:
+        uncertain = "obstacle.velocity" in design.uncertainty
+        return f"{RECEDING}; change the velocity in [uncertainty] as well" if uncertain else RECEDING
+    return _NEXT.get(design.status) or verify_step(design.problem.task)
 
 
 def _section(title: str, head: Row, rows: Iterable[Row], note: str, *, wraps: bool = False) -> PageSection:

@@ -18,7 +18,7 @@ const MODEL_DEFAULTS = {
 };
 
 export class Page {
-    constructor(core, { key = "pretouch", name = "" } = {}) {
+    constructor(core, { key = "pretouch", name = "", fields = LETTER } = {}) {
         this.core = core;
         this.key = key;
         this.past = [];
@@ -29,7 +29,7 @@ export class Page {
             this.delays.push(performance.now() - data);
             this.delays.splice(0, this.delays.length - HISTORY);
         };
-        this.state = this.#restored() ?? { fields: { ...LETTER }, chosen: null, fixed: {}, pins: [], file: null };
+        this.state = this.#restored() ?? { fields: { ...fields }, chosen: null, fixed: {}, pins: [], file: null };
         byId("name").textContent = name;
         byId("inputs").open = innerWidth >= 820; // on a telephone, the result comes first
         this.#charts();

@@ -1,0 +1,59 @@
+"""Options that select the columns and the curves of a calibration file, and their parsers."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from typing import Annotated, TypeAlias
+
+from pretouch._core.errors import InvalidInputError
+
+from .terminal import option
+
+Select: TypeAlias = Annotated[list[str] | None, option("COLUMN=VALUE", "Use only curves with this label; repeatable.")]
+Columns: TypeAlias = Annotated[
+    str | None,
+    option(
+        "distance=COLUMN,output=COLUMN",
+        'Columns of distance and output, by header, number (from 1) or unit, such as "distance=1,output=3 [V]".',
+    ),
+]
+Labels: TypeAlias = Annotated[
+    str | None,
+    option("COLUMN,...|none", "The columns with labels of curves; by default all columns except distance and output."),
+]
+
+
+def read_columns(text: str | None) -> dict[str, str]:
+    """Parse the option --columns, such as `distance=1,output=3 [V]`, which selects columns of a table."""
+    # A header may contain commas.
+    if text is None:
+        return {}
+    parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
+    if parts[0].strip() or len(parts) < 3:
+        raise InvalidInputError(
+            f"--columns: found {text!r}, expected NAME=COLUMN, where COLUMN is a header, a number from 1, or a "
+            'unit in brackets, for example "distance=1,output=3 [V]"'
+        )
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def read_labels(text: str | None) -> tuple[str, ...] | None:
+    """Parse the option --labels such as `day,sensor`; the word `none` gives an empty list."""
+    if text is None:
+        return None
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    return () if names == ("none",) else names
+
+
+def read_selection(texts: list[str] | None) -> dict[str, str]:
+    """Parse the option --select, which selects calibration curves by their labels, such as `day=30`."""
+    for text in texts or ():
+        if not re.fullmatch(r"[^=]+=.+", text):
+            raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")
+    return {key.strip(): value.strip() for key, value in (text.split("=", 1) for text in texts or ())}
+
+
+def selection_of(label: str) -> str:
+    """Return the options --select that select the curve with a label, as they are typed."""
+    return " ".join(f"--select {shlex.quote(part)}" for part in label.split(", "))

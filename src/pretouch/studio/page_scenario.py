@@ -1,0 +1,100 @@
+"""Prepare a scenario for a page without server, which must compute everything itself."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from pretouch._core.errors import InvalidInputError
+from pretouch.motion.laws import DAMPER, DRAG
+
+from .answers import LIMITS, SECTIONS, parameters_of, ratio_of_drag, texts_of
+from .curves import IN_THE_PAGE
+
+if TYPE_CHECKING:
+    from pretouch.design import Task
+
+_KINDS: Final = {"excursion", "time"}
+"""The kinds of objectives that the page computes from their fields."""
+
+
+def scenario_of_page(file: Path) -> dict[str, Any]:
+    """Read a scenario file for a page without server.
+
+    A calibrated sensor gets the parameters of its fitted curve, because the page cannot fit.
+
+    Args:
+        file: the scenario file (TOML).
+
+    Returns:
+        `title`, the name of the file; `key`, under which the browser stores changes; `fields`, the values by
+        `section.key`; `note`, a sentence on parts of the scenario that the page does not use.
+
+    Raises:
+        InvalidInputError: the page cannot compute this scenario without a server.
+    """
+    from pretouch.config import load_scenario  # noqa: PLC0415 - only when a file is read
+
+    task = load_scenario(file)
+    text = file.read_text(encoding="utf-8-sig")
+    document = tomllib.loads(text)
+    reason = next(_obstacles(task, document), None)
+    if reason is not None:
+        raise InvalidInputError(
+            f"{file}: a page without server cannot compute this scenario, because {reason}. Leave out --output to use "
+            f"the page with its server: pretouch studio {file}"
+        )
+    fields = dict(texts_of(document))
+    notes = [f"This page starts with the scenario of {file.name}."]
+    if "calibration" in document["sensor"]:
+        fields = {**_fitted_curve(task), **_without("sensor", fields)}
+        notes.append(f"The sensor curve was fitted to {document['sensor']['calibration']}.")
+    if task.drag_effect is not None:
+        ratio = fields.get("law.ratio") or ratio_of_drag(task)
+        fields = {**_without("law", fields), "law.kind": "virtual-drag", "law.ratio": ratio}
+    unused = [f"[{name}]" for name in document if name not in SECTIONS]
+    if unused:
+        notes.append(f"It does not use {', '.join(unused)}, and the button Scenario file does not write them.")
+    key = hashlib.sha256(repr(fields).encode()).hexdigest()[:16]
+    return {"title": file.name, "key": key, "fields": fields, "note": " ".join(notes)}
+
+
+def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
+    """Yield the reasons why the page cannot compute a scenario without Python."""
+    curve = task.sensor.bare[0]
+    if type(curve) not in IN_THE_PAGE:
+        yield f"it computes inverse power and exponential curves only, and the sensor curve is {curve.name}"
+    if task.sensor.valid_range[0] > 0:
+        yield "the sensor curve does not extend down to contact"
+    if "model" in document.get("robot", {}):
+        yield "[robot] names a robot model"
+    if task.scenario.obstacle.course or task.scenario.reference.acceleration:
+        yield "it computes objects without course and references without acceleration only"
+    if task.is_admittance_free:
+        yield "the admittance has bounds"
+    if task.law not in (DAMPER, DRAG):
+        yield f"it computes virtual dampers and virtual drags only, and the law is {task.law.kind}"
+    objective = document.get("objective", {})
+    if task.drag_effect is None and (task.law == DRAG or task.bounds is None or not objective):
+        yield "it needs [objective] and [gain] with bounds, or a virtual drag with an effect such as ratio"
+    elif task.drag_effect is None and (objective.get("kind") not in _KINDS or "force_scale" in objective):
+        yield 'it computes the objectives "excursion" and "time" with a velocity_scale only'
+    others = [constraint.name for constraint in task.limits if constraint.name not in LIMITS]
+    if others:
+        yield f"it computes the limits {', '.join(LIMITS)} only, and [constraints] has {', '.join(others)}"
+
+
+def _fitted_curve(task: Task) -> dict[str, Any]:
+    """Return the fields of a fitted curve, with distances from the contact surface."""
+    curve, recess = task.sensor.bare
+    fields = {"sensor.model": curve.name} | {f"sensor.{name}": text for name, text in parameters_of(curve).items()}
+    if recess:
+        fields["sensor.recess"] = f"{recess!r} m"
+    return {**fields, "sensor.maximum_distance": f"{float(task.sensor.valid_range[1])!r} m"}
+
+
+def _without(section: str, fields: dict[str, Any]) -> dict[str, Any]:
+    return {key: text for key, text in fields.items() if not key.startswith(f"{section}.")}

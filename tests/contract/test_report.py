@@ -279,7 +279,7 @@ def test_fit_reports_are_sound(usable: CalibrationReport, useless: CalibrationRe
     exponent = usable.best.parameters["exponent"]
     assert row(page, "exponent")[0] == f"{exponent.value:.5g}"
     words = " ".join(assert_sound(report_html(useless)).text)
-    assert useless.verdict in words
+    assert "no usable signal" in words
 
 
 def test_reports_repeat_and_recognize_themselves(letter: GainDesign, tmp_path: Path) -> None:

@@ -281,7 +281,7 @@ def _curve(
             label_columns=tuple(labels),
             rows=len(present),
             dropped=dropped,
-            notes=(*table.notes, *layout.notes, *((missing,) if dropped else ())),
+            notes=(*table.notes, *((missing,) if dropped else ()), *layout.notes),
         ),
     )
 

@@ -85,12 +85,12 @@ def prepare(
     if count < needed:
         because = f" because {near.reason}," if near.index else ""
         few = caution(
-            "PT101",
+            "PT110" if near.flat else "PT101",  # noise has a peak anywhere
             f"Only {count} distance{('s are' if count != 1 else ' is')} usable,{because} but a curve needs at least "
             f"{needed}: measure at 8 or more distances, out to where the output no longer changes, and record readings "
             "with no object.",
         )
-        return replace(_without_signal(calibration, curve, near, offset_estimate, few), too_few=True)
+        return replace(_without_signal(calibration, curve, near, offset_estimate, few), too_few=not near.flat)
     if not np.ptp(curve.output[near.index :]) > 0:
         stuck = f"The output is {curve.output[near.index]:g} {calibration.unit}".rstrip()
         return _without_signal(

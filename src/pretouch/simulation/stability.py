@@ -308,7 +308,7 @@ def lowest_rate(
     _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     required = np.asarray(positive(margin, "margin")) * abs(gain) * float(damping_of_one.max())
     if not required.size:
-        return required
+        raise InvalidInputError("margin: found an empty array, expected one margin or several")
     timing_of_rate = timing_at or (lambda rate: LoopTiming(rate=rate))
     system = linear_plant(free, plant or IdealPlant())
     highest = math.log(min(_PLENTY * float(required.max()) / (2 * admittance.mass), _FASTEST))

@@ -11,8 +11,10 @@ from .task import Task
 
 def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, *, met: bool) -> str:
     """Return a sentence with the value of a limited quantity, its limit, and whether the limit is met."""
-    reached = "none" if value is None else format_quantity(value, unit, 3)
-    return f"{quantity} {reached}, limit {format_quantity(limit, unit, 3)}: {'met' if met else 'exceeded'}"
+    allowed = format_quantity(limit, unit, 3)
+    if value is None:
+        return f"{quantity}: no contact, limit {allowed}"
+    return f"{quantity} {format_quantity(value, unit, 3)}, limit {allowed}: {'met' if met else 'exceeded'}"
 
 
 def step_without_gain(scenario: Scenario, *, contact: bool) -> str:

@@ -293,4 +293,6 @@ def _why_no_gain(task: Task) -> str:
     reason = (
         "the design is infeasible" if status is DesignStatus.INFEASIBLE else "no gain within the bounds ends in contact"
     )
-    return f'{reason}. Set gain = "-0.7 N*s" in [controller], the option --gain, or gain=-0.7 in Python'
+    number = task.law.number
+    example = {"gain": -0.7, "drag": 0.014}.get(number.key, float(number.sign))
+    return f'{reason}. Choose one with --gain "{example:g} {number.unit}", or with gain={example:g} in Python'

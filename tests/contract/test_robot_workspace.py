@@ -85,6 +85,9 @@ def test_random_postures_are_inside_the_joint_ranges() -> None:
     assert np.abs(wrist).max() > 80
     model.jnt_range[2] = np.radians([100.0, 120.0])  # without the posture in which the model is defined
     assert min(posture["wrist"] for posture in random_postures(model, SITE, 9)) > np.radians(100.0)
+    model.jnt_limited[2] = False
+    turns = [posture["wrist"] for posture in random_postures(model, SITE, 200)]
+    assert 2.3 < max(np.abs(turns)) <= 0.8 * np.pi
     with pytest.raises(pt.errors.InvalidInputError, match="margin"):
         random_postures(model, SITE, 2, margin=0.5)
     with pytest.raises(pt.errors.InvalidInputError, match="postures"):

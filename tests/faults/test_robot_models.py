@@ -176,3 +176,14 @@ def test_a_site_without_a_sensor_makes_no_task() -> None:
     )
     with pytest.raises(InvalidInputError, match="no sensor curve"):
         projection.task(scenario)
+
+
+def test_a_hinge_without_range_turns_as_far_as_one_with_a_wide_range() -> None:
+    model = load_model(ARM)
+    site, posture = SensorSite("fingertip"), {"shoulder": 0.4, "elbow": -0.9, "wrist": 0.5}
+    model.jnt_range[1:] = (-1000.0, 1000.0)
+    wide = project(model, make_data(model, posture), site)
+    model.jnt_limited[1:] = False
+    free = project(model, make_data(model, posture), site)
+    assert (free.retreat, free.reflected_mass) == (wide.retreat, wide.reflected_mass)
+    assert free.retreat > project(load_model(ARM), make_data(load_model(ARM), posture), site).retreat

@@ -143,8 +143,14 @@ def tree_of(model: Model, site: int) -> IntArray:
 
 
 def range_of(model: Model, joint: int) -> tuple[float, float]:
-    """Return the range of a joint [rad or m], or raise an error if the joint has no range."""
+    """Return the range of a joint [rad or m]; it is infinite for a hinge without range, which turns continuously.
+
+    Raises:
+        InvalidInputError: a slide joint has no range.
+    """
     if not model.jnt_limited[joint]:
+        if unit_of_joint(model, joint) == "rad":
+            return -math.inf, math.inf
         raise InvalidInputError(
             f"joint {joint_label(model, joint)!r}: has no range in the model, so the excursion has no limit; add a "
             "range to the joint"

@@ -223,7 +223,7 @@ def project(
 
     Raises:
         InvalidInputError: the model has no such site, the site is covered by a body or cannot move along the axis, or
-            a joint has no range.
+            a slide joint has no range.
     """
     index = site_index(model, site.name)
     data = _at_rest(model, data)

@@ -140,6 +140,8 @@ def random_postures(
 ) -> tuple[dict[str, float], ...]:
     """Return random postures of the robot that carries a site, uniform inside the joint ranges.
 
+    Hinges without a range are drawn from a whole turn.
+
     Args:
         model: a `mujoco.MjModel`.
         site: the sensor.
@@ -151,13 +153,14 @@ def random_postures(
         Joint positions by name [rad or m].
 
     Raises:
-        InvalidInputError: the margin leaves no range, or a joint has no range.
+        InvalidInputError: the margin leaves no range, or a slide joint has no range.
     """
     if not 0 <= margin < 0.5:
         raise InvalidInputError(f"margin: found {margin:g}, expected at least 0 and less than 0.5")
     data = make_data(model)
     drivetrain = drivetrain_of(model, data, site_index(model, site.name))
-    low, high = ranges_of(model, drivetrain).T
+    ranges = ranges_of(model, drivetrain)
+    low, high = np.where(np.isfinite(ranges), ranges, (-np.pi, np.pi)).T
     names = [joint_label(model, int(joint)) for joint in drivetrain.joints]
     shares = np.random.default_rng(whole(seed, "seed", 0, 2**64 - 1)).uniform(
         margin, 1 - margin, (whole(count, "count", 1, 10**7), len(names))

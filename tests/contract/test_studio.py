@@ -130,16 +130,29 @@ def test_a_mistake_names_its_key_and_no_temporary_file(studio, scenario):
 
 def test_changes_keep_comments_and_everything_else(scenario):
     changed = change_text(
-        scenario, {"obstacle.velocity": "-0.4 m/s", "plant.velocity": "0 m/s", "sensor.exponent": "3"}
+        scenario, {"obstacle.position": "40 mm", "plant.velocity": "0 m/s", "sensor.exponent": "3"}
     )
     before, after = scenario.splitlines(), changed.splitlines()
-    assert {line for line in before if line not in after} == {'velocity = "-0.3 m/s"', "exponent = 3.32"}
+    assert {line for line in before if line not in after} == {'position = "42.2 mm"', "exponent = 3.32"}
     assert changed.count("#") == scenario.count("#")
     document = tomllib.loads(changed)
-    assert document["obstacle"]["velocity"] == "-0.4 m/s"
+    assert document["obstacle"]["position"] == "40 mm"
     assert document["sensor"]["exponent"] == 3
     assert document["plant"] == {"velocity": "0 m/s"}
     assert tomllib.loads(change_text(changed, {"plant.velocity": None})).get("plant") is None
+
+
+def test_the_distribution_of_a_value_moves_with_it(tmp_path: Path) -> None:
+    """Otherwise a drag of the speed would contradict the distribution, and every verdict would be refused."""
+    text = (EXAMPLES / "loop.toml").read_text(encoding="utf-8")
+    changed = change_text(text, {"obstacle.velocity": "-0.5 m/s", "obstacle.position": "50 mm"})
+    speed = tomllib.loads(changed)["uncertainty"]["obstacle"]["velocity"]
+    assert speed == {"normal": ["-0.5 m/s", "0.1 m/s"], "between": ["-0.8 m/s", "-0.25 m/s"]}
+    assert "# measured; overrides the assumption for the part" in changed
+    (tmp_path / "fast.toml").write_text(changed, encoding="utf-8")
+    task = pt.load_scenario(tmp_path / "fast.toml")
+    assert (task.scenario.obstacle.velocity, task.uncertainty["obstacle.velocity"].location) == (-0.5, -0.5)
+    assert change_text(text, {"obstacle.velocity": "fast"}).count("fast") == text.count("fast") + 1
 
 
 def test_a_file_is_saved_where_it_was_opened(tmp_path, scenario):

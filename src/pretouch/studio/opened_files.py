@@ -6,15 +6,19 @@ import re
 import tempfile
 import tomllib
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError, ScenarioFileError, UnitError, require
+from pretouch._core.units import to_si
+from pretouch.motion.scenario import SCENARIO_INPUTS
 
 _FILE_KEYS: Final = (("sensor", "calibration"), ("sensor", "no_object"), ("robot", "model"))
 """The keys of a scenario file whose values are names of other files."""
 
 _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_RANGES: Final = frozenset({"between", "uniform", "interval", "samples"})
 _EFFECTS: Final = frozenset({"ratio", "excursion", "acceleration", "contact_speed", "impact_force"})
 
 
@@ -139,6 +143,8 @@ def _is_reading(value: str) -> bool:
 def change_text(text: str, changes: dict[str, Any]) -> str:
     """Change some keys of a scenario file, and keep everything else as it is, including comments.
 
+    If an input of the encounter has a distribution in [uncertainty], the distribution moves with its value.
+
     Args:
         text: the scenario file (TOML).
         changes: values by `section.key`; None removes a key.
@@ -163,9 +169,26 @@ def change_text(text: str, changes: dict[str, Any]) -> str:
         if section == "law" and key in _EFFECTS:
             for other in _EFFECTS - {key}:
                 document[section].pop(other, None)
-        document[section][key] = _like(document[section].get(key), value)
+        before = document[section].get(key)
+        document[section][key] = _like(before, value)
+        if before is not None and name in SCENARIO_INPUTS:
+            _move_distribution(document.get("uncertainty", {}).get(section, {}).get(key), before, value, name)
     result: str = tomlkit.dumps(document)
     return result
+
+
+def _move_distribution(distribution: Any, before: Any, after: Any, name: str) -> None:
+    """Add the change of a value to the locations of its distribution, in place."""
+    unit = SCENARIO_INPUTS[name]
+    read = partial(to_si, unit=unit, name=name, bare_text=True)
+    try:
+        change = read(str(after)) - read(str(before))
+        for kind, numbers in (distribution or {}).items():
+            located = numbers if kind in _RANGES else numbers[:1] if kind == "normal" else []
+            for i, number in enumerate(located):  # the second number of "normal" is a deviation
+                numbers[i] = f"{read(str(number)) + change:.6g} {unit}"
+    except UnitError:  # reported when the scenario is read
+        return
 
 
 def _like(before: Any, value: Any) -> Any:

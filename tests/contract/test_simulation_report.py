@@ -249,7 +249,7 @@ def test_rows_of_a_loop_name_what_it_is_made_of_with_units() -> None:
     assert shown(ROBOT.rows())["bandwidth of the force servo"] == "60 Hz"
     assert shown(contact_rows(CONTACT))["dissipation a"] == "1 s/m"
     assert shown(contact_rows(pt.simulation.SpringDamper(stiffness=1e4, obstacle_mass=1.5)))["obstacle"] == "of 1.5 kg"
-    assert list(contact_rows(None)) == [("contact", "no contact force: a run ends at the touch")]
+    assert list(contact_rows(None)) == [("contact", "no contact force: a run ends at contact")]
     rows = shown(law_rows(law(1e-4, median_window=10, low_pass_order=5, cutoff=500.0, limits=Limits(speed=0.5))))
     assert rows["running median"] == "over 10 readings"
     assert rows["low-pass"] == "Butterworth of order 5 at 500 Hz"

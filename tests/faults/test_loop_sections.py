@@ -42,7 +42,7 @@ MISTAKES = [
     (IN_CHAIN, "dropout = 1", "dropout", "chain.dropout", "found 1, expected a share below 1"),
     (IN_CHAIN, 'highest = "-1 counts"', "highest", "chain.highest", "expected a number above the lowest reading, 0"),
     (IN_CHAIN, 'noise = 1\nhighest = "2 counts"', "highest", "chain.highest", "the readings saturate at 2"),
-    (IN_CHAIN, 'distance_noise = "1 mm"', "[chain]", "chain", "only for a part that measures_distance"),
+    (IN_CHAIN, 'distance_noise = "1 mm"', "[chain]", "chain", "only for a sensor that measures a distance"),
     (IN_CHAIN, 'noise = 20\nmisfit = "2 %"', "[chain]", "chain.misfit_length", "needs a correlation length"),
     (IN_CHAIN, "measures_distance = 1", "measures", "chain.measures_distance", "found 1, expected true or false"),
     (IN_CHAIN, 'phase = "any"', "phase", "chain.phase", 'found "any", expected a quantity in s or "random"'),

@@ -202,7 +202,7 @@ class Controller:
 
 
 def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law: Any) -> Any:
-    """Combine the parameters or states of signal processing, robot motion and control law in one object."""
+    """Combine the parameters or states of signal processing, robot motion and control law in one structure."""
     # For a compiled step, all parts are one block of memory, in which the law's part comes last.
     if not isinstance(law, ctypes.Structure):
         return Parts(sensing, drive, law)

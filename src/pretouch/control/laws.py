@@ -232,7 +232,7 @@ def push_by_drag(
 def drive(
     numbers: DriveNumbers, state: DriveState, observation: Observation, push: Push, sample: Sample
 ) -> tuple[DriveState, Output]:
-    """Compute the motion of the virtual object over one control period from the force by the admittance equation L(1).
+    """Apply a force to the admittance L(1), and compute the motion of the virtual object over one control period.
 
     This is the last block of a step.
 

@@ -49,7 +49,7 @@ class KnownColumns(Value):
 
 @dataclass(frozen=True, slots=True)
 class _OtherGain(Value):
-    """Results of encounters in which the stored gain is replaced by another value."""
+    """Results that report another gain than the stored one; the encounters are not solved again."""
 
     columns: Columns
     gain: FloatArray
@@ -226,7 +226,7 @@ class ContactResult(InNotebooks, Value):
         return gradients
 
     def with_gain(self, gain: ArrayLike) -> ContactResult:
-        """Return a copy of the result in which the gain has another value."""
+        """Return a copy of the result that reports another gain; the encounters are not solved again."""
         return ContactResult(_OtherGain(self.columns, np.asarray(gain, dtype=np.float64)), self.method)
 
     def to_dict(self) -> dict[str, Any]:

@@ -77,7 +77,7 @@ def reach_of(scenario: Scenario) -> float:
 
 
 def reach_to(distance: Any) -> float:
-    """Return the next power of two [m] above the largest distance that does not exceed LARGEST_START.
+    """Return the next power of two above the largest distance [m]; distances above LARGEST_START do not count.
 
     If all distances exceed LARGEST_START, the largest of them counts.
     """

@@ -1,4 +1,4 @@
-"""Evaluate the force of a control law on arrays of states, also if its function takes single numbers only."""
+"""Evaluate the force of a control law on arrays of states, even if its function takes only single numbers."""
 
 from __future__ import annotations
 

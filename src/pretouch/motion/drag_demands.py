@@ -65,7 +65,7 @@ def _largest_magnitude(c: DragRun, name: str) -> FloatArray:
 
 
 def _raised(c: DragRun, on_path: FloatArray, at_ends: FloatArray) -> FloatArray:
-    """Return the larger one of the peaks on the approaches and the values at the ends of all encounters."""
+    """Return for each encounter the larger of its peak during the approach and its value at the ends."""
     largest = at_ends.copy()
     largest[c.lanes] = np.fmax(largest[c.lanes], np.where(np.isfinite(on_path), on_path, -np.inf))
     return largest

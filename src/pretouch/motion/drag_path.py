@@ -20,7 +20,7 @@ _MOST: Final = 1 << 13  # approaches per call of the solver, so that an interrup
 
 
 class DragPath(Picklable):
-    """Ends of several approaches under the virtual drag, and what can be computed along the same intervals.
+    """Solved approaches under the virtual drag: final states, peaks, derivatives, impulse balance and samples.
 
     Args:
         inputs: see `drag_approaches`.
@@ -69,7 +69,7 @@ class DragPath(Picklable):
 
     @property
     def peaks(self) -> dict[str, FloatArray]:
-        """The largest and smallest acceleration, velocity and travel of the robot on the path: DRAG_PEAKS, by name."""
+        """The largest and smallest acceleration, velocity and travel of the robot, under their names in DRAG_PEAKS."""
         if self._peaks is None:
             peaks = np.empty((len(self.status), len(DRAG_PEAKS)))
             self._solve(peaks=peaks)
@@ -77,7 +77,7 @@ class DragPath(Picklable):
         return self._peaks
 
     def derivatives(self, change: Callable[[FloatArray, IntArray], FloatArray] | None = None) -> FloatArray:
-        """Return the derivatives of l'^2 and t at the end by k, a_o, l and l'^2 at the start, and by a parameter.
+        """Return derivatives of the final l'^2 and t: by k, a_o, the initial l and l'^2, and a curve parameter.
 
         Args:
             change: function from distances [m] and the indices of their approaches, shape (m, nodes) and (m,), to the
@@ -92,13 +92,13 @@ class DragPath(Picklable):
         return gradients
 
     def balance(self, log_output: Callable[[FloatArray, IntArray], FloatArray]) -> FloatArray:
-        """Return k int s' ds and its moment, shape (n, 2), from ln xi as a function like `change` above."""
+        """Return k int s' ds and its moment, shape (n, 2); `log_output` has the same arguments as `change` above."""
         balance = np.empty((len(self.status), 2))
         self._solve(balance=balance, at_nodes=self._at_nodes("log_outputs", log_output))
         return balance
 
     def sample(self, times: FloatArray, trace: FloatArray) -> None:
-        """Fill l and |l'|, shape (n, m, 2), at those ascending times [s], shape (n, m), that lie in an approach."""
+        """Write l and |l'| to `trace`, shape (n, m, 2), at the ascending `times` [s] that lie within an approach."""
         self._solve((times, trace))
 
     def _at_nodes(self, name: str, function: Callable[[FloatArray, IntArray], FloatArray]) -> ValuesAtNodes:

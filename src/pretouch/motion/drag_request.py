@@ -111,12 +111,12 @@ class DragRequest(Value):
 
     @cached_property
     def reach(self) -> float:
-        """An upper limit of the distances [m] at which approaches begin, as far as they are solved (LARGEST_START)."""
+        """An upper limit of the distances [m] at which approaches begin; LARGEST_START replaces larger distances."""
         return reach_to(np.minimum(self.farthest, LARGEST_START))
 
     @cached_property
     def ends(self) -> tuple[float, Any]:
-        """The smallest valid distance [m], or 0 if the curves include contact, and the largest one of each curve."""
+        """The smallest distance [m] (0 if the curve includes contact), and the largest distance of each curve."""
         if self.many is None:
             low, high = self.sensor.valid_range
             return max(low, 0.0), high
@@ -138,7 +138,7 @@ class DragRequest(Value):
     def at_curves(
         self, function: Callable[[SensorModel, FloatArray], FloatArray], distance: FloatArray, which: IntArray
     ) -> FloatArray:
-        """Evaluate a function of a curve and distances [m], shape (m, nodes), for selected encounters."""
+        """Evaluate a function of sensor curve and distances [m] for selected encounters, each with its own curve."""
         if self.many is None:
             return function(self.sensor, np.clip(distance, *self.sensor.valid_range))
         values, curve_of = np.empty_like(distance), self.curve_of(which)
@@ -148,7 +148,7 @@ class DragRequest(Value):
         return values
 
     def with_curve(self, index: int) -> DragRequest:
-        """Return the inputs of all encounters that use the curve with an index along the last axis."""
+        """Return the inputs of all encounters that use the sensor curve with the given index."""
         if self.many is None:
             return self
         scenario = map_fields(self.scenario, lambda v: v[..., min(index, v.shape[-1] - 1)] if np.ndim(v) else v)
@@ -221,7 +221,7 @@ def make_drag_request(
 
 @cache_by_curve(256)
 def _falls(sensor: SensorModel, low: float, high: float) -> bool:
-    """Return True if the output of a sensor curve does not rise between two distances [m], which are probed."""
+    """Return True if the output of a sensor curve rises at none of the tested points between two distances [m]."""
     with np.errstate(all="ignore"):
         slope = np.asarray(sensor.log_slope(np.linspace(low, high, _PROBES)))
     return bool((np.isfinite(slope) & (slope <= 0)).all())

@@ -63,7 +63,7 @@ _LENGTHS: Final = (
 
 
 class ContactSource(Protocol):
-    """Interface of an object with the contacts of several encounters, for their derivatives."""
+    """Interface of solved encounters, from whose contacts `ContactGradients` computes derivatives."""
 
     request: Any
 
@@ -262,7 +262,7 @@ class ContactGradients(Value):
 
 
 class ManyGradients:
-    """Derivatives of the state at contact, for encounters with a different sensor curve each.
+    """Derivatives of the state at contact if each encounter has its own sensor curve.
 
     The members are those of ContactGradients.
     """

@@ -168,7 +168,7 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, bool, bool]]]:
-    """Yield the pieces of a sensor curve in order of distance, each with the polynomials that approximate it."""
+    """Yield polynomials that approximate the sensor curve up to increasing distances, with limits for the solver."""
     r, sensor = request.relative, request.sensor
     low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
     distance = r.p - r.x0

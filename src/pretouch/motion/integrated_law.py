@@ -1,4 +1,4 @@
-"""Solve encounters with any control law by numerical integration, also if the obstacle accelerates or turns back."""
+"""Solve encounters with any control law by numerical integration, even if the obstacle accelerates or turns back."""
 
 from __future__ import annotations
 

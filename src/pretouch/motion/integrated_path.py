@@ -52,7 +52,7 @@ class Encounters(Value):
         return len(self.mass)
 
     def part(self, which: slice) -> Encounters:
-        """Return some of the encounters."""
+        """Return the selected encounters."""
         return Encounters(**{name: getattr(self, name)[..., which] for name in self.__slots__})
 
     @property
@@ -61,7 +61,7 @@ class Encounters(Value):
         return np.asarray(self.position[0] - self.displacement)
 
     def terms(self, section: IntArray, which: IntArray, time: FloatArray) -> FloatArray:
-        """Return the sum of the magnitudes whose difference is the distance of an encounter at a time [m]."""
+        """Return the sum of the magnitudes of the terms of the obstacle's position [m], for rounding errors."""
         terms = np.abs(self.position[0, which])
         for k in range(len(self.since)):
             duration = np.maximum(np.minimum(self.until(section * 0 + k, which), time) - self.since[k, which], 0.0)
@@ -72,12 +72,12 @@ class Encounters(Value):
         return np.asarray(terms)
 
     def until(self, section: IntArray, which: IntArray) -> FloatArray:
-        """Return when sections of the paths of some encounters end [s]; infinite for the last section."""
+        """Return the end times [s] of sections of obstacles' paths; the last section ends at infinity."""
         ends = np.concatenate([self.since, np.full((1, len(self)), np.inf)])
         return np.asarray(ends[section + 1, which])
 
     def obstacle_at(self, section: IntArray, which: IntArray, time: FloatArray) -> tuple[FloatArray, ...]:
-        """Return position [m], velocity and acceleration of some obstacles relative to the reference."""
+        """Return position, velocity and acceleration of selected obstacles relative to the reference, in SI units."""
         after = time - self.since[section, which]
         velocity, acceleration = self.velocity[section, which], self.acceleration[section, which]
         position = self.position[section, which] + (velocity + acceleration * after / 2) * after

@@ -21,7 +21,7 @@ _ROUNDS: Final = 4  # refinements of these points
 def quantities(
     run: Integration, steps: Steps, share: FloatArray, nodes: tuple[FloatArray, ...]
 ) -> dict[str, FloatArray]:
-    """Return all quantities of the motion, such as the velocity, at points of steps.
+    """Return all quantities of the motion, such as the velocity, at given points of integration steps.
 
     Args:
         run: the motions.
@@ -92,7 +92,7 @@ def _largest(run: Integration, name: str, values: FloatArray, first: IntArray, l
 
 
 def _near_node(run: Integration, name: str, which: IntArray, node: IntArray) -> FloatArray:
-    """Return the largest magnitude of a quantity around one node of each of some steps."""
+    """Return the largest magnitude of a quantity near one node of each selected step."""
     steps, nodes = run.steps.some(which), tables().nodes
     distances, speeds = (apply(tables().to_legendre, values) for values in (steps.distance, steps.speed))
     low, high = nodes[np.maximum(node - 1, 0)], nodes[np.minimum(node + 1, len(nodes) - 1)]

@@ -1,4 +1,4 @@
-"""Integrate many encounters under a custom force side by side, each with its own steps.
+"""Integrate many encounters under a custom force at once, each with its own step sizes.
 
 On a piece of a motion, l' has one sign, there is no knot of the curve, and the obstacle has one acceleration. If the
 admittance's pull is switched off in approaches, l'' jumps between an approach and a recession. If l'' points toward
@@ -42,7 +42,7 @@ _SOON: Final = 1e-7  # s; time after which l'' is evaluated if it is zero at the
 
 
 class Steps(NamedTuple):
-    """Accepted steps of motions, ordered by encounter and time."""
+    """Accepted integration steps of all encounters, ordered by encounter and time."""
 
     encounter: IntArray  # index of the encounter, shape (n,)
     time: FloatArray  # start of the step [s], shape (n,)
@@ -53,7 +53,7 @@ class Steps(NamedTuple):
     force: FloatArray  # F at the nodes [N], shape (n, POINTS + 1)
 
     def some(self, which: IntArray) -> Steps:
-        """Return some of the steps."""
+        """Return the selected steps."""
         columns = (column.some(which) if isinstance(column, Start) else column[which] for column in self)
         return Steps._make(columns)
 
@@ -111,7 +111,7 @@ class Integration:
         return Start._make((*parameters, *obstacle, *(v[which] for v in (self.distance, self.speed, self.force))))
 
     def _start(self, which: IntArray) -> None:
-        """Choose the first course and the first step of all encounters."""
+        """Set the initial course (approach, recession, constant distance) and first step size of all encounters."""
         self._set_course(which[self.course == ALONG])
         cells = [np.searchsorted(self.borders, self.distance, side) for side in ("left", "right")]
         self.cell = np.where(self.course == APPROACH, *cells) - 1
@@ -122,7 +122,7 @@ class Integration:
         self.size = self.first.copy()
 
     def _begin(self, which: IntArray) -> None:
-        """Start a piece of motions, or end those that never approach again or leave the range of the sensor."""
+        """Start a new piece of each motion, or end motions that never approach again or leave the sensor's range."""
         self.force[which] = self.law.at(self.encounters.value[which], self.distance[which], self.speed[which])
         self.limit[which] = np.inf
         which = which[~self._end_receding(which)]
@@ -130,13 +130,13 @@ class Integration:
         self._end(which[outside], ContactStatus.LEFT_RANGE)
 
     def _end(self, which: IntArray, status: ContactStatus) -> None:
-        """End encounters in their present state, also if no motion has been integrated yet."""
+        """End encounters in their present state, even if no motion has been integrated yet."""
         self.status[which] = status
         still = which[self.time[which] == 0]
         self._record(still, np.zeros(len(still)), None)
 
     def _end_receding(self, which: IntArray) -> BoolArray:
-        """End those receding or resting encounters that certainly never approach again, and return which."""
+        """End the encounters in which the object will certainly never approach again, and return a mask of them."""
         state = self._state(which)
         final = (self.section[which] == len(self.encounters.since) - 1) & (state.course != APPROACH)
         resting = final & (state.course == ALONG) & (state.velocity == 0) & (state.push == 0) & (state.speed == 0)
@@ -149,14 +149,14 @@ class Integration:
         return np.asarray(resting | leaving)
 
     def _keeps_receding(self, state: Start) -> BoolArray:
-        """Return whether the force at l' = 0 stays below the force that follows the object, at all tested distances."""
+        """Return True if the force at l' = 0 is too weak to follow the object, at all tested distances."""
         far = np.maximum(np.minimum(self.law.valid_range[1], _AHEAD * state.distance), state.distance)
         probes = state.distance[:, None] * (far / state.distance)[:, None] ** np.linspace(0.0, 1.0, _PROBES)
         force = self.law.at(state.value[:, None], probes, np.zeros(probes.shape))
         return np.asarray((force <= (state.mass * state.push)[:, None]).all(axis=1))
 
     def _set_course(self, which: IntArray) -> None:
-        """Find whether objects approach, recede or rest after a moment of zero relative velocity."""
+        """Set whether objects approach, recede or keep their distance after a moment of zero relative velocity."""
         if not len(which):
             return
         self.course[which] = ALONG
@@ -166,7 +166,7 @@ class Integration:
             which = which[(below == 0) & (above == 0)]
 
     def _acceleration_limits(self, which: IntArray, delay: float) -> tuple[FloatArray, FloatArray]:
-        """Return the limits of l'' at l' = 0 from both sides [m/s^2], in an approach and in a recession."""
+        """Return both limits of l'' [m/s^2] as l' tends to zero: from an approach and from a recession."""
         state = self._state(which)
         zero, later = np.zeros((len(which), 1)), np.full((len(which), 1), delay)
         force = self.law.at(state.value, state.distance, np.zeros(len(which)))
@@ -179,7 +179,7 @@ class Integration:
         return np.minimum(self.encounters.until(self.section[which], which), self.horizon)
 
     def _record(self, which: IntArray, duration: FloatArray, trial: Trial | None) -> Steps:
-        """Store steps of motions; without a solution, the distance is constant."""
+        """Store integration steps; if `trial` is None, distance, velocity and force are constant during the step."""
         state = self._state(which)
         nodes = trial[:3] if trial else (np.repeat(v[:, None], POINTS + 1, axis=1) for v in state[-3:])
         self._records.append(Steps(which, self.time[which], duration, state, *nodes))
@@ -225,7 +225,7 @@ class Integration:
         self.limit[which] = np.where(taken | ~trial.solved, np.inf, share * h)
 
     def _give_up(self, which: IntArray) -> None:
-        """End encounters as unresolved if their next step is too short, or if they needed too many."""
+        """End encounters as unresolved if their next step is too short, or if they needed too many steps."""
         h = np.minimum(self.size[which], self.limit[which])
         short = ~(h > _SHORTEST * self.first[which] + 2 * _EPS * self.time[which])
         slow = (self.attempts[which] >= _FEW) & (self.time[which] < _LITTLE * self.first[which])
@@ -236,7 +236,7 @@ class Integration:
         self._end(which, ContactStatus.UNRESOLVED)
 
     def _events(self, which: IntArray, state: Start, trial: Trial, border: FloatArray, h: FloatArray) -> _Events:
-        """Find out whether steps pass or end at a turn or at the border of their piece."""
+        """Find turning points and crossings of a piece border, inside each step and at its end."""
         course = state.course[:, None]
         forward, beyond = trial.speed * course, (trial.distance - border[:, None]) * course
         time, initial = self.time[which], self.encounters.distance[which]
@@ -268,7 +268,7 @@ class Integration:
         )
 
     def _take(self, which: IntArray, h: FloatArray, at_end: BoolArray, trial: Trial, events: _Events) -> None:
-        """Take accepted steps, and start a new piece or end the encounter if they end at an event."""
+        """Apply accepted steps; if a step ends at an event, start a new piece of the motion or end the encounter."""
         if not len(which):
             return
         trial.distance[events.at_border, -1] = events.border[events.at_border]
@@ -288,7 +288,7 @@ class Integration:
         self._begin(new[self.status[new] == _RUNNING])
 
     def _turn_now(self, which: IntArray) -> None:
-        """Start a new piece of motions that turn within rounding of their present time."""
+        """Start a new piece of each motion that turns at its present time, up to rounding."""
         if not len(which):
             return
         self.speed[which] = 0.0
@@ -322,7 +322,7 @@ class Integration:
 
 
 class _Events(NamedTuple):
-    """Turns and borders in steps, shape (n,) each."""
+    """Turning points and border crossings of steps, with one array element per step."""
 
     share: FloatArray  # share of the step before the first event inside it; infinite without one
     at_turn: BoolArray  # whether l' = 0 at the end of the step
@@ -331,12 +331,12 @@ class _Events(NamedTuple):
     stopped: BoolArray  # whether l' is zero within rounding at the start of the step, but not exactly
 
     def some(self, which: BoolArray) -> _Events:
-        """Return the events of some steps."""
+        """Return the events of the selected steps."""
         return _Events._make(column[which] for column in self)
 
 
 def _turns_before(depth: FloatArray, trial: Trial, h: FloatArray) -> BoolArray:
-    """Return whether approaches turn in their step or soon after it, at most a depth [m] behind the contact."""
+    """Return which approaches turn back in their step or soon after it, at most `depth` [m] behind contact."""
     nodes = tables().nodes
     slowing = (trial.speed[:, -1] - trial.speed[:, -2]) / (h * (nodes[-1] - nodes[-2]))
     ahead = np.where(slowing > 0, trial.speed[:, -1] ** 2 / (2 * slowing), np.inf)
@@ -344,7 +344,7 @@ def _turns_before(depth: FloatArray, trial: Trial, h: FloatArray) -> BoolArray:
 
 
 def _time_until(border: FloatArray, state: Start, acceleration: FloatArray) -> FloatArray:
-    """Return when a motion of constant acceleration l'' reaches a border [s]; infinite if it does not."""
+    """Return the time [s] until a motion of constant acceleration l'' reaches a border; infinity if it never does."""
     ahead = border - state.distance
     root = np.sqrt(state.speed**2 + 2 * acceleration * ahead)
     time = 2 * ahead / (state.speed + state.course * root)
@@ -352,7 +352,7 @@ def _time_until(border: FloatArray, state: Start, acceleration: FloatArray) -> F
 
 
 def _time_until_release(state: Start) -> FloatArray:
-    """Return when the admittance starts to pull the robot away from an object at constant distance [s], or infinity."""
+    """Return the time [s] until the admittance pulls the robot away from an object at constant distance, or inf."""
     # The pull minus F - M a_o is a quadratic of time, which rises through zero at this root.
     curvature = state.stiffness * state.push / 2
     slope = state.stiffness * state.velocity + state.damping * state.push

@@ -126,7 +126,7 @@ class ContinuousLaw(Protocol):
         """Compute the motion of each encounter at equally spaced times, for one or several values of the gain."""
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping of the law [N s/m], which is the derivative of its force by the relative velocity."""
+        """Return the damping [N s/m]: the derivative of the law's force with respect to the relative velocity."""
         # An unknown damping is NaN.
 
 
@@ -181,7 +181,7 @@ class Damper:
         return motion_from_trace(request, times, trace, result)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return the damping of the virtual damper [N s/m], which is gain times slope and equal at every speed."""
+        """Return the damping of the virtual damper [N s/m], which is gain times slope at every speed."""
         return np.asarray(value) * slope + np.zeros_like(relative_velocity)
 
 
@@ -291,7 +291,7 @@ def _drag_force(drag: Any, _: Any, rate: Any) -> Any:
 
 
 def _by_integration(law: Damper | Drag) -> IntegratedLaw:
-    """Return a built-in law for an obstacle with a course; other solvers need a constant acceleration."""
+    """Return the form of a built-in law that also solves obstacles whose acceleration changes (`course`)."""
     from .integrated_law import IntegratedLaw  # noqa: PLC0415 - only courses need it
 
     force = _damper_force if isinstance(law, Damper) else _drag_force
@@ -328,7 +328,7 @@ LAW_KINDS: Final = Extensions(group="pretouch.laws", built_in=lambda: LAWS, prob
 
 
 def continuous_law(law: Any) -> ContinuousLaw:
-    """Return the continuous-time form of a control law, which is given as an object or by name.
+    """Return the continuous-time form of a control law, which may be an instance or a name.
 
     Raises:
         InvalidInputError: the argument is no law, and its attribute `continuous` does not name one.

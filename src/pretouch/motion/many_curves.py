@@ -51,7 +51,7 @@ class ManyCurves:
         return self._windows[reach]
 
     def complete_windows(self, reach: float) -> ManyWindows:
-        """Return polynomials that approximate all sensor curves up to a given distance [m], however many are needed."""
+        """Return as many polynomials as are needed to approximate all sensor curves up to a given distance [m]."""
         windows = self.windows(reach)
         if not (np.diff(windows.starts) > 0).all():
             tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
@@ -93,7 +93,7 @@ class ManyCurves:
 def many_curves(
     sensor: SensorModel, values: Mapping[str, FloatArray], sensors: tuple[SensorModel, ...], method: str
 ) -> ManyCurves | None:
-    """Combine sensor curves so that a single solver call can use a different curve for each encounter.
+    """Combine sensor curves for a single solver call, or return None if the curves or the method do not allow it.
 
     Returns:
         The set; None if a curve has a constant slope or is not valid at contact, or if another method is requested.

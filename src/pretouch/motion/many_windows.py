@@ -175,7 +175,7 @@ def windows_from_pieces(sensors: Sequence[SensorModel], tops: FloatArray) -> Man
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Whole:
-    """Polynomials that approximate the slopes of sensor curves, with one polynomial over the whole range of each.
+    """One polynomial for each sensor curve, which approximates the slope over the whole range of the curve.
 
     Windows overlap and are short where a curve bends, so one polynomial needs fewer evaluations of a curve.
 

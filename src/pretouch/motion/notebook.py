@@ -16,7 +16,7 @@ _SHOWN = ("time", "relative_velocity", "position", "displacement", "largest_excu
 
 
 def scenario_page(scenario: Scenario) -> Page:
-    """Create the report on an encounter that a notebook shows."""
+    """Create the notebook report on an encounter."""
     if scenario.shape:
         return Page(kind="Encounters", headline=f"Encounters of shape {scenario.shape}")
     speed, distance = float(scenario.relative_velocity), format_quantity(float(scenario.distance), "m")
@@ -31,7 +31,7 @@ def scenario_page(scenario: Scenario) -> Page:
 
 
 def contact_page(result: ContactResult) -> Page:
-    """Create the report on a contact that a notebook shows."""
+    """Create the notebook report on a contact."""
     status: Any = result.status
     if result.reached.ndim:
         count, total = int(result.reached.sum()), result.reached.size
@@ -42,7 +42,7 @@ def contact_page(result: ContactResult) -> Page:
 
 
 def motion_page(motion: Motion) -> Page:
-    """Create the report on a motion that a notebook shows, including its plot."""
+    """Create the notebook report on a motion, including its plot."""
     if motion.time.ndim > 1:
         return Page(kind="Motions", headline=f"Motions of shape {motion.time.shape[:-1]}")
     page = contact_page(motion.result)

@@ -70,7 +70,7 @@ class _Answer(Protocol):
 
     @property
     def on_evaluator(self) -> bool:
-        """Whether a custom solver has solved the encounters of a design."""
+        """Whether a simulated loop or a custom solver, instead of the motion equations, solved the encounters."""
 
 
 def solved_on(answer: _Answer) -> str:

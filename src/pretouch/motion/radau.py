@@ -19,7 +19,7 @@ _ROOT_STEPS: Final = 8
 
 
 class Tables(NamedTuple):
-    """Matrices of a step from 0 to 1: `nodes` are 0 and the collocation points, `gauss` are the points of a check."""
+    """Collocation matrices of a step from 0 to 1; `gauss` contains the points of the impulse balance check."""
 
     nodes: FloatArray  # (POINTS + 1,)
     integrals: FloatArray  # (POINTS, POINTS): integrals of the Lagrange polynomials from 0 to each collocation point
@@ -54,18 +54,18 @@ def tables() -> Tables:
 
 
 def apply(matrix: FloatArray, values: FloatArray) -> FloatArray:
-    """Multiply a matrix by each row of an array; a row has the same result alone as among others."""
+    """Multiply a matrix by each row of an array; the result of a row does not depend on the other rows."""
     # A single product of two matrices would round differently for different numbers of rows.
     return np.asarray(np.matmul(matrix, values[..., None])[..., 0])
 
 
 def evaluate(coefficients: FloatArray, at: FloatArray) -> FloatArray:
-    """Evaluate one Legendre series per row, shape (n, k), at the row's own points in [0, 1], shape (n, m)."""
+    """Evaluate the Legendre series in each row, shape (n, k), at the points in [0, 1] of the same row, shape (n, m)."""
     return np.asarray(legendre.legval(2 * at - 1, coefficients.T[:, :, None], tensor=False))
 
 
 def first_root(values: FloatArray, passed: BoolArray) -> FloatArray:
-    """Return where in (0, 1] the interpolated values of a step first cross zero, for steps that cross zero.
+    """Return the point in (0, 1] at which the interpolated values of each step first cross zero; each must cross it.
 
     Args:
         values: values at the nodes, shape (n, POINTS + 1).

@@ -41,7 +41,7 @@ class Start(NamedTuple):
     force: FloatArray  # F [N]
 
     def some(self, which: Any) -> Start:
-        """Return some of the motions."""
+        """Return the selected motions."""
         return Start._make(column[which] for column in self)
 
     def obstacle_after(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -78,7 +78,7 @@ class Trial(NamedTuple):
     rounding: FloatArray  # error of l' by rounding [m/s], shape (n,)
 
     def some(self, which: Any) -> Trial:
-        """Return some of the steps."""
+        """Return the selected steps."""
         return Trial._make(column[which] for column in self)
 
 
@@ -92,7 +92,7 @@ class _Points(NamedTuple):
 
 
 def try_step(law: ForceLaw, start: Start, duration: FloatArray) -> Trial:
-    """Solve one step of given durations [s]; each has the same bits alone as among others."""
+    """Solve one step of given duration [s] for each motion; a result does not depend on the other motions."""
     first = start.acceleration(law)
     acceleration = np.repeat(first[:, None], POINTS, axis=1)
     nodes = [np.repeat(column[:, None], POINTS + 1, axis=1) for column in start[-3:]]
@@ -127,7 +127,7 @@ def try_step(law: ForceLaw, start: Start, duration: FloatArray) -> Trial:
 
 
 def _magnitudes(start: Start, points: _Points) -> FloatArray:
-    """Return the sum of the magnitudes whose sum is l'' [m/s^2]."""
+    """Return the sum of the magnitudes of all terms of l'' [m/s^2], which scales the rounding error."""
     lengths = np.abs(start.position) + np.abs(points.distance).max(axis=1)
     speeds = np.abs(start.velocity) + np.abs(points.speed).max(axis=1)
     forces = np.abs(points.force).max(axis=1) + start.stiffness * lengths + start.damping * speeds
@@ -145,7 +145,7 @@ def _points(law: ForceLaw, start: Start, h: FloatArray, acceleration: FloatArray
 
 
 def _matrix(law: ForceLaw, start: Start, h: FloatArray, points: _Points) -> FloatArray:
-    """Return the derivative of the collocation equations by the accelerations l'' at the points."""
+    """Return the derivative of the collocation equations with respect to the accelerations l'' at the points."""
     distance, speed, force, pull = points
     (low, high), value, mass = law.valid_range, start.value[:, None], start.mass[:, None]
     farthest, fastest = (np.abs(values).max(axis=1)[:, None] for values in (distance, speed))

@@ -1,4 +1,4 @@
-"""Describe an encounter of robot and obstacle, and change inputs that are given by their names."""
+"""Describe an encounter of robot and obstacle, and change its inputs by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Convert encounters with similar sensor curves to encounters that share one sensor curve, by scale factors.
+"""Scale encounters with similar sensor curves, so that all of them can be solved with one sensor curve.
 
 With X = s x the equation of motion keeps its form if the force does. Take g(l) = -n / (l + l_0) and s = L_0 / l_0, so
 that L + L_0 = s (l + l_0). The curve (n, l_0) with the gain D_p then gives the same motion as the curve (N, L_0) with

@@ -1,4 +1,4 @@
-"""Record calibrations at the bench, read what a robot recorded, and run the sampled law over it."""
+"""Record calibrations at the bench, read the recordings of a robot, and replay them with the sampled control law."""
 
 from .joint_states import distances_from_joints
 from .reading import read_recording

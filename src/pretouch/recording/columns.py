@@ -22,7 +22,7 @@ _FEWEST: Final = 2  # columns
 
 
 def is_table(path: Path) -> bool:
-    """Return True if a file is a text table by its name.
+    """Return True if the name of a file ends like that of a text table, for example with .csv.
 
     Args:
         path: the file.

@@ -57,10 +57,12 @@ def read_contents(path: Path, wanted: Collection[str]) -> Contents:
 
 
 def _files_of(folder: Path, contents: Contents) -> list[Path]:
-    """Return the files of a bag in their order: that of its metadata or, without metadata, that of their numbers."""
+    """Return the files of a bag in the order of its metadata or, without metadata, of the numbers in their names."""
     present = sorted((f for f in folder.iterdir() if f.name.endswith(_ENDINGS)), key=_natural)
     if not present:
-        raise InvalidInputError(f"{folder}: this folder contains no recording, which ends with .mcap or .db3")
+        raise InvalidInputError(
+            f"{folder}: this folder contains no recording; the files of a recording end with .mcap or .db3"
+        )
     metadata = folder / "metadata.yaml"
     if not metadata.exists():
         contents.notes.append(
@@ -150,7 +152,7 @@ def _fields(data: bytes) -> Any:
 
 
 class _Channels:
-    """Channels of one MCAP file, with the messages of the wanted ones."""
+    """Channels of one MCAP file, with the messages of the wanted channels."""
 
     def __init__(self, wanted: Collection[str], contents: Contents) -> None:
         self.wanted, self.contents = wanted, contents
@@ -159,7 +161,7 @@ class _Channels:
         self.kept: dict[int, Messages] = {}
 
     def add(self, channel: Any) -> None:
-        """Add a channel, of which a file may contain several copies."""
+        """Add a channel, unless an earlier copy of it in the file was already added."""
         if channel.id in self.topics:
             return
         schema = self.schemas.get(channel.schema_id)
@@ -198,7 +200,7 @@ def _read_records(data: bytes, state: _Channels) -> None:
 
 
 def is_wanted(name: str, wanted: Collection[str]) -> bool:
-    """Return True if one of the wanted topics, with or without a field, is the topic of this name.
+    """Return True if the name is that of a wanted topic; a wanted topic may end with a field.
 
     Args:
         name: the topic.

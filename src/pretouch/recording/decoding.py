@@ -113,7 +113,7 @@ def decode_names(messages: Messages) -> tuple[str, ...]:
 
 
 def _decode_cdr(data: list[bytes], topic: Topic, field: str) -> Decoded:
-    """Decode ROS 2 messages, by size and layout, and the others one by one with rosbags."""
+    """Decode ROS 2 messages: messages of equal layout together, all others one by one with rosbags."""
     store = _type_store(topic, data[0])
     values, stamps = empty_columns(len(data))
     name, bounds = field, (float("nan"), float("nan"))
@@ -154,7 +154,7 @@ def _decode_each(
     store: Any,
     columns: tuple[FloatArray, IntArray],
 ) -> str:
-    """Decode messages one by one, such as lists of different lengths, and return the name of the field."""
+    """Decode messages one by one, for example if their lists differ in length, and return the name of the field."""
     values, stamps = columns
     for i in rows:
         message = store.deserialize_cdr(data[i], topic.message_type)
@@ -240,7 +240,7 @@ def _part_of(message: Any, path: str) -> Any:
 
 
 def _as_number(value: Any) -> float:
-    """Return a number as float; NaN for anything else, and for texts such as "Infinity" their number."""
+    """Convert a number, or a text such as "Infinity", to a float; return NaN for anything else."""
     try:
         return float(value)
     except (TypeError, ValueError):

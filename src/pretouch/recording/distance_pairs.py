@@ -34,7 +34,7 @@ class DistancePairs(Value):
     largest_speed: float
 
     def as_csv(self) -> str:
-        """Return the pairs as a calibration table; of more than 20,000 rows, every n-th row."""
+        """Return the pairs as a calibration table; more than 20,000 rows are reduced to every n-th row."""
         every = -(-len(self.distance) // _MOST_ROWS)
         rows = [
             f"{'inf' if np.isinf(d) else f'{1e3 * d:.6g}'},{y!r}"

@@ -1,4 +1,4 @@
-"""Estimate by correlation how much later one topic shows a motion than another one."""
+"""Estimate by correlation how much later a motion appears in one topic than in another."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LIMIT: Final = 1.959963984540054  # standard deviations of a 95 % interval
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latency(Value):
-    """By how much one topic lags another one, or why that is unknown.
+    """Lag of one topic behind another one, or the reason why the lag is unknown.
 
     Args:
         value: the latency [s]; None if it is unknown.
@@ -128,7 +128,7 @@ def _rival(correlations: FloatArray, best: int) -> int | None:
 
 
 def _smoothed(time: FloatArray, values: FloatArray, half_width: float) -> tuple[FloatArray, FloatArray]:
-    """Smooth a signal by a symmetric kernel, which is narrower than its motion and does not shift it."""
+    """Smooth a signal with a symmetric kernel, which does not shift it and is narrower than the peaks of the motion."""
     # Without this, the noise of the interpolated signal would make the residual a jagged function of the shift.
     width = _KERNEL * half_width
     step = min(width / 5, float(np.median(np.diff(time))) / 2)
@@ -145,7 +145,7 @@ def _smoothed(time: FloatArray, values: FloatArray, half_width: float) -> tuple[
 def _refine(
     time: FloatArray, signal: FloatArray, other: tuple[FloatArray, FloatArray], shift: float, half_width: float
 ) -> tuple[float, float]:
-    """Return the shift of least squares and its standard error, with autocorrelated residuals (Newey and West)."""
+    """Return the least-squares shift and its standard error for autocorrelated residuals (Newey and West)."""
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to import
 
     least = minimize_scalar(

@@ -139,7 +139,7 @@ def column(table: Any, place: Place) -> Any:
 
 
 def same_layout(table: Any, layout: MessageLayout) -> bool:
-    """Return True if all messages of a table have the lengths of texts and lists, and the encoding, of its first one.
+    """Return True if all messages of a table have the same encoding and the same lengths of texts and lists.
 
     Args:
         table: bytes of the messages, shape (n, size).
@@ -150,7 +150,7 @@ def same_layout(table: Any, layout: MessageLayout) -> bool:
 
 
 def stamps_of(seconds: Any, nanoseconds: Any) -> IntArray:
-    """Return time stamps [ns] from their two numbers."""
+    """Return time stamps [ns] from their seconds and nanoseconds."""
     return np.asarray(seconds, dtype=np.int64) * 1_000_000_000 + np.asarray(nanoseconds, dtype=np.int64)
 
 

@@ -67,7 +67,7 @@ class Series(Value):
 
 
 def series_of_replay(replay: Replay) -> tuple[Series, ...]:
-    """Return what the law did in a replay, over the clock of the recording.
+    """Return inputs and outputs of the law in a replay as time series with the clock of the recording.
 
     Args:
         replay: the replay.
@@ -80,7 +80,7 @@ def series_of_replay(replay: Replay) -> tuple[Series, ...]:
 
 
 def series_of_trace(trace: LoopTrace, floor: float) -> tuple[Series, ...]:
-    """Return what law, robot and obstacle did in a simulated run.
+    """Return the time series of law, robot and obstacle in a simulated run.
 
     Args:
         trace: the run.
@@ -168,7 +168,7 @@ def _schema(series: Series) -> bytes:
 
 
 def _messages(series: Series) -> Iterable[bytes]:
-    """Yield the messages of a topic as JSON; Python's shortest text of a float restores it exactly."""
+    """Yield the messages of a topic as JSON, with as many digits as are needed to restore each float exactly."""
     names = list(series.columns)
     lists = []
     for column in map(np.asarray, series.columns.values()):

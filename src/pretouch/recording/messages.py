@@ -96,7 +96,7 @@ def split_name(wanted: str, names: Sequence[str]) -> tuple[str, str] | None:
 
 
 def refuse_unknown(wanted: str, counts: Mapping[Topic, int], source: str) -> NoReturn:
-    """Raise an error for a topic that does not exist, with the topics that exist and a similar name.
+    """Raise an error that a topic does not exist, and list the existing topics and a similar name in the message.
 
     Args:
         wanted: the topic.

@@ -23,7 +23,7 @@ _WHOLE: Final = 0.02  # of a step: deviation of quantized readings from whole st
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise(Value):
-    """What a recording says about the noise of its readings; None where it says nothing.
+    """Noise properties estimated from the readings of a recording; None for a property that cannot be estimated.
 
     Args:
         offset: median reading without an object, in the unit of the readings.
@@ -86,7 +86,7 @@ def noise_of(readings: FloatArray, regular: BoolArray, detecting: BoolArray, nea
 
 
 def _spread(deviations: FloatArray, resolution: float) -> float:
-    """Return a robust standard deviation, also of readings with a coarse resolution."""
+    """Return a robust standard deviation, even if the readings have a coarse resolution."""
     robust = float(ROBUST * np.median(np.abs(deviations - np.median(deviations))))
     if robust > 2 * resolution:
         return robust
@@ -109,7 +109,7 @@ def spread_of_course(values: FloatArray, regular: BoolArray) -> float | None:
 def _rest_of_course(
     values: FloatArray, used: BoolArray, regular: BoolArray
 ) -> tuple[FloatArray | None, FloatArray | None]:
-    """Return the scaled fourth differences of regular values, which have their noise, and the means around them."""
+    """Return scaled fourth differences, whose spread is the noise of regularly sampled values, and local means."""
     width, windows = len(_FOURTH), np.lib.stride_tricks.sliding_window_view
     if len(values) < width:
         return None, None

@@ -16,7 +16,7 @@ _SLOWEST: Final = 120.0  # s, after which a command that moves a stage is consid
 
 
 class RecordDisplay(Protocol):
-    """Interface of what shows a recording to a person and asks for the next step."""
+    """Interface of a display that shows the recording to a person and asks for the next step."""
 
     def ask(self, question: str) -> str | None:
         """Return the answer to a question; None if nobody answers any more."""
@@ -25,14 +25,14 @@ class RecordDisplay(Protocol):
         """Show a sentence."""
 
     def show(self, distance: float, outputs: Sequence[float], counted: int, wanted: int, settling: bool) -> None:
-        """Show the live value at a distance [m], infinite without an object."""
+        """Show the latest outputs at a distance [m], which is infinite without an object."""
 
     def show_distance(self, distance: float, outputs: Sequence[float]) -> None:
         """Show the counted readings of a distance that is complete."""
 
 
 class DistancePlan(Protocol):
-    """Interface of what decides at which distance the object is next, and waits until it is there.
+    """Interface of a plan that chooses the next distance of the object, and waits until the object is there.
 
     `suggests` is True if a person chooses the distances, and so wants to know which are missing.
     """
@@ -99,7 +99,7 @@ class ListedDistances:
 
 
 def read_distance(text: str) -> float:
-    """Read a distance such as `12 mm`, `1.2 cm` or `12`, which is in mm.
+    """Read a distance such as `12 mm`, `1.2 cm` or `12`; a number without a unit is in mm.
 
     Args:
         text: the distance.

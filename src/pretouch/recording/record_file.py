@@ -75,13 +75,13 @@ class RecordFile:
         self._write(self._all, f"{made}time [s],distance [mm],{title}\n" if is_new else made)
 
     def add(self, distance: float, output: float) -> None:
-        """Write a reading that counts, at a distance in m, infinite without an object."""
+        """Write a reading that counts, with its distance [m], which is infinite without an object."""
         self._write(self._file, f"{_mm(distance)},{output:.15g}\n")
         self._rows.append((distance, output))
         self._count[round(distance, _PICOMETERS)] += 1
 
     def add_raw(self, time: float, distance: float | None, output: float) -> None:
-        """Write any reading, with the time since the start [s] and the distance, None while the object moves."""
+        """Write any reading with its time since the start [s] and its distance [m], None while the object moves."""
         self._received += 1
         self._write(self._all, f"{time:.6f},{'' if distance is None else _mm(distance)},{output:.15g}\n")
 
@@ -90,12 +90,12 @@ class RecordFile:
         return self._count[round(distance, _PICOMETERS)]
 
     def complete(self, wanted: int) -> tuple[float, ...]:
-        """Return the distances with at least a number of readings [m]."""
+        """Return the distances [m] that have at least the wanted number of readings."""
         return tuple(distance for distance in self.distances if self.count(distance) >= wanted)
 
     @property
     def outputs(self) -> dict[float, list[float]]:
-        """The readings at each distance [m], infinite without an object."""
+        """The readings by distance [m]; the distance is infinite for readings without an object."""
         outputs: dict[float, list[float]] = {}
         for distance, output in self._rows:
             outputs.setdefault(distance, []).append(output)

@@ -30,7 +30,7 @@ _FLOOR: Final = 3.0  # standard deviations of the noise above the offset, as in 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordGoal(Value):
-    """What a recording must achieve.
+    """Requirements of a recording, such as the accuracy of the slope and the range of distances.
 
     Args:
         accuracy: largest allowed relative uncertainty of the slope g (95 %).
@@ -49,7 +49,7 @@ class RecordGoal(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgment(Value):
-    """Whether the readings of a recording are sufficient, and what is missing.
+    """Whether the readings of a recording are sufficient, and which distances are missing.
 
     Args:
         is_enough: whether the slope g is known well enough.
@@ -103,7 +103,7 @@ def judge_recording(calibration: Calibration | None, goal: RecordGoal, *, final:
 
 
 def _missing(calibration: Calibration, report: CalibrationReport | None, goal: RecordGoal) -> MissingDistances:
-    """Name the missing distances, including that at which g is most uncertain."""
+    """Return the missing distances, including the distance at which g is most uncertain."""
     curve = average(calibration)
     empty: FloatArray = calibration.no_object
     offset = 0.0

@@ -50,7 +50,7 @@ def missing_distances(
     farthest: float | None = None,
     limit: float = math.inf,
 ) -> MissingDistances:
-    """Name the distances that are missing for a good calibration.
+    """Return the distances that are missing for a good calibration.
 
     Args:
         distances: l of the averaged readings [m], increasing, shape (N,).

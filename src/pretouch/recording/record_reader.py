@@ -1,4 +1,4 @@
-"""Read a source in a thread of its own, so that no reading is lost while the program computes or waits for a person."""
+"""Read a source in a separate thread, so that no reading is lost while the program computes or waits for a person."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class RecordReader:
         return bool(self.count) or self.has_ended
 
     def move_to(self, place: float | None) -> None:
-        """Set the distance of the object [m], None while it moves, and forget the readings that wait.
+        """Set the distance of the object [m], which is None while it moves, and discard all waiting readings.
 
         Args:
             place: the distance; infinite without an object.

@@ -29,7 +29,7 @@ _JUDGED: Final = 2.0  # s between two judgments if the distances come from the s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordOptions(Value):
-    """How readings are taken.
+    """Options of a recording, such as the number of readings at each distance.
 
     Args:
         readings: number of readings at each distance, and of the empty scene.
@@ -107,7 +107,7 @@ class RecordedCalibration(Described, Value):
 
 
 def kept(readings: int, distances: int, empty: int, path: object) -> str:
-    """Return a clause on the readings in a calibration file."""
+    """Return a clause that says how many readings a calibration file has."""
     where = f"{distances} distance{'' if distances == 1 else 's'}"
     return f"{path} has {readings} readings at {where} and {empty} of the empty scene"
 

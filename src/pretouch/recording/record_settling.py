@@ -127,7 +127,7 @@ class Stay:
         return np.array(self.counted or [output for _, output in self._recent])
 
     def _is_steady(self, now: float) -> bool:
-        """Return True if the latest readings do not drift, or if the output had enough time."""
+        """Return True if the latest readings do not drift, or if the output had enough time to settle."""
         if len(self._recent) < _FEWEST or now - self._recent[0][0] < 0.4 * self._dwell:
             return False
         if now - self._judged < self._dwell / _JUDGMENTS:  # so that fast sensors need little computing time

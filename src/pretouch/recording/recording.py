@@ -1,4 +1,4 @@
-"""Define the readings of one topic as a value: times, values, and what the values are."""
+"""Define a recording: the readings of one topic, with their times and their kind."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Recording(Value):
         return np.asarray((self.stamps - stamp) / 1e9)
 
     def part(self, kept: slice | IntArray) -> Recording:
-        """Return the recording with some of its readings.
+        """Return the recording with only the selected readings.
 
         Args:
             kept: indices of the readings.

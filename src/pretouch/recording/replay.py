@@ -1,4 +1,4 @@
-"""Replay a recording: run the sampled law over it, and describe what the sensor really measured."""
+"""Replay a recording: run the sampled law over the readings, and describe the sensor that recorded them."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def _part_between(recording: Recording, start: float, end: float) -> Recording:
 
 
 def _detecting_at(steps: LawSteps, time: FloatArray) -> BoolArray:
-    """Return for each reading whether the law detected an object within two control steps around its use."""
+    """Return for each reading whether the law detected an object in the control step that uses it or next to it."""
     flags = (steps.status & Status.DETECTING) != 0
     period = float(steps.time[1] - steps.time[0])
     index = np.minimum(np.ceil(np.maximum.accumulate(time) / period - 1e-9).astype(int), len(flags) - 1)
@@ -186,7 +186,7 @@ def _events(
 ) -> list[tuple[float, float]] | None:
     """Return start and end of the true events after the first replayed reading [s]; None if they are unknown."""
     if truth is not None and contacts is not None:
-        raise InvalidInputError("truth, contacts: found both, expected a topic or times")
+        raise InvalidInputError("truth, contacts: found both, expected only one: a topic (truth) or times (contacts)")
     if truth is not None:
         found = events_in(truth.seconds_after(origin), truth.values, threshold)
         return [(max(a, 0.0), b) for a, b in found if b >= 0 and a <= last]

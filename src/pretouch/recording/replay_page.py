@@ -187,8 +187,8 @@ def _fault_warnings(replay: Replay) -> Iterator[str]:
     if timing.repeated_stamps:
         yield caution(
             "PT604",
-            f"{timing.repeated_stamps:,} readings have the time of the reading before; the law uses only the last one "
-            "of each time.",
+            f"{timing.repeated_stamps:,} readings have the same time as the reading before; the law uses only the last "
+            "reading of each time.",
         )
     replaced = counts["replaced"] - timing.repeated_stamps - timing.late
     if replaced > _FEW * total:

@@ -28,7 +28,7 @@ _SAME_RATE: Final = 0.01  # relative difference of two rates that are called equ
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Replay(Described, Value):
-    """Result of `replay`: what the law did with a recording, and what the recording says about the sensor.
+    """Result of `replay`: detections and outputs of the law, and the measured properties of the sensor.
 
     Args:
         recording: the part of the recording that was replayed.
@@ -91,7 +91,7 @@ class Replay(Described, Value):
 
     @property
     def headline(self) -> str:
-        """What the law detected, how that compares with the true events, and the rate of the sensor."""
+        """Summary: the detections of the law, their comparison with the true events, and the rate of the sensor."""
         return _headline(self)
 
     def pairs(self) -> DistancePairs:
@@ -186,7 +186,7 @@ def _describe_rates(replay: Replay) -> Iterator[str]:
     """Yield one or two sentences that compare the rate of the recording with the rate of the scenario."""
     timing, declared = replay.timing, replay.loop.chain.rate
     if not timing.rate > 0:
-        yield f"There are {timing.count} readings at one time, so the rate is unknown."
+        yield f"All readings ({timing.count}) have the same time, so the rate is unknown."
         return
     gaps = ""
     if timing.gaps:

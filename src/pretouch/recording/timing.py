@@ -1,4 +1,4 @@
-"""Describe when readings came: rate, jitter, gaps, repeated and late stamps, and readings that are only repeated."""
+"""Compute the timing of recorded readings: rate, jitter, gaps, repeated and late stamps, and repeated values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FEWEST_RUNS: Final = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing(Value):
-    """When the readings of a recording came.
+    """Timing of the readings of a recording.
 
     Args:
         count: number of readings.
@@ -53,7 +53,7 @@ class Timing(Value):
 
 
 def timing_of(time: FloatArray, values: FloatArray) -> Timing:
-    """Describe the times of readings.
+    """Compute the timing of readings from their times and values.
 
     Args:
         time: time of each reading [s], in the order of arrival.

@@ -54,7 +54,7 @@ class Centering(Value):
             raise InvalidInputError(
                 "equal_reflectance: centering needs the same reflectance on both sides of the object. With a factor of "
                 "2, one finger touches 60 ms too early and pushes the object by 7 mm. Set equal_reflectance=True only "
-                "if you know it"
+                "if you know that both sides reflect equally"
             )
 
 
@@ -103,7 +103,7 @@ class HandMotion:
         self.position = self.velocity = 0.0
 
     def advance(self, outputs: Sequence[Output], *, touched: bool) -> None:
-        """Move the hand over one period, toward the second finger if that one sees more.
+        """Move the hand over one period, in the direction of the second finger if its sensor output is larger.
 
         Args:
             outputs: the outputs of the controllers of all sites.

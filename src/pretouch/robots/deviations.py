@@ -51,7 +51,7 @@ def explain_deviations(sites: Sequence[str], contacts: Sequence[Sequence[SiteCon
         if turn > TURN or sideways > SIDEWAYS:
             yield caution(
                 "PT504",
-                f"The site {site} leaves its axis until contact: it turns by {math.degrees(turn):.2g} deg and moves "
+                f"The site {site} leaves its axis before contact: it turns by {math.degrees(turn):.2g} deg and moves "
                 f"sideways by {format_quantity(sideways, 'm', 2)}. The prediction assumes a fixed axis.",
             )
 

@@ -1,4 +1,4 @@
-"""Compute acceleration, speed and force along an axis that the drives of a robot allow, as linear programs.
+"""Compute the largest acceleration, speed and force along an axis that a robot's drives allow, by linear programs.
 
 The unknowns are the motion or force along the axis, the joint motion in the null space of what the joints hold, and the
 forces and controls of the actuators.
@@ -171,7 +171,7 @@ def force_limits(drives: Drives, dynamics: PostureDynamics) -> AxisLimits:
 
 
 def _span(drives: Drives, columns: FloatArray, velocities: FloatArray) -> AxisLimits:
-    """Maximize and minimize the first variable of joint torques columns @ x + load within the limits of the drives.
+    """Return the range of x[0] for which the drives can apply the joint torques columns @ x + load.
 
     Args:
         drives: the drives.

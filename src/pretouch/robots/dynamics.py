@@ -150,7 +150,7 @@ def drivetrain_of(model: Model, data: Data, site: int) -> Drivetrain:
 
 
 def joined(drivetrains: Sequence[Drivetrain]) -> tuple[Drivetrain, ...]:
-    """Return the degrees of freedom of several sites together, so that all sites have the same ones.
+    """Return one drivetrain per site; each has the degrees of freedom of all sites together.
 
     The fingers of a hand that is fixed to the world are separate kinematic trees in MuJoCo.
     """
@@ -256,7 +256,7 @@ def _axis_motion(dynamics: PostureDynamics, hold: str, kept: IntArray) -> AxisMo
 
 
 def held_rows(dynamics: PostureDynamics, hold: str) -> FloatArray:
-    """Return the Jacobian of the axis, the first row, and of the directions that the joints hold, shape (k, n)."""
+    """Return a Jacobian, shape (k, n): the first row is the axis, the others are the held directions."""
     u = dynamics.axis
     lines = np.zeros(({"axis": 1, "position": 3, "pose": 6}[hold], 6))
     lines[0, :3] = u

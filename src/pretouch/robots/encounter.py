@@ -160,7 +160,7 @@ class _Tracer:
 
 @dataclass(frozen=True, slots=True)
 class _Scene:
-    """Everything that all runs of a simulation share."""
+    """Inputs and prepared model that all runs of a simulation share."""
 
     model: Model
     data: Data
@@ -282,7 +282,7 @@ def _largest_torques(drives: Drives) -> FloatArray:
 
 
 class _Site:
-    """One sensor site in a run: its sensor, its controller, and what has happened so far."""
+    """One sensor site in a run: its sensor, its controller, and the results recorded so far."""
 
     __slots__ = (
         *("body", "controller", "detection", "distance", "excursion", "force", "glance", "index", "impulse", "law"),
@@ -345,7 +345,7 @@ class _Run:
         self.hand_target = (0.0, 0.0, 0.0, 0.0)
 
     def finish(self) -> tuple[SiteContact, ...]:
-        """Simulate until all sites have touched, and return the contacts of all sites."""
+        """Simulate until all sites are in contact or the horizon ends, and return the results of all sites."""
         scene, now = self.scene, 0.0
         for j in range(math.ceil(scene.horizon / scene.period - 1e-9)):
             t = j * scene.period
@@ -424,7 +424,7 @@ class _Run:
         )
 
     def _object_acceleration(self, glance: Glance, site: _Site) -> float:
-        """Return the acceleration of the object relative to the site's base along the axis, without any contact."""
+        """Return the present acceleration of the object along the axis, relative to the base of the site [m/s^2]."""
         library, model, data = mujoco(), self.scene.model, self.data
         body = int(model.geom_bodyid[glance.geom])
         library.mj_rnePostConstraint(model, data)
@@ -466,7 +466,7 @@ class _Run:
             self._watch(site, now, h)
 
     def _torques(self, at: float) -> FloatArray:
-        """Return the torques of the tracking at a time within the period, within the limits of the drives."""
+        """Return the tracking torques at a time within the controller period, limited to what the drives can apply."""
         scene, data, model = self.scene, self.data, self.scene.model
         drivetrain = scene.drivetrains[0]
         driven, base = drivetrain.driven, drivetrain.base
@@ -497,7 +497,7 @@ class _Run:
         return torques
 
     def _watch(self, site: _Site, now: float, h: float) -> None:
-        """Show the scene to a sensor, and find the contact of its site."""
+        """Pass the current distance to the sensor of a site, and record the site's contact force and first contact."""
         model, data = self.scene.model, self.data
         before, site.glance = site.distance, site.sight.glance(data)
         site.distance = site.glance.distance

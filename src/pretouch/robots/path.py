@@ -42,7 +42,7 @@ class Excursion(Value):
 def excursion(
     model: Model, data: Data, drivetrain: Drivetrain, direction: FloatArray, *, hold: str, ahead: bool
 ) -> Excursion:
-    """Follow the axis of a site until no joint motion inside the ranges continues it.
+    """Move a site along its axis until the joint ranges allow no further motion.
 
     The path starts in the posture of `data` and is a solution of q' = (joint motion along the axis), with the least
     kinetic energy. A joint that reaches the end of its range stays there, and the others continue if they can. Every
@@ -101,7 +101,7 @@ class _Path:
     hold: str
 
     def follow(self, joints: FloatArray) -> Excursion:
-        """Integrate the path piece by piece; each piece ends where a joint reaches its range."""
+        """Integrate the path piece by piece; each piece ends where a joint reaches the end of its range."""
         from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import
 
         size = float(self.model.stat.extent)
@@ -129,7 +129,7 @@ class _Path:
             locked = self._blocked(joints, locked)
 
     def _motion(self, joints: FloatArray, locked: tuple[int, ...]) -> Any:
-        """Return the joint motion along the path at joint positions; None if it does not exist or is singular."""
+        """Return the joint motion along the path at given joint positions; None if it does not exist or is singular."""
         self.data.qpos[self.places] = joints
         update_posture(self.model, self.data)
         turn = np.array(self.data.site_xmat[self.drivetrain.site]).reshape(3, 3)

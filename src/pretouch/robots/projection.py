@@ -1,4 +1,4 @@
-"""Project a robot in a posture to one axis: mass, excursion, and limits that joints and drives leave along it."""
+"""Project a robot in a posture to one axis: mass, excursion, and the limits of joints and drives along the axis."""
 
 from __future__ import annotations
 
@@ -106,8 +106,8 @@ class Projection(Described, Value):
         for name, limit in limits.items():
             if not limit > 0:
                 raise InvalidInputError(
-                    f"{name}: the robot has none along the axis {self.site.axis} of the site {self.site.name!r} in "
-                    "this posture; choose another posture or axis"
+                    f"{name}: the robot has no {name} along the axis {self.site.axis} of the site "
+                    f"{self.site.name!r} in this posture; choose another posture or axis"
                 )
         return tuple(Constraint(name=n, limit=share * v) for n, v in limits.items() if math.isfinite(v))
 
@@ -333,8 +333,8 @@ def posture_warnings(
         yield caution(
             "PT501",
             f"The posture is close to a singularity: along the axis, the drives move {motion.conditioning**-2:.0f} "
-            "times the mass of the easiest direction. The robot follows the prediction only within the acceleration "
-            "that its drives leave; choose another posture if a design needs more.",
+            "times the mass of the easiest direction. The robot follows the prediction only up to the "
+            "acceleration that its drives allow; choose another posture if a design needs more.",
         )
     rates = ((TURN, motion.turning), (SIDEWAYS, motion.sideways))
     straight = min((limit / rate for limit, rate in rates if rate > 0), default=math.inf)

@@ -47,7 +47,7 @@ class JointReference:
 
 
 class JointPath:
-    """The joint positions that belong to the positions of all sites along their axes.
+    """Converts the positions of all sites along their axes to positions of the joints.
 
     The axes are those of the start; they stay fixed relative to the base. The joints move with the least kinetic energy
     and hold the other directions. The reference stops where a joint would leave its range.
@@ -113,7 +113,7 @@ class JointPath:
             self._anchors[0] = self._joints, solution, self._turn, self._direction, self._points
 
     def restart(self) -> JointPath:
-        """Return to the start, and keep what is known about the path."""
+        """Return to the start, and keep the anchors of the path that were already computed."""
         self._joints = self._inside = self.start
         self._motions, self._turn = self._first, np.zeros_like(self._first)
         self._points, self._direction = np.zeros(self._first.shape[1]), np.zeros(self._first.shape[1])
@@ -167,7 +167,7 @@ class JointPath:
         return JointReference(position, motions @ velocities, motions @ accelerations + turning @ velocities, obstacle)
 
     def _anchor(self, step: FloatArray) -> None:
-        """Follow the path to new positions of the sites."""
+        """Move the anchor along the path by a change of the sites' positions."""
         if len(step) == 1:  # the path is a line, on which all runs have the same anchors
             for _ in range(int(abs(step[0]) / _SPACING)):
                 if not self._follow(math.copysign(_SPACING, step[0]) * np.ones(1)):

@@ -166,7 +166,7 @@ class RobotSimulation(Described, Value):
         return self.trace_of(run)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all contacts and predictions as a dictionary for JSON, in SI units; None for what did not happen."""
+        """Return all contacts and predictions as a dictionary for JSON, in SI units; NaN becomes None."""
         return {
             "sites": {
                 name: {

@@ -1,4 +1,4 @@
-"""Complete a robot model for one encounter: an object in front of a sensor, and the velocities at the start."""
+"""Complete a robot model for one encounter: put an object in front of a sensor, and set the initial velocities."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Approach:
 
 
 def make_scene(path: Path, model: Model, data: Data, site: SensorSite, approach: Approach) -> RobotScene:
-    """Return the scene of an encounter: with the object on the axis of a sensor, or else with an added ball.
+    """Return the scene of an encounter with the object on the sensor's axis, or with an added ball if none is suitable.
 
     An object of the model that can move gets its velocity along the axis. If the object is fixed, a robot on a floating
     base gets the opposite velocity. The ball is added if the sensor sees no object within 0.5 m, or only one that stays
@@ -134,7 +134,7 @@ class Ball:
 
 
 def model_with_ball(path: Path, *, gravity: bool) -> Model:
-    """Load a model and add a ball, which `put_ball` places; without gravity, it flies straight."""
+    """Load a model and add a ball, which `put_ball` places; without gravity, the ball flies straight."""
     library = mujoco()
     spec = library.MjSpec.from_file(str(path))
     for key in list(spec.keys):  # they lack the positions of the ball
@@ -198,7 +198,7 @@ def _jacobian(model: Model, data: Data, point: FloatArray, body: int) -> FloatAr
 
 
 def _velocities(jacobian: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return the joint velocities with which a body has a velocity, without a rotation if possible."""
+    """Return joint velocities that give a body the wanted velocity, without a rotation if possible."""
     for rows in (6, 3):
         wanted = np.concatenate([velocity, np.zeros(3)])[:rows]
         rates: FloatArray = np.linalg.lstsq(jacobian[:rows], wanted, rcond=None)[0]

@@ -28,7 +28,7 @@ _PAST: Final = 1e-9  # m: a ray that passes a body of the robot continues as far
 
 @dataclass(frozen=True, slots=True)
 class Glance:
-    """What lies on the axis of a sensor.
+    """The first object on the axis of a sensor: distance, geometry and surface normal.
 
     Args:
         distance: from the contact surface along the axis to the first object [m]; infinite without one, negative if
@@ -95,7 +95,7 @@ class Sight:
     def _cast(
         self, data: Data, start: FloatArray, ray: FloatArray, *, passed: float, geom: Any, normal: FloatArray
     ) -> float:
-        """Return how far a ray travels to the first object [m], starting after a part of it; negative without one.
+        """Return the distance [m] along a ray to the first object after the part `passed`; negative if there is none.
 
         Other bodies of the robot behind the contact surface are passed.
         """

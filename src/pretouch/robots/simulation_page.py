@@ -60,7 +60,7 @@ def robot_page(result: RobotSimulation) -> Page:
                 of=result,
                 name="The first run over time",
                 caption="The first run, next to the prediction from the first detection to contact. The reference is "
-                "that of the law along the axis of the site.",
+                "the position along the axis of the site that the control law commands.",
             ),
         ),
     )

@@ -39,7 +39,7 @@ class SiteLaw:
 
     @property
     def running(self) -> Controller:
-        """The controller that runs, one-sided unless `one_sided` is false."""
+        """The controller that the robot runs; a virtual damper acts only in approaches unless `one_sided` is false."""
         law = self.controller.law
         if self.one_sided and isinstance(law, VirtualDamper) and not law.approach_only:
             return replace(self.controller, law=replace(law, approach_only=True))

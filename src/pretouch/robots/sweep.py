@@ -222,7 +222,7 @@ def _axis(
         raise InvalidInputError("postures: expected one or more postures, all with positions of the same joints")
     if len(directions) not in {0, count}:
         raise InvalidInputError(
-            f"directions: found {len(directions)} and {count} postures; give one direction for each posture, or none"
+            f"directions: found {len(directions)} directions for {count} postures; give one for each posture, or none"
         )
     states = [make_data(robot, posture) for posture in postures]
     axes = np.array([replace(law.site, axis=axis).direction for axis in directions or [law.site.axis] * count])

@@ -56,7 +56,7 @@ class ProjectionTable(Described, Value):
 
     @property
     def projections(self) -> tuple[tuple[ProjectionRow, Projection], ...]:
-        """The rows with a projection, each with this projection."""
+        """All rows that have a projection, as pairs of row and projection."""
         return tuple((row, row.projection) for row in self.rows if row.projection is not None)
 
     def to_dict(self) -> dict[str, Any]:
@@ -92,7 +92,7 @@ def project_all(model: Model) -> ProjectionTable:
     rows = tuple(_rows(model, sites))
     if all(row.projection is None for row in rows):
         reason = rows[0].reason.removeprefix("site: ")
-        raise InvalidInputError(f"site: no site of the model can be projected; the first, {reason}")
+        raise InvalidInputError(f"site: no site of the model can be projected; reason for the first site: {reason}")
     return ProjectionTable(model=_name_of(model), rows=rows)
 
 

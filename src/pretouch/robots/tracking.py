@@ -1,4 +1,4 @@
-"""Controllers that make a robot follow the reference of its sensor sites: torques of the joints."""
+"""Define controllers that compute joint torques, so that a robot follows the references of its sensor sites."""
 
 from __future__ import annotations
 

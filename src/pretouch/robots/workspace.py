@@ -1,4 +1,4 @@
-"""Project a robot in many postures and directions, so that a sweep can say where one gain holds."""
+"""Project a robot in many postures and directions, so that a sweep can show in which of them a gain holds."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Workspace(Value):
         return {PLACE: columns | {name.replace("_", ".", 1): value for name, value in inputs.items()}}
 
     def describe(self, dataset: Any) -> Any:
-        """Return the dataset of a sweep with what the robot offers at each place, and with what remains of it.
+        """Add the robot's limits at each place, and the excursion that remains within them, to the dataset of a sweep.
 
         Args:
             dataset: the result of a sweep over `axes`, with the result `largest_excursion`.

@@ -125,7 +125,8 @@ def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool
     measured = f"largest relative difference {difference:.2g}"
     yield "an array gives the same values as its elements one by one", difference <= _ROUNDING, measured
     value = _is_value(sensor)
-    evidence = f"{type(sensor).__name__} is {'one' if value else 'not one, so it can change after it was used'}"
+    verdict = "frozen and hashable" if value else "not frozen or not hashable, so it can change after its first use"
+    evidence = f"{type(sensor).__name__} is {verdict}"
     yield "the curve is a value: a frozen dataclass with hashable fields", value, evidence
 
 
@@ -260,7 +261,7 @@ def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[
 
 
 def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Return as text the error that a sensor curve raises for valid distances, or None without an error."""
+    """Return the error that a sensor curve raises for valid distances as text, or None if it raises none."""
     for function in (sensor.log_output, sensor.log_slope):
         for probe in (float(distance[0]), distance, distance[:16].reshape(4, 4)):
             try:
@@ -271,7 +272,7 @@ def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | Non
 
 
 def _scalar_difference(function: Callable[[Any], Any], distance: FloatArray) -> float:
-    """Return the largest relative difference between evaluating a function for an array and for each element."""
+    """Return the largest relative difference between the results of a function for an array and for its elements."""
     some = distance[:: max(1, distance.size // 16)]
     together, alone = np.asarray(function(some)), np.array([function(float(d)) for d in some])
     return float(np.abs(together - alone).max() / (np.abs(together).max() + 1))

@@ -139,7 +139,7 @@ class _MittagLefflerFamily(Family):
         return np.array([log_middle, math.log(-slope * (1 + bend)), 1 / (1 + 0.2 * bend)])
 
     def _relative(self, u: FloatArray, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the logarithm of the Mittag-Leffler function and its derivative."""
+        """Return the logarithm of the Mittag-Leffler function, and the derivative of this logarithm."""
         argument = -np.exp(u[..., 1, None]) * distance
         order = np.minimum(u[..., 2], 1.0).ravel()
         value, derivative = mittag_leffler(order, argument, accuracy=_ACCURACY)

@@ -128,7 +128,7 @@ class SensorModel(ABC):
 
     @property
     def bare(self) -> tuple[SensorModel, float]:
-        """The sensor curve without recess, and the recess [m], which is its distance behind the contact surface."""
+        """The sensor curve without recess, and the recess [m]: how far the sensor is behind the contact surface."""
         return self, 0.0
 
     @property

@@ -68,7 +68,7 @@ class Recessed(SensorModel):
 
     @property
     def bare(self) -> tuple[SensorModel, float]:
-        """The sensor curve without recess, and the recess [m], which is its distance behind the contact surface."""
+        """The sensor curve without recess, and the recess [m]: how far the sensor is behind the contact surface."""
         return self.sensor, self.recess
 
     @property

@@ -65,7 +65,7 @@ class CurveSensitivity:
 
 
 def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
-    """Differentiate a sensor curve with respect to one parameter, which is given by name."""
+    """Differentiate a sensor curve with respect to the parameter of the given name."""
     # If the class of the curve does not define the derivative, dg/d(parameter) is computed from the polynomial through
     # eleven curves with the parameter within 5 % of its value. If values on one side are invalid, the other side is
     # used. The relative error is about 1e-11 if g is computed to rounding.

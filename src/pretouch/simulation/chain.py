@@ -122,8 +122,8 @@ class SensorChain:
             )
         if (self.distance_noise or self.distance_resolution) and not self.measures_distance:
             raise InvalidInputError(
-                "distance_noise, distance_resolution: only for a part that measures_distance; set it to true, or leave "
-                "them out"
+                "distance_noise, distance_resolution: allowed only for a sensor that measures a distance; set "
+                "measures_distance to true, or omit both"
             )
 
     @property
@@ -155,7 +155,7 @@ class SensorChain:
         yield "delay after the exposure", Measured(self.delay, "s")
         yield "latency of a reading", f"{format_quantity(self.latency, 's')}, from the middle of its exposure"
         if self.measures_distance:
-            yield "output", "a distance, which its driver converts to \u03be by the curve"
+            yield "output", "a distance, which the sensor's driver converts to \u03be with the sensor curve"
             yield "noise of the distance", Measured(self.distance_noise, "m")
             yield "resolution of the distance", Measured(self.distance_resolution, "m")
         yield "noise without a signal", format_output(self.noise)

@@ -332,6 +332,6 @@ def law_rows(law: SampledLaw) -> Iterable[Row]:
 def contact_rows(contact: ContactModel | None) -> Iterator[Row]:
     """Yield table rows with the parameters of the contact force, or a row that says that there is none."""
     if contact is None:
-        yield "contact", "no contact force: a run ends at the touch"
+        yield "contact", "no contact force: a run ends at contact"
     else:
         yield from contact.rows()

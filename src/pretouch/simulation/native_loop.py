@@ -201,7 +201,7 @@ def chain_structure(chain: SensorChain) -> ctypes.Structure:
 
 
 def curve_structure(sensor: SensorModel, farthest: float) -> tuple[ctypes.Structure, FloatArray]:
-    """Return a sensor curve as a structure of the compiled simulation, and its table, which has to live as long.
+    """Return the C structure of a sensor curve, and its table, which must exist as long as the structure.
 
     Beyond `farthest` [m], the output is 0.
     """

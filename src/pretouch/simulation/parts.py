@@ -44,7 +44,7 @@ class SensorPart:
 
 @check_arguments
 def sensor_part(name: str) -> SensorPart:
-    """Return a commercial sensor, given its name.
+    """Return the commercial sensor with the given name.
 
     Args:
         name: a key of PARTS: "RPR-220", "VCNL4010", "VCNL4040", "APDS-9960", "VL53L0X", "VL53L1X", "VL53L5CX-4x4" or
@@ -83,7 +83,7 @@ def _ranging(rate: float) -> SensorChain:
 
 _TIME_OF_FLIGHT: Final = (
     "a reading averages over its whole period, as in continuous ranging",
-    "4 ms from the end of a frame until its data are read: about 300 bytes at 1 MHz and the driver",
+    "4 ms from the end of a frame until its data are read, for about 300 bytes at 1 MHz and the driver",
     "distance noise of 5 mm: the data sheet gives the error, not its standard deviation; measure it on your target",
 )
 
@@ -124,7 +124,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                 assumptions=(
                     "170 us for a reading",
                     "two bytes read at 400 kHz as soon as they are ready, without waiting for a poll",
-                    "noise of 10 counts without an object; no share that grows with xi",
+                    "noise of 10 counts with and without an object; noise that grows with xi is neglected",
                     "30 counts at 200 mm, three standard deviations of the noise",
                 ),
             ),
@@ -137,9 +137,9 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                 source="Vishay data sheet 84274 (Rev. 1.4) of the VCNL4040",
                 facts=("emitter duty 1/40 to 1/320", "12 or 16 bits", "0 to 200 mm on a white card"),
                 assumptions=(
-                    "a pulse of 125 us at the duty 1/40: a reading every 5 ms",
+                    "a pulse of 125 us at a duty cycle of 1/40, which gives a reading every 5 ms",
                     "two bytes read at 400 kHz as soon as they are ready",
-                    "noise of 2 counts without an object; no share that grows with xi",
+                    "noise of 2 counts with and without an object; noise that grows with xi is neglected",
                     "6 counts at 200 mm, three standard deviations of the noise",
                 ),
             ),
@@ -156,7 +156,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                 assumptions=(
                     "100 readings per second, as in examples/firmware/apds9960",
                     "1 ms for a reading; two bytes read at 400 kHz as soon as they are ready",
-                    "noise of 1 count without an object; no share that grows with xi",
+                    "noise of 1 count with and without an object; noise that grows with xi is neglected",
                     "3 counts at 100 mm, three standard deviations of the noise",
                 ),
             ),

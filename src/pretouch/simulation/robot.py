@@ -134,7 +134,9 @@ class ImpedancePlant(PlantModel):
         ahead = self.mass if self.feedforward else 0.0
         friction = self.coulomb_friction, self.friction_speed
         if rate and self.viscous_friction:
-            raise InvalidInputError("viscous_friction: only without a servo bandwidth; use coulomb_friction instead")
+            raise InvalidInputError(
+                "viscous_friction: not allowed together with a servo bandwidth; use coulomb_friction instead"
+            )
         return (self.mass, self.stiffness, self.damping, own_damping, ahead, rate, *friction)
 
     def rows(self) -> Iterator[Row]:

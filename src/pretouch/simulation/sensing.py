@@ -22,7 +22,7 @@ _deliver: Final = kernel("sensor_deliver", POINTER, DOUBLE, POINTER, POINTER, re
 
 
 class SensorRun:
-    """A sensor chain in one run: it is shown distances, and delivers readings like the chain of `simulate`.
+    """One run of a sensor chain, which converts distances to readings in the same way as `simulate`.
 
     Args:
         chain: the sensor chain.
@@ -65,7 +65,7 @@ class SensorRun:
 
     @property
     def next(self) -> float:
-        """The time [s] at which the sensor has to be shown the next distance."""
+        """The time [s] at which the sensor needs the next distance."""
         return float(_next(self._place))
 
     @property
@@ -79,7 +79,7 @@ class SensorRun:
         return self._values[1].value
 
     def look(self, distance: float) -> None:
-        """Show the sensor the distance [m] at the time `next`."""
+        """Pass the distance [m] at the time `next` to the sensor."""
         _look(self._place, distance)
 
     def deliver(self, time: float) -> bool:

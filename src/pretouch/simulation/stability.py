@@ -231,8 +231,8 @@ def gain_limit(
 def _linearize(
     law: ContinuousLaw, sensor: SensorModel, admittance: Admittance, distance: ArrayLike, relative_velocity: Any
 ) -> tuple[FloatArray, FloatArray, Admittance]:
-    """Return the virtual damping of a control law with a gain of 1, at each distance [m]."""
-    # The active admittance is returned as well. A law with unknown damping is refused.
+    """Return the distances [m], the damping of the law at each distance for a gain of 1, and the active admittance."""
+    # A law with unknown damping is refused.
     distances = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
     slope = np.abs(np.asarray(sensor.log_slope(distances)))
     velocity = math.nan if relative_velocity is None else np.asarray(finite(relative_velocity, "relative_velocity"))

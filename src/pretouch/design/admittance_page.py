@@ -26,8 +26,8 @@ def admittance_page(design: AdmittanceDesign) -> Page:
         figure="admittance",
         of=design,
         name="Best objective over the admittance",
-        caption="The best objective that any gain reaches, for each admittance of the search grid. The marked optimum "
-        "is refined and lies between the grid points.",
+        caption="The best objective that any gain reaches, for each admittance of the search grid. The "
+        "chosen optimum is refined by local searches from the grid.",
     )
     admittance = PageSection(
         title="The admittance",

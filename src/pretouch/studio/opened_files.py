@@ -169,7 +169,7 @@ def change_text(text: str, changes: dict[str, Any]) -> str:
 
 
 def _like(before: Any, value: Any) -> Any:
-    """Return a TOML item, a number if the value has no unit, with the comment of the value that it replaces."""
+    """Return a value as a TOML item, a number if it has no unit; the item keeps the comment of the old value."""
     tomlkit = require("tomlkit", extra="studio")
     if isinstance(value, list):
         item = tomlkit.array()

@@ -299,8 +299,8 @@ def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, l
     if (never := np.flatnonzero((strongest < top) & (excess <= 0))).size:
         raise InvalidInputError(
             f"acceleration: the limit of {limit[never[0]]:g} 1/m on acceleration divided by squared approach "
-            f"speed is too large to choose a virtual drag: even the strongest drag of the search (speed ratio {_STRONGEST:g}) stays "
-            "below it; choose the drag by its speed ratio instead"
+            f"speed is too large to choose a virtual drag: even the strongest drag of the search (speed ratio "
+            f"{_STRONGEST:g}) stays below it; choose the drag by its speed ratio instead"
         )
     for _ in range(_PASSES):
         on = np.flatnonzero(excess > _MET)

@@ -127,8 +127,8 @@ def robust_page(design: RobustDesign) -> Page:
     advice, v = _ADVICE.get(design.status), design.validation
     premise = Paragraph(
         text="The gain is optimal for the sampled encounters, which are the same for all gains. The distributions of "
-        "the inputs are assumptions that this design does not test. If an input is distributed differently, the probabilities and "
-        "intervals above are not valid."
+        "the inputs are assumptions that this design does not test. If an input is distributed differently, the "
+        "probabilities and intervals above are not valid."
     )
     return Page(
         kind="Robust gain for uncertain inputs",

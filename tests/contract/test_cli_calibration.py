@@ -146,7 +146,7 @@ def test_a_start_beyond_the_data_is_said_first_where_it_is_decisive(run):
     _, out, _ = run("design", scenario("far.toml", sensor), "--no-report", "--verbose")
     # of a constant slope the impulse is that of the distances: 22.2 of 42.2 mm
     assert out.startswith(
-        UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), which gives 53 % of the impulse"
+        UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), which contributes 53 % of the impulse"
     )
     assert (
         "To remove this warning, calibrate the sensor out to 42.2 mm with more readings at each distance, or start "

@@ -74,7 +74,7 @@ def test_a_constant_is_the_best_of_the_rising_ones_where_reflectance_is_hardly_k
     assert 0 <= found.gap + 1e-12 < 1e-5
     assert found.lower_bound > found.constant.excursion - 1e-5
     assert found.verdict.startswith("a constant virtual drag with an excursion of ")
-    assert "every rising drag schedule with the same distance steps has an excursion of at least" in found.verdict
+    assert "every rising drag schedule with the same steps of ln xi has an excursion of at least" in found.verdict
 
 
 def test_that_a_constant_is_best_follows_from_thresholds_alone() -> None:
@@ -288,7 +288,7 @@ def test_rails_may_be_given_by_ratios() -> None:
             {"reflectance": 0.5},
             "reflectance: found 0.5, expected two positive factors, the smaller factor first",
         ),
-        ({"steps": 0}, "steps: found 0, expected a positive whole number of distance steps"),
+        ({"steps": 0}, "steps: found 0, expected a positive whole number of steps of ln xi"),
         ({"steps": 2.0}, "steps: found 2.0"),
         ({"distance": -1.0}, "distance: found -1 m"),
         ({"sensor": RISING}, "the slope is 5 1/m"),

@@ -204,7 +204,7 @@ def test_noise_counts_beside_the_inputs_that_vary() -> None:
     assert "noise" in text
     assert "the sampled loop" in text
     assert "nan" not in text
-    with pytest.raises(pt.errors.ResultUnavailableError, match="expected one in continuous time"):
+    with pytest.raises(pt.errors.ResultUnavailableError, match="expected a gain designed in continuous time"):
         design.price("obstacle.velocity")
 
 

@@ -243,7 +243,7 @@ def test_a_prediction_outside_of_the_range_of_the_sensors_is_explained(exponent:
     assert f"On the sampled loop without noise, the contact speed is {on_loop} with the fitted curve" in check.text
     assert "in continuous time: on 100 sensor curves that fit the readings, the contact speed is " in check.text
     assert f"the fitted curve predicts {in_time}" in check.text
-    assert (f"contact on the fitted curve is {way} than on most of these sensors" in check.text) is bool(way)
+    assert (f"contact with the fitted curve is {way} than with most of these sensors" in check.text) is bool(way)
     assert (", which is outside of this range; a difference of up to 15 % counts as agreement." in check.text) is bool(
         way
     )

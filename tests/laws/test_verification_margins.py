@@ -158,7 +158,7 @@ def test_the_rate_is_not_advised_if_no_rate_gives_the_margin_or_if_the_limit_can
     late = verdict(loop_of(delay=0.06), constraints=[velocity_limit(0.1)], stability_margin=2.0)
     assert late.needed_rate == math.inf
     assert "no sensor rate gives it this margin" in late.reasons[0]
-    assert "no sensor rate gives the optimum its gain margin" in page_of(late).next_step
+    assert "no sensor rate results in the required gain margin" in page_of(late).next_step
     hard = verdict(loop_of(rate=8.0), constraints=[velocity_limit(1e-3)], stability_margin=2.0)
     assert hard.needed_rate is None
     assert "margin" not in hard.headline + page_of(hard).next_step

@@ -258,7 +258,7 @@ _TABLE: Final = (
         "The gain was optimized on the sampled loop with one draw of the noise.",
         "Another run has another optimum.",
         "Use `design_robust_gain` with the same `evaluate`, which averages over runs.",
-        "the gain is optimal for one run with its noise, and another run has another optimum",
+        "the gain is optimal only for the noise of one run; with other noise, another gain is optimal",
     ),
     (
         "PT305",

@@ -76,7 +76,7 @@ def design_admittance(task: Task) -> AdmittanceDesign:
     if not task.is_admittance_free:
         raise InvalidInputError(
             "natural_frequency: found no bounds of natural_frequency or damping_ratio, expected bounds of at least "
-            "one; use design_gain for the gain alone"
+            "one of them; to optimize only the gain, use design_gain"
         )
     free = task.natural_frequency, task.damping_ratio
     freedom = make_freedom(task.scenario, task.stable_bounds(), *free, law=task.law)
@@ -192,14 +192,14 @@ class _AdmittanceSearch:
         return AdmittanceMap(natural_frequency=frequency, damping_ratio=ratio, objective=best)
 
     def best_ratio(self) -> float | None:
-        """Return the smallest ratio |quantity| / limit among infeasible grid points; None if a point is feasible."""
+        """Return the ratio |quantity| / limit of the least infeasible grid point; None if a grid point is feasible."""
         worst = self._worst()
         if not self.trials.constraints or not np.isfinite(worst).any():
             return None
         return float(worst.min()) if worst.min() > HELD else None
 
     def answer(self, unchanged: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
-        """Return the joint design, made from the gain designs with the unchanged and with the optimal admittance."""
+        """Combine the gain designs for the unchanged and for the optimal admittance into one result."""
         freedom, certificate = self.trials.freedom, None
         status = DesignStatus.INFEASIBLE if np.isfinite(self.rows).all(axis=1).any() else DesignStatus.NO_CONTACT
         if chosen is not None:

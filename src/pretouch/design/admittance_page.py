@@ -26,8 +26,8 @@ def admittance_page(design: AdmittanceDesign) -> Page:
         figure="admittance",
         of=design,
         name="Best objective over the admittance",
-        caption="The best objective over the gains for each admittance of the search grid, and the optimum, which was "
-        "refined from the grid.",
+        caption="The best objective that any gain reaches, for each admittance of the search grid. The "
+        "chosen optimum is refined by local searches from the grid.",
     )
     admittance = PageSection(
         title="The admittance",
@@ -59,8 +59,8 @@ def _evidence(design: AdmittanceDesign) -> Iterator[Row]:
     active = ", ".join(f"{name.replace('_', ' ')} (multiplier {value:.3g})" for name, value in c.active)
     yield (
         "searched",
-        f"the search evaluated {c.grid} encounters on a grid; none of {c.tests} further encounters is better "
-        "than the optimum",
+        f"the search evaluated {c.grid} combinations of gain and admittance on a grid; none of {c.tests} further "
+        "combinations is better than the optimum",
     )
     yield "active limits and bounds", active or "none: the optimum lies inside"
     yield "first-order residual, relative to the objective", f"{c.residual:.1e}"

@@ -169,7 +169,9 @@ class AdmittanceDesign(Answer):
             if self.status is DesignStatus.NO_CONTACT:
                 return "No gain and admittance within the bounds end in contact."
             excess = (
-                "" if self.best_ratio is None else f"; the best exceeds a limit by {100 * (self.best_ratio - 1):.3g} %"
+                ""
+                if self.best_ratio is None
+                else f"; even the best combination exceeds a limit by {100 * (self.best_ratio - 1):.3g} %"
             )
             return f"Infeasible: within the bounds, no gain and admittance together meet every constraint{excess}."
         text = (

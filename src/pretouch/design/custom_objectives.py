@@ -29,12 +29,12 @@ class Valued(Protocol):
 
 
 AnyObjective: TypeAlias = Objective | Valued | Callable[[ContactState], Any]
-"""An Objective, or a user-defined object or function that replaces one."""
+"""An `Objective`, or an instance of a user-defined class or a function that replaces it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomObjective(Objective):
-    """Wrapper that makes an objective of a user-defined object, or of a function of the state at contact.
+    """Objective that calls an instance of a user-defined class, or a function of the state at contact.
 
     Its parts are those that the object's method `parts` returns, if they add up to the value; otherwise it has none.
 
@@ -72,7 +72,7 @@ class CustomObjective(Objective):
         return np.broadcast_to(numbers, np.shape(state.time))
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Return the contribution of each quantity to a user-defined objective; empty if the sum is inconsistent."""
+        """Return the contributions that a user-defined objective declares; empty if their sum is not the objective."""
         if not _declares_parts(self.given):
             return {}
         parts: Mapping[str, Any] = self.given.parts(state, obstacle_speed, impact)
@@ -89,7 +89,7 @@ def _objective_problem(name: str, objective: Any) -> str:  # noqa: ARG001 - an o
         return ""
     return (
         f"found {short_repr(objective)}, but an objective must be a function of the state at contact, "
-        "or a class or object with the method value(state, obstacle_speed, impact)"
+        "or a class or instance with the method value(state, obstacle_speed, impact)"
     )
 
 
@@ -102,7 +102,7 @@ OBJECTIVE_KINDS: Final = Extensions(
 
 
 def as_objective(given: AnyObjective) -> Objective:
-    """Convert a user-defined object or function to an `Objective`.
+    """Convert an instance of a user-defined class, or a function, to an `Objective`.
 
     Args:
         given: an Objective; an object with `value(state, obstacle_speed, impact)` and, optionally, `parts` with the
@@ -125,7 +125,7 @@ def as_objective(given: AnyObjective) -> Objective:
     if isinstance(given, type) or not (callable(getattr(given, "value", None)) or callable(given)):
         raise InvalidInputError(
             f"objective: found {given!r}, expected an Objective, a function of the state at contact, or an "
-            "object with the method value(state, obstacle_speed, impact)"
+            "instance with the method value(state, obstacle_speed, impact)"
         )
     return CustomObjective(name=_name_of(given), given=given)
 
@@ -137,7 +137,7 @@ def appraise(
     obstacle_speed: Any,
     impact: ImpactModel | None,
 ) -> FloatArray:
-    """Compute the objective of encounters, infinite without contact; raise an error for negative or NaN values."""
+    """Return the objective of each encounter, infinite without contact; reject negative or NaN custom objectives."""
     value = objective.value(state, obstacle_speed, impact)
     if type(objective) is CustomObjective:
         wrong = np.asarray(reached) & ~(value >= 0)

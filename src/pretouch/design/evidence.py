@@ -219,7 +219,7 @@ class GainEvidence(Answer):
         )
 
     def _at_answer(self, best: Minimum) -> Minimum:
-        """Return the best local minimum of the search, or this minimum moved to the optimal gain of a faster search."""
+        """Return the best local minimum, with gain and objective of the fast search if that search was certain."""
         if self.settled is None:
             return best
         return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))

@@ -23,7 +23,7 @@ _INSENSITIVE: Final = "The optimal gain does not change with any input: the acti
 _PLACES: Final = {
     "interior": "inside the bounds, where the objective is stationary",
     "bound": "on a bound of the gain: a wider range may contain a better gain",
-    "edge of contact": "at the edge of contact: any stronger gain misses the object",
+    "edge of contact": "at the edge of contact: with any stronger gain there is no contact",
     "corner": "inside the bounds, at a corner or a jump of the objective, where no derivative exists",
 }
 
@@ -34,8 +34,8 @@ def evidence_section(design: GainDesign) -> PageSection:
     note = "The scan covers the whole range, so the optimum does not depend on a starting point."
     if solved_on(design) != "loop":
         note += (
-            " The impulse balance is an identity of the equations of motion L(1) and L(2) for every sensor curve: it "
-            "certifies the motion."
+            " The impulse balance follows from the equations of motion L(1) and L(2) for every sensor curve, so a "
+            "small residual certifies the motion."
         )
     table = PageTable(rows=tuple(_certificate_rows(design)), wraps=True, brief=certificate is not None, note=note)
     minima = () if certificate is None or len(certificate.local_minima) < 2 else certificate.local_minima
@@ -100,7 +100,9 @@ def sensitivity_section(design: GainDesign) -> PageSection:
             rows.append((f"`{s.name}`", Measured(s.value, s.unit), change, derivative))
     if not rows:
         return PageSection(title=_SENSITIVITY, titled=True, blocks=(Paragraph(text=_INSENSITIVE, brief=True),))
-    note = "Inputs without influence are omitted. One is the scale of the sensor, which cancels in \u03be\u2032/\u03be."
+    note = (
+        "Inputs without influence are omitted, such as the scale of the sensor, which cancels in \u03be\u2032/\u03be."
+    )
     striped = "less negative" if n.sign < 0 else "more positive"
     caption = (
         f"Each bar shows the relative change of the optimal {n.name} if the magnitude of one input grows by 1 %. "

@@ -220,7 +220,7 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     if _depends_on_noise(design):
         yield caution(
             "PT304",
-            "the gain is optimal for one run with its noise, and another run has another optimum: use "
+            "the gain is optimal only for the noise of one run; with other noise, another gain is optimal: use "
             "design_robust_gain with the same evaluate, which averages over runs",
         )
     n = design.number

@@ -22,7 +22,7 @@ _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # central dif
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpactModel(ABC):
-    """Base class for models of a lossless normal impact between robot and obstacle as two free bodies.
+    """Base class for models of a lossless normal impact between two free bodies, the robot and the obstacle.
 
     Losses would only make the peak force smaller.
 
@@ -106,7 +106,7 @@ class ElasticImpact(ImpactModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpringImpact(ElasticImpact):
-    """Impact on a contact with constant stiffness.
+    """Impact with a contact force that is proportional to the penetration depth.
 
     The peak force is F = |v| sqrt(mu k) at a speed v, from 1/2 mu v^2 = 1/2 F^2 / k with the reduced mass mu.
 

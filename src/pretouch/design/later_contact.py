@@ -18,14 +18,14 @@ _PROBES: Final = 257
 
 
 def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
-    """Return for which encounters it is proven that a stronger gain makes contact later."""
+    """Return for which encounters contact provably occurs later with a stronger gain."""
     # The proof is in docs/developers/fast-designs.md.
     falling = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
     return np.asarray(premises_hold(scenario) & falling)
 
 
 def premises_hold(scenario: Scenario) -> BoolArray:
-    """Return for which encounters it is proved that contact occurs later with a stronger gain."""
+    """Return which encounters meet all premises of the proof, except the premise on the sensor curve."""
     # The premise that ln xi falls with the distance is tested by `falls`.
     if scenario.obstacle.course:
         return np.zeros(scenario.shape, dtype=bool)
@@ -37,7 +37,7 @@ def premises_hold(scenario: Scenario) -> BoolArray:
 
 
 def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
-    """Return a lower bound of the objective for all gains stronger than the gain of a given contact."""
+    """Return a lower bound of the objective for all stronger gains, given the contact with one gain."""
     # The bound is the part of the objective that can only grow with time; obstacle_speed is |x_o'| at the start [m/s].
     total = np.zeros(np.shape(state.time))
     if type(objective) is not Objective:

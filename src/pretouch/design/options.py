@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 class ExplainsNames:
-    """Base class whose constructor explains a misspelled field name, or a name that belongs to another object."""
+    """Base class whose constructor explains misspelled field names, and names that belong to another class."""
 
     __slots__ = ()
 
     def __new__(cls, *_: Any, **values: Any) -> Self:
-        """Raise an error for unknown field names that says where these names belong."""
+        """Raise an error if a field name is unknown; the message says where this name belongs."""
         for name in values:
             if name not in cls.__dataclass_fields__:  # type: ignore[attr-defined]
                 raise TypeError(f"{cls.__name__}: found an unknown name {name!r}{_hint(cls, name)}")

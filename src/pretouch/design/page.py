@@ -296,7 +296,7 @@ _FORCE_LAWS: Final = {
         "four times",
     ),
 }
-"""By the kind of the law: the force law, the name of its coefficient, the factor on the gain at half slope."""
+"""For each kind of law: its force, the name of its coefficient, and the factor on the gain if the slope is halved."""
 
 
 def _gain_and_sensor(design: GainDesign) -> PageSection | None:

@@ -18,7 +18,7 @@ def limit_in_words(quantity: str, value: float | None, limit: float, unit: str, 
 
 
 def step_without_gain(scenario: Scenario, *, contact: bool) -> str:
-    """Return the text of the next step after a search without result.
+    """Return the recommended next step after a search that found no gain.
 
     Args:
         scenario: the encounter.

@@ -40,7 +40,7 @@ _WITH_GRADIENTS: Final = frozenset(
 # contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """A number that rates an encounter, such as the objective, with its derivatives by the contact quantities."""
+    """A number that rates an encounter, such as the objective, and its derivatives by contact quantities."""
 
     value: Callable[[ContactResult], Any]
     rates: Callable[[ContactState], Rates]
@@ -193,7 +193,7 @@ class GainProblem(Value):
         return GainProblem(task=self.task.replace(constraints=others), axis=GainAxis(low=low, high=high))
 
     def column(self, which: IntArray) -> GainProblem:
-        """Return selected encounters as a column array, which NumPy combines with every gain of a row."""
+        """Return the problem of selected encounters as a column array, which NumPy combines with a row of gains."""
         shape = self.task.scenario.shape
 
         def select(value: Any) -> Any:

@@ -21,7 +21,7 @@ from .impact import ImpactModel
 _BUILT_IN: Final = {name: entry for name, entry in QUANTITIES.items() if entry.value is not None}
 
 QUANTITY_UNITS: Final[dict[str, str]] = {name: entry.unit for name, entry in _BUILT_IN.items()}
-"""SI unit of every quantity: fields of ContactState, two that need the robot's physical mass, the gain, added ones."""
+"""The SI unit of every contact quantity, built-in or user-defined, by the name of the quantity."""
 
 CONSTRAINT_NAMES: Final[dict[str, str]] = {entry.limit: name for name, entry in _BUILT_IN.items() if entry.limit}
 """The quantity that each constraint limits, by the constraint's short name in a scenario file."""

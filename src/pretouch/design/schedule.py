@@ -91,12 +91,12 @@ class DragSchedule(Value):
 
     @property
     def verdict(self) -> str:
-        """A sentence that compares the excursion with scheduled drag and the excursion with constant drag."""
+        """A sentence that compares the excursions with scheduled and with constant drag."""
         whole = self.constant.excursion
         if whole - self.lower_bound <= 2 * _CLOSE * whole:
             return (
                 f"a constant virtual drag with an excursion of {1e3 * whole:.2f} mm is optimal, because every "
-                f"{'rising ' * self.monotone}drag schedule with the same distance steps has an excursion of at least "
+                f"{'rising ' * self.monotone}drag schedule with the same steps of ln xi has an excursion of at least "
                 f"{1e3 * self.lower_bound:.2f} mm"
             )
         saved = 1 - self.largest_excursion / whole
@@ -202,7 +202,7 @@ def schedule_drag(
             f"ratio: found {ratio}, expected a single speed ratio below 1; a ratio of 1 means no virtual drag"
         )
     if type(steps) is not int or steps < 1:
-        raise InvalidInputError(f"steps: found {steps!r}, expected a positive whole number of distance steps")
+        raise InvalidInputError(f"steps: found {steps!r}, expected a positive whole number of steps of ln xi")
     constant = drag_by(sensor, distance, mass, ratio=ratio)
     between = _rails(constant, rails)
     ends = np.asarray(sensor.log_output(np.array([distance, 0.0])))
@@ -242,7 +242,7 @@ def _rails(constant: DragDesign, rails: DragLimits | tuple[float, float]) -> Dra
     rail, design = ((d.sensor, d.mass, d.detection_distance) for d in (rails.weak, constant))
     if rail != design:
         raise InvalidInputError(
-            "rails: found rails of another curve, mass or detection distance, expected those of this design"
+            "rails: found limits for another curve, mass or detection distance, expected the values of this design"
         )
     if not rails.weak.drag <= constant.drag <= rails.strong.drag:
         raise InvalidInputError(
@@ -269,7 +269,7 @@ class _Paths(NamedTuple):
     rows: FloatArray
 
     def growth(self, shares: FloatArray) -> FloatArray:
-        """Return the exponent Q for each approach; the speed has fallen to exp(-Q) times the approach speed."""
+        """Return the exponent Q along each approach; the speed at each point is exp(-Q) times the approach speed."""
         rate, share = self.strength[..., 1:-1] * self.length, shares[self.step][..., None]
         ends = np.cumsum(share * (rate @ _WEIGHTS)[..., None], axis=1)
         starts = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], axis=1)
@@ -318,7 +318,7 @@ def _split_paths(constant: DragDesign, borders: FloatArray, offsets: FloatArray)
 
 
 def _search(paths: _Paths, rails: DragLimits, constant: DragDesign, *, monotone: bool) -> tuple[FloatArray, float]:
-    """Return the drag in each step divided by the constant drag, and a lower bound of the excursion [m]."""
+    """Minimize the largest excursion; return drag over constant drag for each step, and a lower bound [m]."""
     from scipy.optimize import linprog  # noqa: PLC0415 - keeps `import pretouch` fast
 
     rows = paths.rows / math.log(1 / constant.ratio)

@@ -184,7 +184,7 @@ def _rank(inputs: _Inputs, derivatives: list[tuple[float, float]]) -> tuple[Sens
 def _samples_at(
     problem: GainProblem, inputs: _Inputs, sides: Mapping[_Side, float], sample: Callable[[GainProblem], FloatArray]
 ) -> dict[_Side, FloatArray]:
-    """Return the samples of the problem with one input changed, for each input and direction; valid samples only."""
+    """Change one input at a time, in both directions, and return the valid samples of each changed problem."""
     # Changes of the scenario are solved as one array of encounters. User-defined functions get single encounters.
     task, samples = problem.task, {}
     if task.evaluate is None and type(task.goal) is Objective:

@@ -187,7 +187,7 @@ class Task(ExplainsNames, InNotebooks, Value):
         if self.stability_margin is None:
             return self.bounds
         if self.loop is None:
-            raise InvalidInputError("stability_margin: found one without a loop, expected loop=ClosedLoop(...) with it")
+            raise InvalidInputError("stability_margin: found one without a loop; pass loop=ClosedLoop(...) as well")
         axis = GainAxis.between(
             self.bounds, self.law.number
         )  # an error then quotes the user's bounds, not the cut ones
@@ -222,7 +222,7 @@ _ALIKE: Final = 1e-9  # relative rounding error of a bound
 
 
 def at_bound_in_words(task: Task, gain: float) -> str:
-    """Return a sentence about an optimal gain at an end of its range, and about what would widen this range."""
+    """Return a sentence that says why an optimal gain lies at an end of its range, and how to widen the range."""
     number = task.law.number
     at_own = any(math.isclose(gain, bound, rel_tol=_ALIKE) for bound in task.bounds or ())
     if task.stability_margin is not None and not at_own:

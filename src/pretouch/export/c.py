@@ -35,7 +35,7 @@ _ASCII: Final = {
 
 
 def c_files(design: LawDesign) -> dict[str, str]:
-    """Return the text of every file of a C export by its name."""
+    """Return the files of a C export as a dictionary from file name to text."""
     files = {
         "pretouch_design.h": design_header(design),
         HEADER: law_text(HEADER),
@@ -48,7 +48,7 @@ def c_files(design: LawDesign) -> dict[str, str]:
 
 
 def filled(name: str, design: LawDesign | None = None, **more: str) -> str:
-    """Return the text of a template file of this package, with the words and numbers of a design.
+    """Return the text of a template file of this package, filled with the words and numbers of a design.
 
     Args:
         name: path of the file in the folder `templates`.
@@ -96,7 +96,7 @@ def design_header(design: LawDesign) -> str:
 
 
 def block_comment(lines: list[str]) -> str:
-    """Return lines of text as a C comment in ASCII, which no text can end early."""
+    """Return lines of text as a C comment in ASCII; comment delimiters within the text are broken up."""
     wrapped = []
     for line in lines:
         plain = re.sub(r"\*/|/\*", "* /", _ascii(line))

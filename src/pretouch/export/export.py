@@ -16,7 +16,7 @@ from pretouch.verification import Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Export(Described, Value):
-    """Result of an export: the files that were written, or the verdict for which nothing was written.
+    """Result of an export: the files that were written, or the negative verdict that prevented the export.
 
     Args:
         kind: name of the format, such as "C".
@@ -43,7 +43,7 @@ class Export(Described, Value):
 
     @property
     def headline(self) -> str:
-        """What was written, or why nothing was written, in one sentence."""
+        """A sentence that says what was written, or why nothing was written."""
         if not self.is_written:
             assert self.verdict is not None  # noqa: S101 - only a verdict prevents an export
             return f"Nothing was exported, because the verdict is negative. {self.verdict.headline}"

@@ -45,7 +45,7 @@ def fmu_kind() -> str:
 
 
 def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
-    """Return the content of every file of an FMU export by its name.
+    """Return the files of an FMU export as a dictionary from file name to content.
 
     The units have a library for the platform on which pretouch runs, if there is a C compiler. The environment variable
     CC names another compiler.
@@ -70,7 +70,7 @@ def fmu_files(design: LawDesign) -> dict[str, str | bytes]:
 
 
 def _unit(design: LawDesign, standard: int, compiler: tuple[str, ...]) -> dict[str, bytes]:
-    """Return the files of one unit by their paths in its archive."""
+    """Return the files of one unit as a dictionary from path in the archive to content."""
     identifier = f"pretouch_{_name(design)}"
     token = _token(design, standard, identifier)
     sources = {
@@ -117,7 +117,7 @@ def _name(design: LawDesign) -> str:
 
 
 def _token(design: LawDesign, standard: int, identifier: str) -> str:
-    """Return a token that is the same for the same sources and descriptions, and another one otherwise."""
+    """Return a token that identifies the sources and the description of a unit, as a hash of both."""
     parts = (
         _instance(design, identifier, ""),
         design_header(design),
@@ -130,7 +130,7 @@ def _token(design: LawDesign, standard: int, identifier: str) -> str:
 
 
 def _archive(files: Mapping[str, bytes]) -> bytes:
-    """Return a ZIP archive that has the same bytes whenever the files have the same bytes."""
+    """Return the files as a ZIP archive whose bytes depend only on the files."""
     memory = io.BytesIO()
     with zipfile.ZipFile(memory, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(files):
@@ -148,7 +148,7 @@ def _platform() -> str:
 
 
 def _compiler() -> tuple[str, ...]:
-    """Return the words that call the C compiler of this machine; empty if there is none."""
+    """Return the command of the C compiler of this machine, as a tuple of words; empty if there is none."""
     if "CC" in os.environ:
         words = tuple(shlex.split(os.environ["CC"]))
         return words if words and shutil.which(words[0]) else ()
@@ -169,7 +169,7 @@ def _library(compiler: tuple[str, ...], standard: int, sources: Mapping[str, str
         )
         if done.returncode:
             raise InvalidInputError(
-                f"C compiler: {shlex.join(compiler)} cannot build the unit: {done.stderr.strip()[:500]}; name another "
-                "compiler by the environment variable CC"
+                f"C compiler: {shlex.join(compiler)} cannot build the unit: {done.stderr.strip()[:500]}; set the "
+                "environment variable CC to another compiler"
             )
         return (Path(folder) / "library").read_bytes()

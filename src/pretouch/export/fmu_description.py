@@ -64,7 +64,7 @@ class Variable:
 
     @property
     def place(self) -> str:
-        """Where the C structure of an instance has the variable."""
+        """The C expression that accesses the variable in the structure of an instance."""
         return _PLACES[self.causality] + self.name
 
 
@@ -112,7 +112,7 @@ def variables(design: LawDesign) -> tuple[Variable, ...]:
 
 
 def _number(design: LawDesign) -> Variable:
-    """Return the parameter for the number of the law, which may be weaker than that of the design."""
+    """Return the parameter for the gain or drag of the law, which a user may make weaker than in the design."""
     name, symbol, unit = ("drag", "phi", "N.s2") if design.is_drag else ("gain", "D_p", "N.s")
     value: float = getattr(design.controller.parameters().law, name)
     return Variable(

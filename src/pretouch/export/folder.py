@@ -77,13 +77,13 @@ def _check_replaceable(target: Path, *, overwrite: bool) -> None:
     foreign = _foreign_file(target)
     if foreign is not None:
         raise OutputExistsError(
-            f"{target}: this folder contains {foreign}, which is not an unchanged file of an earlier export, so "
-            "pretouch does not replace the folder; choose another folder, or remove this one first"
+            f"{target}: this folder contains {foreign}, so pretouch does not replace the folder; choose another "
+            "folder, or remove this one first"
         )
 
 
 def _foreign_file(target: Path) -> str | None:
-    """Return a file in a folder that is not an unchanged file of an earlier export; None if there is no such file."""
+    """Return text that names a new or changed file in an exported folder; None if there is no such file."""
     try:
         digests = json.loads((target / MANIFEST).read_text(encoding="utf-8"))["files"]
     except (OSError, ValueError, KeyError, TypeError):
@@ -93,12 +93,12 @@ def _foreign_file(target: Path) -> str | None:
         if path.is_dir() or name == MANIFEST or name.startswith(f"{BUILD}/"):
             continue
         if name not in digests or hashlib.sha256(path.read_bytes()).hexdigest() != digests[name]:
-            return name
+            return f"{name}, which is not an unchanged file of an earlier export"
     return None
 
 
 def _move(temporary: Path, target: Path) -> None:
-    """Rename a complete folder to its name, and remove the folder that had this name."""
+    """Rename a complete temporary folder to its final name, and remove the earlier folder of this name."""
     place = target.resolve()
     if not place.exists():
         temporary.rename(place)

@@ -63,12 +63,12 @@ class LawDesign(Value):
 
     @property
     def suffix(self) -> str:
-        """End of the names of the C structures and functions of the law."""
+        """Suffix of the names of the C structures and functions of the law."""
         return "_drag" if self.is_drag else ""
 
     @property
     def verdict_text(self) -> str:
-        """A sentence on what the verification found and when, or that there was none."""
+        """A sentence with result and date of the verification, or the note that the law was not verified."""
         if self.verdict is None:
             return "Not verified: this law was exported without a verification."
         when = f" ({self.date})" if self.date else ""
@@ -107,7 +107,7 @@ def law_design(task: Task, *, verify: bool = True, date: str | None = None) -> L
     if gain is None:
         reasons = "" if verdict is None else f": {'; '.join(verdict.reasons)}"
         raise InvalidInputError(
-            f"{task.law.number.name}: there is nothing to export{reasons}. Change the limits or the bounds, or give "
+            f"{task.law.number.name}: there is nothing to export{reasons}. Change the limits or the bounds, or set "
             f"the {task.law.number.name} with --gain"
         )
     controller = loop.law.with_value(gain)

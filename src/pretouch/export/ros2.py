@@ -38,7 +38,7 @@ _BELOW_FLOOR: Final = 1.0  # ln xi below the detection threshold at which the ta
 
 
 def ros2_files(design: LawDesign) -> dict[str, str]:
-    """Return the text of every file of a ROS 2 package by its path."""
+    """Return the files of a ROS 2 package as a dictionary from path to text."""
     values = {
         "rate": str(round(1 / design.controller.period)),
         **_parameters(design),
@@ -86,7 +86,7 @@ def yaml_number(value: float) -> str:
 
 
 def _curve(design: LawDesign) -> dict[str, str]:
-    """Return the table of the sensor curve, from the smallest valid distance to one below the detection threshold."""
+    """Return the table of the sensor curve, from the smallest valid distance to one without detection."""
     sensor: Any = design.task.sensor
     start, end = _curve_range(sensor, math.log(design.controller.conditioning.floor) - _BELOW_FLOOR)
     step = (end - start) / _CURVE_STEPS
@@ -106,7 +106,7 @@ def _curve(design: LawDesign) -> dict[str, str]:
 
 
 def _curve_range(sensor: Any, lowest: float) -> tuple[float, float]:
-    """Return the distances [m] between which a sensor curve is tabulated: until ln xi falls below a value."""
+    """Return the first and last distance [m] of the table of a sensor curve, which ends where ln xi is low enough."""
     start, end = sensor.valid_range
     far = min(start + 1e-3, end)
     if sensor.log_output(start) <= lowest:

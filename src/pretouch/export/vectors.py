@@ -30,7 +30,7 @@ SAMPLE_COLUMNS: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case(Value):
-    """One sequence of samples, which starts from a fresh state of the controller, with the outputs of the law.
+    """A test case: samples for a controller that starts without a detected object, and the expected outputs.
 
     Args:
         name: short name, such as "dropouts".
@@ -135,14 +135,14 @@ def _gap(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Gen
 
 
 def _saturation(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:  # noqa: ARG001
-    """Replace the readings of the last third by the saturation level, and then let them return."""
+    """Replace the readings between two thirds and five sixths of the approach by the saturation level."""
     level = controller.conditioning.saturation or _ANY_READING
     for i, sample in enumerate(samples):
         yield sample._replace(reading=level) if 2 * len(samples) <= 3 * i < 5 * len(samples) // 2 else sample
 
 
 def _contact(samples: tuple[Sample, ...], controller: Controller, rng: np.random.Generator) -> Edited:
-    """Add contact forces around the threshold, and a few that are no numbers."""
+    """Add contact forces around the threshold in the second half of the approach; some forces are NaN."""
     forces = 3 * controller.contact_threshold * rng.standard_normal(len(samples))
     for i, (sample, force) in enumerate(zip(samples, forces, strict=True)):
         pressed = 2 * i >= len(samples)

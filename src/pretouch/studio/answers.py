@@ -36,7 +36,7 @@ _MOST: Final = 4000  # readings that are drawn
 
 
 def describe_scenario(files: OpenedFiles, text: str) -> dict[str, Any]:
-    """Read a scenario file, and return its values as texts with units, with all data that the page cannot compute.
+    """Read a scenario file, and return its values as texts with units, and all data that the page cannot compute.
 
     Args:
         files: the opened files.
@@ -55,7 +55,7 @@ def describe_scenario(files: OpenedFiles, text: str) -> dict[str, Any]:
     fixed, notes = _fixed(task, document)
     if task.drag_effect is not None and "law.ratio" not in fields:
         fields["law.ratio"] = ratio_of_drag(task)
-        notes.append("law: the page chooses a drag by its ratio; this ratio has the effect that the file requires")
+        notes.append("law: the page chooses a drag by its ratio; this ratio meets the requirement of the file")
     sections = {name: name in document for name in ("uncertainty", "chain", "controller")}
     return {"fields": fields, "fixed": fixed, "notes": notes, "sections": sections}
 
@@ -188,7 +188,7 @@ def parameters_of(sensor: SensorModel) -> dict[str, str]:
 
 
 def sample_cloud(files: OpenedFiles, text: str, gain: float) -> dict[str, Any]:
-    """Solve encounters with random uncertain inputs, for one gain.
+    """Solve many encounters with random values of the uncertain inputs, all with one gain.
 
     Returns:
         Contact speed [m/s] and largest excursion [m] of each encounter, and the share of encounters that meets each

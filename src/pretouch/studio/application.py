@@ -109,7 +109,8 @@ class Application:
             raise _RefusedRequestError(403, "origin: this server answers only its own page")
         if not secrets.compare_digest(token.encode(), self.token.encode()):
             raise _RefusedRequestError(
-                403, "token: found none or another one; open the address that pretouch studio printed when it started"
+                403,
+                "token: the request has no valid token; open the address that pretouch studio printed when it started",
             )
 
     async def _guarded(self, request: Any, token: str, work: Callable[[], Awaitable[Any]]) -> Any:
@@ -226,7 +227,7 @@ class _Asked:
 
     @property
     def gain(self) -> float | None:
-        """The number of the law; None for the number in the scenario, or the designed number if there is none."""
+        """The requested gain or drag; None for that of the scenario or, if it has none, the designed one."""
         return None if self._values.get("gain") is None else float(self.of("gain", float))
 
     @property

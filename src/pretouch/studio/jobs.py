@@ -122,7 +122,7 @@ class Jobs:
             InvalidInputError: there is no such job.
         """
         if name not in self._jobs:
-            raise InvalidInputError("job: there is no such computation in this start of the studio; start it again")
+            raise InvalidInputError("job: this studio has no such computation; start the computation again")
         return self._jobs[name]
 
     def cancel(self, name: str) -> None:

@@ -192,7 +192,7 @@ def _move_distribution(distribution: Any, before: Any, after: Any, name: str) ->
 
 
 def _like(before: Any, value: Any) -> Any:
-    """Return a TOML item, a number if the value has no unit, with the comment of the value that it replaces."""
+    """Return a value as a TOML item, a number if it has no unit; the item keeps the comment of the old value."""
     tomlkit = require("tomlkit", extra="studio")
     if isinstance(value, list):
         item = tomlkit.array()

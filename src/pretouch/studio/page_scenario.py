@@ -72,7 +72,7 @@ def _obstacles(task: Task, document: dict[str, Any]) -> Iterator[str]:
     if "model" in document.get("robot", {}):
         yield "[robot] names a robot model"
     if task.scenario.obstacle.course or task.scenario.reference.acceleration:
-        yield "it computes objects without course and references without acceleration only"
+        yield "it computes only objects without a course and references without an acceleration"
     if task.is_admittance_free:
         yield "the admittance has bounds"
     if task.law not in (DAMPER, DRAG):

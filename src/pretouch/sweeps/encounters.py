@@ -75,7 +75,7 @@ def _columns(task: Task, names: Sequence[str], values: Mapping[str, NDArray[Any]
 
 
 def task_at(task: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
-    """Return the task at one point of the sweep grid, for inputs whose values cannot be passed as arrays."""
+    """Return the task at one point of the sweep grid, in which only inputs that cannot be arrays are changed."""
     for axis, i in zip(axes, index, strict=True):
         for name, values in axis.columns.items():
             if name not in ENCOUNTER_INPUTS:

@@ -86,7 +86,7 @@ def chunks_per_block(plan: Grid, *, workers: int = 1) -> int:
 
 
 def run_block(plan: Grid, store: Store, block: int) -> BlockRecord:
-    """Compute and store a block of encounters; the next results are computed while results are being written."""
+    """Compute and store a block of encounters; each chunk is computed while the previous one is being written."""
     computing = writing = 0.0
 
     def write(region: Region, columns: Columns) -> float:

@@ -38,7 +38,7 @@ class Grid(ABC):
     @property
     @abstractmethod
     def subject(self) -> str:
-        """What the sweep computes, for its title."""
+        """Name of the computed results for the title of the sweep, such as `contacts`."""
 
     @abstractmethod
     def evaluate(self, region: Region) -> Columns:
@@ -50,7 +50,7 @@ class Grid(ABC):
 
     @abstractmethod
     def input_attributes(self, name: str) -> dict[str, Any]:
-        """Return name in plain words and unit of an input on an axis."""
+        """Return the name in plain words and the unit of an input that varies along an axis."""
 
     @abstractmethod
     def result_attributes(self, name: str) -> dict[str, Any]:

@@ -56,7 +56,7 @@ class Plan(Grid):
 
     @property
     def subject(self) -> str:
-        """What the sweep computes, for its title."""
+        """Name of the computed results for the title of the sweep, such as `contacts`."""
         return "optimal gains" if self.designs else "contacts"
 
     def evaluate(self, region: Region) -> Columns:
@@ -70,7 +70,7 @@ class Plan(Grid):
         return inputs_of_task(self.task)
 
     def input_attributes(self, name: str) -> dict[str, Any]:
-        """Return name in plain words and unit of an input on an axis."""
+        """Return the name in plain words and the unit of an input that varies along an axis."""
         number = self.task.law.number
         words = number.label if name == "gain" and self.task.law != DAMPER else spoken(name)
         return {"long_name": words, "units": inputs_of(self.task)[name] or "1"}

@@ -1,4 +1,4 @@
-"""Describe the inputs of a sweep as JSON, which shows whether a stored sweep has the same inputs."""
+"""Describe the inputs of a sweep as JSON, so that they can be compared with those of a stored sweep."""
 
 from __future__ import annotations
 

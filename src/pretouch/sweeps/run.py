@@ -262,7 +262,7 @@ def _to_netcdf(plan: Grid, target: Path, *, overwrite: bool, dask: Any, progress
     if is_sweep(folder):  # an earlier run may have been killed before it removed the folder
         remove_unused(folder)
     if dataset is None:
-        raise InvalidInputError(f"{target}: cannot be read after writing")
+        raise InvalidInputError(f"{target}: the file cannot be read after it was written")
     return dataset
 
 

@@ -170,7 +170,7 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
 
 
 def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance: FloatArray) -> None:
-    """Refuse a distribution of curve parameters if improbable parameter values give impossible sensor curves."""
+    """Raise an error if parameters within four standard errors of the fit result in an impossible sensor curve."""
     # For each parameter at its limits, the other parameters have their conditional means.
     for i, name in enumerate(names):
         error = float(np.sqrt(max(covariance[i, i], 0.0)))
@@ -190,7 +190,7 @@ def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Empirical(Distribution):
-    """Distribution of an input given by measured values, each with its relative frequency as probability.
+    """Distribution of measured values of an input; every measured value is equally probable.
 
     Args:
         samples: the values, in SI, in any order; at least two.

@@ -166,7 +166,7 @@ def _check_order(low: float, high: float) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval(Distribution):
-    """Smallest and largest value of an input without any distribution in between, for worst-case designs.
+    """Range of an input without a probability distribution, for worst-case designs.
 
     If samples are drawn nevertheless, alone or together with other inputs, they are uniform.
 

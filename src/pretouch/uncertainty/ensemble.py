@@ -41,7 +41,7 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
         if not isinstance(distribution, JointDistribution):
             raise InvalidInputError(
                 f"uncertainty {name}: found {type(distribution).__name__}, expected a distribution such as "
-                "Uniform, or an object of a class that inherits from pt.robust.Distribution and defines support "
+                "Uniform, or an instance of a class that inherits from pt.robust.Distribution and defines support "
                 "and _quantile"
             )
     names = [member for name, distribution in uncertainty.items() for member in distribution.inputs(name)]
@@ -150,7 +150,7 @@ _CENTRAL: Final = (0.025, 0.975)  # probabilities between which the value of the
 
 
 def contradictions(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorModel) -> Iterator[tuple[str, str]]:
-    """Yield the uncertain inputs whose value in the encounter is not typical of their distribution, with a sentence.
+    """Yield name and explanation of each input whose value in the encounter does not fit its distribution.
 
     Otherwise a gain would be designed for one encounter and verified in others, for example at another speed.
     """
@@ -296,21 +296,21 @@ class Ensemble(Value):
 
 @dataclass(frozen=True, slots=True)
 class _Stacked(Value):
-    """Results of several solver calls, combined with one element per call along the last axis."""
+    """Results of several solver calls, stacked along the last axis."""
 
     parts: list[ContactResult]
 
     def column(self, name: str) -> Any:
-        """Return one quantity, such as the contact time, combined from all solver calls."""
+        """Return one quantity, such as the contact time, stacked from all solver calls."""
         return np.stack([part.columns.column(name) for part in self.parts], axis=-1)
 
     @property
     def gradients(self) -> _Stacked:
-        """The object with the derivatives that are combined from all solver calls, which is this object itself."""
+        """This instance itself, whose method `of` stacks the derivatives from all solver calls."""
         return self
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivatives of a contact quantity with respect to an input, combined from all solver calls."""
+        """Return the derivatives of a contact quantity with respect to an input, stacked from all solver calls."""
         return np.stack([part.gradients.of(quantity, by) for part in self.parts], axis=-1)
 
 

@@ -126,7 +126,7 @@ class Reservations(Value):
             )
         if self.share_beyond > _DECISIVE:
             share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]}"
-            parts.append(f"from the start at {start} to {far}{farthest}, which gives {share}")
+            parts.append(f"from the start at {start} to {far}{farthest}, which contributes {share}")
             remedies.append(
                 f"calibrate the sensor out to {start} with more readings at each distance, or start the "
                 f"encounter at {far}"

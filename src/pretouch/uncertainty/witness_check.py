@@ -1,4 +1,4 @@
-"""Compare the contact speeds that a gain reaches on different sensor curves that fit the same readings."""
+"""Compare the contact speeds that one gain reaches with different sensor curves that fit the same readings."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _SAMPLES: Final = 60  # points at which a drawn curve that is not piecewise cubi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WitnessCheck(Value):
-    """Result of testing a gain on many sensor curves that fit the calibration readings.
+    """Result of testing a gain with many sensor curves that fit the calibration readings.
 
     Some curves pass through the readings, the others flatten under soft ceilings.
 
@@ -112,7 +112,7 @@ class WitnessCheck(Value):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result of testing a gain on several sensor curves as a dictionary for JSON, in SI units."""
+        """Return the result of testing a gain with several sensor curves as a dictionary for JSON, in SI units."""
         return {"is_supported": self.is_supported, **asdict(self)}
 
 
@@ -124,7 +124,7 @@ def is_within(value: float, low: float, high: float) -> bool:
 def check_on_readings(
     curves: AllowedCurves, offset: float, scenario: Scenario, sensor: SensorModel, *, gain: Any, law: ContinuousLaw
 ) -> WitnessCheck | None:
-    """Test a gain on many sensor curves that fit the readings, and return None if there is no contact.
+    """Test a gain with many sensor curves that fit the readings; None if the fitted curve predicts no contact.
 
     Args:
         curves: the curves that fit the readings.
@@ -187,7 +187,7 @@ def _speed(result: ContactResult) -> FloatArray:
 def _speeds(
     law: ContinuousLaw, scenario: Scenario, curves: tuple[PiecewiseCubic, ...], gains: FloatArray
 ) -> FloatArray:
-    """Return the contact speeds [m/s] of several encounters on each of several sensor curves."""
+    """Return the contact speeds [m/s] of several encounters with each of several sensor curves."""
     # Encounters have the shape (n, 1), and the result (n, m) for m curves.
     if law != DAMPER:
         return np.column_stack([_speed(law.contact(scenario, curve, gains))[:, 0] for curve in curves])

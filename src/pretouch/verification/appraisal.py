@@ -136,7 +136,7 @@ class Requirement(NamedTuple):
         return self.standing >= 1 - _ROUNDING
 
     def after(self, further: int) -> Requirement:
-        """Return the requirement as it would be if it was met in all of some further runs."""
+        """Return the requirement as it would be if a number of further runs all met it."""
         return self._replace(held=np.concatenate([self.held, np.ones(further, dtype=bool)]))
 
 
@@ -214,7 +214,7 @@ def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopProblem:
-    """The encounters on which loops and gains are compared, with simulated runs without mitigation for comparison."""
+    """The encounters with which loops and gains are compared, and reference runs of these without mitigation."""
 
     draws: Draws
     predicted: BoolArray  # which of the encounters end in contact in continuous time
@@ -230,7 +230,7 @@ class LoopProblem:
         return loop if custom or needed & _IN_CONTACT else replace(loop, follow_time=0.0)
 
     def changes_of_level(self, distance: FloatArray) -> tuple[float, float]:
-        """Return the largest |d ln xi / dt| [1/s] of an approach and the largest noise of ln xi, over distances [m]."""
+        """Return the largest |d ln xi / dt| [1/s] of an approach and the largest noise of ln xi at given distances."""
         sensor, c, free = self.draws.task.sensor, self.draws.task.loop.chain, self.unmitigated
         slope, xi = np.abs(np.asarray(sensor.log_slope(distance))), np.exp(np.asarray(sensor.log_output(distance)))
         noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
@@ -296,13 +296,13 @@ class LoopProblem:
 
 
 def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
-    """Return the results of selected simulated runs, without time series."""
+    """Return the results of selected simulated runs; time series of the result are not valid."""
     columns = {name: column[which] for name, column in result.columns.items()}
     return SimulationResult(columns, result.contact_list[which], result.trace_of)
 
 
 def joined(first: SimulationResult, rest: SimulationResult) -> SimulationResult:
-    """Return the results of two sets of simulated runs as one set, without time series."""
+    """Join the results of two sets of simulated runs; time series of the result are not valid."""
     columns = {name: np.concatenate([column, rest.columns[name]]) for name, column in first.columns.items()}
     return SimulationResult(columns, np.concatenate([first.contact_list, rest.contact_list]), first.trace_of)
 

@@ -84,7 +84,7 @@ class RestMotion(Value):
         return f"Sensor noise alone moves a robot at rest by up to {far} within {self.duration:g} s"
 
     def remedy(self, law: Any) -> str:
-        """Return a sentence on which setting of a controller reduces the motion."""
+        """Return advice on how to reduce the motion, such as a higher floor of the controller."""
         faster = " or raise largest_rate," if law.conditioning.largest_rate is not None else ""
         if self.quiet_floor is None:
             return f"reduce the noise of the sensor,{faster} or use a law with a dead zone"

@@ -68,7 +68,7 @@ class CalibrationCheck(Value):
 
     @property
     def is_good_enough(self) -> bool:
-        """True if at least 95 % of the sensors agree with the fitted curve, and no reading contradicts this curve."""
+        """True if at least 95 % of the sensors agree with the fitted curve, and other fits of the readings do, too."""
         return self.failing <= _FAILING * self.draws and (self.witness is None or self.witness.is_supported)
 
     @property
@@ -121,13 +121,13 @@ class CalibrationCheck(Value):
         if self.low is None or self.high is None:
             return f"{text}."
         low, high = format_quantity(self.low, "m/s", 3), format_quantity(self.high, "m/s", 3)
-        text = f"{text}, and {low} to {high} on 90 % of these sensors."
+        text = f"{text}, and {low} to {high} with 90 % of these sensors."
         if is_within(self.predicted, self.low, self.high):
             return text
         softer = self.predicted < self.low
         accepted = f"; up to {100 * _HARDER:.0f} % harder counts as agreement" if softer else ""
         return (
-            f"{text} So the contact on the fitted curve is {('softer' if softer else 'harder')} than on "
+            f"{text} So contact with the fitted curve is {('softer' if softer else 'harder')} than with "
             f"most of these sensors{accepted}. The sensors differ in curve, offset and curve error."
         )
 

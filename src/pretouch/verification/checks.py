@@ -139,8 +139,8 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
         *(uncertain or ["Encounter: the nominal one in every run; nothing is uncertain."]),
         f"Runs: {number}; other gains, and changes of the loop, are simulated with the same noise{first}.",
         "Prediction: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly.",
-        "Stability: of the loop linearized at each distance of the nominal curve, without noise, misfit, jitter, "
-        "limits and friction.",
+        "Stability: computed for the loop linearized at each distance of the nominal curve, without noise, misfit, "
+        "jitter, limits and friction.",
         "Not modeled: changes of the sensor curve (color, shape and angle of the object, other light) that are not "
         "listed as uncertain, elasticity between drive and contact surface, and contact elsewhere on the robot.",
     )

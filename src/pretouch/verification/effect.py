@@ -47,8 +47,8 @@ class VerdictStatus(StrEnum):
         return {
             VerdictStatus.HOLDS: "Every limit was met as often as required, every predicted contact happened, and the "
             "gain margin is at least 2.",
-            VerdictStatus.HOLDS_NARROWLY: "Nothing failed in these runs, but something is close to failing or not "
-            "shown.",
+            VerdictStatus.HOLDS_NARROWLY: "No requirement is missed in these runs, but at least one is nearly missed "
+            "or not demonstrated.",
             VerdictStatus.DOES_NOT_HOLD: "A limit was missed, a predicted contact did not happen, contact is no softer "
             "than without mitigation, the loop is unstable, or the calibration is not good enough.",
             VerdictStatus.NO_GAIN: "There is no gain to verify.",
@@ -117,7 +117,7 @@ class Effect(Value):
 
     @property
     def lost(self) -> float:
-        """Share of the predicted fall of the contact speed that the loop does not reach; 0 without a prediction."""
+        """Share of the predicted decrease of the contact speed that is lost on the loop; 0 without a prediction."""
         if self.predicted is None or self.reached is None or not self.predicted < self.unmitigated:
             return 0.0
         return (self.reached - self.predicted) / (self.unmitigated - self.predicted)

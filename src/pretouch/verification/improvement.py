@@ -346,7 +346,7 @@ def _add_margin(candidate: ChangedLoop, before: float | None, after: float | Non
 
 
 def _meets_more_often(before: LoopOutcomes, after: LoopOutcomes) -> bool:
-    """Return True if the most missed requirement is met significantly more often after a change."""
+    """Return True if a change improves what decides the score: stability, contact speed or the most missed limit."""
     if after.standing <= before.standing:
         return False
     if before.stable <= before.standing:  # the margin was decisive; it does not depend on chance

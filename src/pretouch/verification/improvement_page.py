@@ -21,12 +21,12 @@ Row = tuple[Cell, ...]
 
 _KEPT: Final = 1 - 1e-12
 _HELPS: Final = (
-    " A change helps if it improves the status by limits, effect and gain margin, if the most missed limit is missed "
-    "significantly less often, or if the objective falls significantly and by at least 1 %, with nothing missed more "
-    "often and a gain margin of 2. A change that makes the loop unstable never helps. Objective: mean change with its "
-    "standard error. Limits met: whether every limit is met as often as required, contact happens and is softer than "
-    "without mitigation, and the loop is stable; the percentage is that of the most missed limit. Prediction, sensor "
-    "speed and calibration are not checked for a change."
+    " A change helps in three cases: the status improves, as judged by limits, contact speed and gain margin; the most "
+    "missed limit is missed significantly less often; or the objective falls significantly and by at least 1 %, while "
+    "no limit is missed more often and the gain margin is at least 2 or does not fall. A change that makes the loop "
+    "unstable never helps. Objective: mean change with its standard error. Limits met: whether every limit is met as "
+    "often as required, contact happens and is softer than without mitigation, and the loop is stable; the percentage "
+    "is that of the most missed limit. Prediction, sensor speed and calibration are not checked for a change."
 )
 
 
@@ -182,7 +182,7 @@ def gain_section(v: Verdict) -> PageSection:
     tried = v.loss is not None
     caption = "The objective of the nominal encounter in continuous time (ideal)"
     caption += ", and its mean over the runs on the loop for the tried gains" if tried else ""
-    caption += ". Thin and grey: gains that miss a limit"
+    caption += ". Thin gray lines are gains that miss a limit"
     caption += ", or make contact no softer than without mitigation." if tried else "."
     name = "Objective over the gain, in continuous time and on the loop"
     known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]

@@ -179,7 +179,7 @@ def _next_step_without_gain(v: Verdict) -> str:
     if v.needed_rate is None:
         return "relax a limit, widen the bounds of the gain, or detect the object earlier"
     if math.isinf(v.needed_rate):
-        return "shorten latency and filters, or relax a limit: no sensor rate gives the optimum its gain margin"
+        return "shorten latency and filters, or relax a limit: no sensor rate results in the required gain margin"
     return (
         f"read the sensor at {rounded_up(v.needed_rate):g} Hz instead of {v.loop.chain.rate:g} Hz, or relax one of "
         "the limits"

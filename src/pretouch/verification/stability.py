@@ -186,7 +186,7 @@ def rates_for_margins(
 
 
 def rounded_up(value: float) -> float:
-    """Return a positive number, such as a rate [Hz], rounded up to two digits, so that it is never below the number."""
+    """Round a positive number, such as a rate [Hz], up to two significant digits."""
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.ceil(value / step - 1e-9) * step:.3g}")
 
@@ -203,7 +203,7 @@ def chain_at(chain: SensorChain, rate: float) -> SensorChain:
 
 
 def told_period(controller: Controller) -> float:
-    """Return the sensor period [s] that is set as a parameter of the controller."""
+    """Return the sensor period [s] in the settings of the controller; by default, the controller period."""
     told = controller.conditioning.sensor_period
     return controller.period if told is None else told
 
@@ -243,7 +243,7 @@ _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
 def plausible_rate(loop: ClosedLoop, quickest: float, noise: float) -> float:
-    """Return a largest plausible |d ln xi / dt| for the controller [1/s].
+    """Return the limit of |d ln xi / dt| [1/s] above which readings are implausible for the controller.
 
     It rejects a reading only if neither the fastest approach nor noise can explain the reading.
 

@@ -157,7 +157,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
 
 
 def _rate_needed(design: GainDesign) -> float | None:
-    """Return the sensor rate [Hz] with which the optimal gain has the required margin, if no gain has it now."""
+    """If only the required gain margin makes the design infeasible, return the sensor rate [Hz] that it needs."""
     task, free = design.problem.task, design.without_margin
     if free is None or task.stability_margin is None:
         return None
@@ -180,8 +180,8 @@ def _check_task(task: Task) -> Task:
     refuse_too_many_runs(task.verify.runs)
     if task.drag_effect is not None and (task.objective is None or task.bounds is None):
         raise InvalidInputError(
-            "drag_effect: found no objective or no bounds with it, expected both, because a verdict compares the drag "
-            "with the best one; in a file, add [objective] and [gain]"
+            "drag_effect: found no objective or no bounds, expected both, because a verdict compares the drag with the "
+            "best drag; in a scenario file, add [objective] and [gain]"
         )
     return task.replace(bounds=task.stable_bounds(), stability_margin=None, evaluate=None)
 

@@ -129,7 +129,7 @@ def design_drag(task: Task) -> DragDesign:
     """
     if task.drag_effect is None:
         raise InvalidInputError(
-            "drag_effect: found none, expected the effect by which the drag is chosen, such as DragEffect(ratio=0.15)"
+            "drag_effect: found none, expected the requirement on the drag, such as DragEffect(ratio=0.15)"
         )
     if reason := why_no_drag(task.scenario):
         raise InvalidInputError(f"scenario: {reason}")

@@ -32,7 +32,7 @@ _UNITS: Final = {"ratio": "", "excursion": "m", "acceleration": "m/s^2", "contac
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragEffect(Value):
-    """The requirement by which a virtual drag is chosen, such as a largest excursion or contact speed.
+    """The requirement that determines a virtual drag, such as a largest excursion or contact speed.
 
     Exactly one effect is given. It refers to an object in uniform motion.
 
@@ -119,7 +119,7 @@ class DragEffect(Value):
 def encounter(  # noqa: PLR0917
     sensor: SensorModel, mass: Any, distance: Any, drag: Any, speed: Any, push: Any
 ) -> ContactResult:
-    """Compute approaches toward a robot at rest on which only the virtual drag acts.
+    """Compute encounters with a robot that is initially at rest and that only the virtual drag moves.
 
     Args:
         sensor: the sensor curve.
@@ -277,7 +277,7 @@ def strongest_by_peak(sensor: SensorModel, distance: ArrayLike, mass: float, lim
 
 
 def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, limit: FloatArray) -> FloatArray:
-    """Find the strongest drags for one-dimensional arrays of distances and limits.
+    """Find the strongest drags within limits of the peak acceleration, for one-dimensional arrays.
 
     Returns:
         phi [N s^2] of each.
@@ -298,9 +298,9 @@ def _strongest_by_peak(sensor: SensorModel, distance: FloatArray, mass: float, l
     excess = excess_of(high[:, None], slice(None))[:, 0]
     if (never := np.flatnonzero((strongest < top) & (excess <= 0))).size:
         raise InvalidInputError(
-            f"acceleration: the limit of {limit[never[0]]:g} 1/m, acceleration over squared approach speed, is too "
-            f"large to choose a virtual drag: even the strongest drag of the search (speed ratio {_STRONGEST:g}) stays "
-            "below it; choose the drag by its speed ratio instead"
+            f"acceleration: the limit of {limit[never[0]]:g} 1/m on acceleration divided by squared approach "
+            f"speed is too large to choose a virtual drag: even the strongest drag of the search (speed ratio "
+            f"{_STRONGEST:g}) stays below it; choose the drag by its speed ratio instead"
         )
     for _ in range(_PASSES):
         on = np.flatnonzero(excess > _MET)

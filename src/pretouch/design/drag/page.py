@@ -143,7 +143,7 @@ def letters_optimum(design: DragDesign) -> GainDesign | None:
 
 
 def speeds_of(design: DragDesign) -> tuple[float, float, float]:
-    """Return the approach speeds [m/s] that the report shows, and the approach speed of the task."""
+    """Return the lowest and highest approach speed [m/s] of the report, and the approach speed of the task."""
     speed = -float(design.scenario.relative_velocity)
     top = design.largest_speed if math.isfinite(design.largest_speed) else _SPEEDS[-1]
     return min(_SPEEDS[0], speed), max(top, speed), speed
@@ -177,7 +177,7 @@ def _contact(design: DragDesign, run: ContactResult) -> PageSection:
     if not push_of(design.scenario):
         rows.insert(4, ("distance of the largest acceleration", *place))
     note = (
-        "Predicted, not measured; magnitudes. The excursion is that at contact; the plant still retreats afterwards. "
+        "Predicted magnitudes, not measured. The excursion is the one at contact; the plant retreats further later. "
         "The smallest possible excursion is that of an ideal robot with the same largest acceleration and the same "
         "contact speed."
     )

@@ -33,7 +33,7 @@ PREMISES: Final = (
     "The object is visible from the detection distance down to contact, and ln xi falls with the distance everywhere.",
     "Ratio, excursion and peak acceleration are for an object in uniform motion relative to the reference. The bound "
     "of the contact speed is for any object whose acceleration toward the plant never exceeds the given limit.",
-    "The excursion is that at contact. The plant then still retreats at 1 - rho times the approach speed.",
+    "The excursion is the one at contact. At contact, the plant still retreats at 1 - rho times the approach speed.",
 )
 """The assumptions of a drag design."""
 
@@ -220,8 +220,8 @@ class DragLimits(Value):
         weak, strong = ((d.sensor, d.mass, d.detection_distance, np.shape(d.drag)) for d in (self.weak, self.strong))
         if weak != strong or np.shape(self.weak.drag):
             raise InvalidInputError(
-                "rails: found arrays, or designs of different curve, mass or detection distance, expected two single "
-                "designs that differ only in their drag"
+                "rails: found arrays, or designs with different curves, masses or detection distances, expected two "
+                "single designs that differ only in their drag"
             )
         if not 0 < self.weak.drag <= self.strong.drag:
             raise InvalidInputError(

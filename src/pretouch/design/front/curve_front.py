@@ -100,7 +100,7 @@ class _Samples:
                 return
 
     def fill(self) -> None:
-        """Halve the intervals of the Pareto front between whose ends the compared quantities differ much."""
+        """Halve the intervals of the Pareto front whose ends differ much in a compared quantity."""
         for _ in range(_FINEST):
             best = non_dominated(self.values)
             with np.errstate(invalid="ignore"):

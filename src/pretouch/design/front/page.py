@@ -76,7 +76,7 @@ def front_page(front: ParetoFront) -> Page:
 
 def _next_step(front: ParetoFront) -> str:
     if front.status is FrontStatus.FOUND:
-        return "choose a point of the front in the report, and design with its limits"
+        return "choose a point of the front in the report, and use its values as limits of a design"
     return step_without_gain(front.scenario, contact=front.status is not FrontStatus.NO_CONTACT)
 
 
@@ -92,9 +92,9 @@ def _key_figures(front: ParetoFront) -> Iterator[tuple[str, Cell]]:
 def _points(front: ParetoFront) -> PageSection:
     points = (*front.ends, *front.marked)
     caption = (
-        "No point of the Pareto front is better than another in every quantity; grey points are feasible and worse. If "
-        "the physical bound applies: the excursion along the front over the contact speed, compared with the smallest "
-        "possible excursion for the same contact speed and detection distance."
+        "No point of the Pareto front is better than another in every quantity; gray points are feasible and worse. If "
+        "the physical bound applies, a plot compares the excursion along the front with the smallest possible "
+        "excursion for the same contact speed and detection distance."
     )
     name = "Pareto front, the parameters along it, and the physical bound"
     sentences = tuple(_sentences(front))

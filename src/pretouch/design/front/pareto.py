@@ -147,7 +147,7 @@ def _assemble(trials: Trials, names: tuple[str, ...], front: FoundFront, choice:
 
 def _why_no_bound(trials: Trials) -> str:
     if not trials.encounters.is_continuous:
-        return "it applies to motions in continuous time, L(1), from the given state only"
+        return "it applies only to motions in continuous time, L(1), that start from the given state"
     return why_no_bound(trials.freedom.scenario)
 
 

@@ -26,7 +26,7 @@ from .worst_case import WorstEncounter, search_worst_case
 
 NOTHING_UNCERTAIN: Final = (
     'uncertainty: found none, expected distributions of inputs, such as {"obstacle.velocity": Uniform(low=-0.4, '
-    'high=-0.2)}; in a file [uncertainty] with obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }'
+    'high=-0.2)}; in a scenario file, [uncertainty] with obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }'
 )
 _FRESH: Final = 1  # added to the seed for the samples of the validation
 _SAMPLES: Final = 4096

@@ -52,7 +52,7 @@ class Measure(ABC):
 
 
 def checked_measure(measure: Any) -> Measure:
-    """Return a risk measure after checking that its class defines the attributes value, label and estimate together."""
+    """Return a risk measure; raise an error if its class overrides `of`, but not `label` and `estimate`."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
             f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a "
@@ -206,7 +206,7 @@ class WorstCase(Measure):
         return float_or_array(np.max(values, axis=-1))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
-        """Return the largest value without an upper bound, because samples cannot bound a worst case."""
+        """Return the largest value with an infinite upper bound, because samples cannot bound a worst case."""
         del confidence
         largest = float(np.max(values))
         return largest, largest, math.inf

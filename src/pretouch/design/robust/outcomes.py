@@ -1,4 +1,4 @@
-"""Evaluate gains for many uncertain encounters, and compute the mean or worst case of the objective."""
+"""Define results of a robust design: one gain in many random encounters, and the risk measure over the gain."""
 
 from __future__ import annotations
 

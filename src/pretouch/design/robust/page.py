@@ -112,7 +112,7 @@ _NEXT: Final = {
 
 
 def _findings(v: Validation) -> Iterator[str]:
-    """Yield one sentence for each limit on how often new random encounters meet the limit."""
+    """Yield one sentence per limit, which states the share of new random encounters that meet the limit."""
     for outcome in v.limits:
         c, p = outcome.required.constraint, outcome.required.probability
         required = "always" if p == 1 else f"{100 * p:g} %"
@@ -126,9 +126,9 @@ def robust_page(design: RobustDesign) -> Page:
     """Return the report page of a design for uncertain encounters."""
     advice, v = _ADVICE.get(design.status), design.validation
     premise = Paragraph(
-        text="The gain is optimal for a sample average with common samples. The distributions of the inputs are "
-        "assumptions that this design does not test. If an input is distributed differently, the probabilities and "
-        "intervals above are not valid."
+        text="The gain is optimal for the sampled encounters, which are the same for all gains. The distributions of "
+        "the inputs are assumptions that this design does not test. If an input is distributed differently, the "
+        "probabilities and intervals above are not valid."
     )
     return Page(
         kind="Robust gain for uncertain inputs",
@@ -252,7 +252,7 @@ def _worst(design: RobustDesign) -> PageSection | None:
     w, units = design.worst, input_units(design.sensor)
     if w is None:
         return None
-    notes = {1: " (the objective increases with it)", -1: " (the objective decreases with it)"}
+    notes = {1: " (the objective increases with this input)", -1: " (the objective decreases with this input)"}
     rows: tuple[Row, ...] = (
         *((n, Measured(x, units.get(n, ""), suffix=notes.get(w.monotone.get(n, 0), ""))) for n, x in w.inputs.items()),
         ("objective of the worst encounter", Measured(w.value, "", 6)),
@@ -294,9 +294,9 @@ def _measure(design: RobustDesign) -> PageSection:
 
 def _encounters(design: RobustDesign) -> PageSection | None:
     caption = (
-        "Cumulative distributions of contact quantities over the fresh encounters. A curve that ends below 100 %: the "
-        "other encounters end without contact. Dotted: limits and their required probabilities. A quantity without a "
-        "curve is always zero."
+        "Cumulative distributions of contact quantities over the fresh encounters. If a curve ends below 100 %, the "
+        "other encounters end without contact. Dotted lines are limits and their required probabilities. A quantity "
+        "without a curve is always zero."
     )
     if design.status is DesignStatus.NO_CONTACT:
         return None
@@ -307,7 +307,7 @@ def _encounters(design: RobustDesign) -> PageSection | None:
 def _evidence(design: RobustDesign) -> PageSection:
     note = (
         "All gains are compared on the same encounters. The gain is optimal for these encounters; the fresh samples "
-        "show its results on others."
+        "show its results in other encounters."
     )
     return _section("Evidence", (), _evidence_rows(design), note, wraps=True)
 

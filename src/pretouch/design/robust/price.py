@@ -87,7 +87,7 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
 
 
 def price_of_gain(problem: GainProblem, price: Price, gain: float) -> Price:
-    """Compare another gain with the optimal gains of a comparison, which do not depend on the compared gain."""
+    """Repeat a comparison for another gain; the optimal gains are reused, because they do not depend on it."""
     task = problem.task
     return replace(price, robust=_objectives(task, _ensemble(task, price.name, price.value), gain))
 

@@ -64,7 +64,7 @@ class RobustProblem(GainProblem):
         )
 
     def values(self, gain: float) -> tuple[FloatArray, FloatArray]:
-        """Return for every encounter at one gain the objective and the ratios |quantity| / limit of the constraints."""
+        """Return objective and constraint ratios |quantity| / limit of every encounter for one gain."""
         # Objectives have the shape (n,) and ratios (k, n); both are infinite without contact.
         objective, ratios, _ = self._evaluate(np.array([gain]))
         return objective[0], ratios[:, 0]
@@ -118,7 +118,7 @@ class RobustProblem(GainProblem):
         return all(bool(touches_later(*ensemble.at(i)).all()) for i in range(len(ensemble)))
 
     def _parts(self, gains: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Yield risk measures and constraint ratios for blocks of gains, with a lower bound for all stronger gains."""
+        """Yield, per block of gains: measures, constraint ratios, and lower bounds of the measure at stronger gains."""
         block = _BLOCK if self.ensemble.evaluator is None else _BLOCK_OF_EVALUATOR
         step = max(1, block // len(self.ensemble))
         for start in range(0, len(gains), step):
@@ -131,7 +131,7 @@ class RobustProblem(GainProblem):
             )
 
     def _evaluate(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return objectives and constraint ratios for several gains, with a lower bound for all stronger gains."""
+        """Return objectives, constraint ratios, and lower bounds of the objectives for all stronger gains."""
         result = self.ensemble.contacts(gains[:, None])
         reached, state, speed = result.reached, result.end, self.ensemble.speed
         objective = appraise(self.task.goal, state, reached, speed, self.task.impact)

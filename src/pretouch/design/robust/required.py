@@ -40,7 +40,7 @@ class Required:
             object.__setattr__(self, "probability", checked_probability(self.probability))
 
     def share(self, ratios: Any) -> Any:
-        """Return the ratio |quantity| / limit that is not exceeded with the required probability of the constraint."""
+        """Return the ratio |quantity| / limit that the required share of the encounters does not exceed."""
         return (
             float_or_array(np.max(ratios, axis=-1))
             if self.probability == 1

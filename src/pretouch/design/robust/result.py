@@ -203,13 +203,13 @@ class RobustDesign(Answer):
         """
         if self.on_evaluator:
             raise ResultUnavailableError(
-                "price: found a gain that was designed with evaluate, expected one in continuous time; call "
-                "design_gain with the same evaluate at the values of interest"
+                "price: found a gain that was designed with evaluate, expected a gain designed in continuous time; "
+                "call design_gain with the same evaluate at the values of interest"
             )
         return price_of_robustness(self.problem, name, count, self.gain if gain is None else gain)
 
     def price_of(self, gain: float, price: Price) -> Price:
-        """Return a comparison like another one for a different gain, with the same optimal gains.
+        """Repeat a comparison for a different gain, and reuse its optimal gains.
 
         Args:
             gain: the compared gain.

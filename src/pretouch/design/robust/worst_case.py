@@ -1,4 +1,4 @@
-"""Find the gain with the best worst case if each uncertain input lies within an interval."""
+"""Find the gain with the smallest worst-case objective if each uncertain input lies within an interval."""
 
 from __future__ import annotations
 

@@ -128,7 +128,7 @@ def limit_rows(problem: GainProblem, limits: Iterable[Constraint]) -> list[tuple
 
 
 def _row(quantity: str, impact: ImpactModel | None) -> tuple[float, float, float] | None:
-    """Return how a quantity follows from a row of compiled code: row, factor, exponent; None if it does not."""
+    """Return row of the compiled result, factor and exponent that yield a quantity; None if there is no such row."""
     factor, exponent = 1.0, 1.0
     if quantity == "impact_force" and isinstance(impact, ElasticImpact):
         quantity, factor, exponent = "relative_velocity", float(impact.peak_force(1.0)), impact.speed_exponent

@@ -134,12 +134,12 @@ def make_freedom(
     stiffness = scenario.admittance.stiffness
     if natural_frequency is not None and damping_ratio is None and stiffness == 0:
         raise InvalidInputError(
-            "natural_frequency: found bounds with a stiffness of 0 N/m, for which no damping ratio exists to keep; "
+            "natural_frequency: found bounds, but the stiffness is 0 N/m, so there is no damping ratio to keep; "
             "add bounds of the damping ratio"
         )
     if damping_ratio is not None and natural_frequency is None and stiffness == 0:
         raise InvalidInputError(
-            "damping_ratio: found bounds with a stiffness of 0 N/m, for which no damping ratio exists; "
+            "damping_ratio: found bounds, but the stiffness is 0 N/m, so the damping ratio is undefined; "
             "add bounds of the natural frequency"
         )
     return Freedom(

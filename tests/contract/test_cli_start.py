@@ -171,7 +171,7 @@ def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
         (["--contact-speed", "0.1"], "--contact-speed: found 0.1, expected a speed with its unit"),
         (["--recess", "5"], "--recess: found 5, expected a length with its unit"),
         (["--recess", "inf m"], "--recess: found inf m, expected a positive length"),
-        (["--columns", "distance=1,output=2"], "--columns: found without a calibration"),
+        (["--columns", "distance=1,output=2"], "--columns: this option needs a calibration"),
         (["--speed", "-3 m/s"], "positive"),
         (["missing.csv"], "missing.csv"),
         (["old.csv", "--recess", "1 m"], "--recess"),

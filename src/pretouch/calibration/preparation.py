@@ -112,7 +112,7 @@ def _prepared(
     end: int,
     floor_sigmas: float,
 ) -> Prepared:
-    """Prepare that part of a calibration for fitting in which the output falls with distance."""
+    """Prepare a calibration for fitting, using only distances at which the output falls with distance."""
     place = np.arange(len(curve.distance))
     good = (place >= near.index) & (place < end)
     ceilings = fit_under_ceilings(curve.part(good), raw, fixed)

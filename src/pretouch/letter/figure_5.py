@@ -95,5 +95,5 @@ def _reduction_finding(reductions: dict[str, float]) -> Finding:
         "published numbers are reductions, and the published errors of 9.74 and 4.62 % are errors of these "
         "reductions. The remaining speeds, which determine the impact, have errors of 35 and 16 %.",
         *steps,
-        ("the printed numbers are within 1 % of the reductions, and of no ratio", near),
+        ("the printed numbers are within 1 % of the reductions, but not of the ratios", near),
     )

@@ -126,7 +126,7 @@ def _repetition_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         f"f₁ = {f} in the same column.",
         ("x by L(4)", values[0], "m"),
         ("printed x is the printed l'", x == v),
-        ("no sensor that rounds to the printed one gives the printed x", not reached),
+        ("no sensor parameters that round to the printed ones give the printed x", not reached),
         ("largest f₁ that the printed x and l' allow; printed 0.107", largest),
         ("this f₁ is below all numbers that round to the printed f₁", largest < f_low),
         ("smallest |x| that the printed l' and f₁ allow", low, "m"),

@@ -143,7 +143,7 @@ def test_a_wrong_answer_is_asked_again(
 def test_values_that_belong_together_say_so(tmp_path: Path) -> None:
     assert run("init", folder=tmp_path).returncode == 0
     text = (tmp_path / "scenario.toml").read_text(encoding="utf-8")
-    assert re.search(r"^velocity = .*# .*change the mean in \[uncertainty\] with it$", text, re.MULTILINE)
+    assert re.search(r"^velocity = .*# .*also change the mean in \[uncertainty\]$", text, re.MULTILINE)
     assert re.search(r"^# .*together with velocity in \[obstacle\]\nobstacle.velocity", text, re.MULTILINE)
     assert re.search(r"^robot_mass = .*# .*together with mass in \[robot\]$", text, re.MULTILINE)
     assert re.search(r"^mass = .*# .*together with robot_mass in \[impact\]$", text, re.MULTILINE)

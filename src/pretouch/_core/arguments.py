@@ -163,7 +163,7 @@ def _rules_of_function(function: Callable[..., Any]) -> _Rules:
 
 
 def rules_of_fields(cls: Any) -> dict[str, Rule]:
-    """Return the type checks of a dataclass by field name; fields that hold physical quantities are left out.
+    """Return the type check of each field of a dataclass, except for fields that hold physical quantities.
 
     The rules are cached in the class, as RULES_ATTRIBUTE, and are freed with it.
     """

@@ -526,7 +526,8 @@ _TABLE: Final = (
         "PT603",
         "Readings that the law cannot use",
         "Readings are saturated, not numbers, or nearer than the sensor can measure.",
-        "The law ignores saturated readings and NaN. A reading that is too near counts as the start of the curve.",
+        "The law ignores saturated readings and NaN. If the object is too near, the reading counts as the start of the "
+        "curve.",
         "Reduce the amplification, and check the driver of the sensor.",
         "312 of 5,000 readings are saturated, and the law ignores them",
     ),

@@ -237,7 +237,7 @@ def is_named(title: str, kind: str) -> bool:
 
 
 def output_unit(text: str | None) -> tuple[str, float]:
-    """Convert an output unit to V or counts with a conversion factor, and return any other unit unchanged."""
+    """Return V or counts with the factor that converts an output unit to it; return any other unit unchanged."""
     try:
         unit = parse_unit(text or "")
     except UnitError:

@@ -49,10 +49,11 @@ def init(
     rate: Annotated[str | None, option("RATE", 'Readings per second of another sensor, such as "100 Hz".')] = None,
     recess: Annotated[
         str | None,
-        option("DISTANCE", "Distance of the sensor behind the contact surface; by default as far as the fit needs."),
+        option("DISTANCE", "Distance of the sensor behind the contact surface; by default, the smallest usable one."),
     ] = None,
     distance: Annotated[
-        str | None, option("DISTANCE", "Distance at which the sensor sees the object; by default the usable range.")
+        str | None,
+        option("DISTANCE", "Distance at which the sensor sees the object; by default the end of the usable range."),
     ] = None,
     speed: Annotated[str | None, option("SPEED", 'Approach speed, such as "0.3 m/s".')] = None,
     excursion: Annotated[str | None, option("DISTANCE", 'How far the robot can retreat, such as "0.2 m".')] = None,

@@ -34,7 +34,7 @@ _GEOMETRY: Final = {
 
 
 def section_of_curve(curve: type[SensorModel]) -> Section:
-    """Describe the scenario-file section of a sensor curve by its parameters and lists of points."""
+    """Describe the scenario-file section of a sensor curve: its keys are the parameters or points of the curve."""
     points = {f.name: _points(f.metadata["points"]) for f in fields(curve) if "points" in f.metadata}
     return Section({**_GEOMETRY, **declared_keys(curve), "model": TAG, **points}, make=curve)
 

@@ -81,9 +81,9 @@ def _limits_finding(designs: Sequence[GainDesign]) -> Finding:
         "Section VI-B",
         "With the excursion limited to 80 mm, or the speed at contact to 70 mm/s, the optimum lies on that limit. Each "
         "of the two limits can be met alone. No gain meets both, and the design reports this instead of a gain.",
-        ("limited optima lie on their limit, to a millionth of it", max(on_limit) < 1e-6),
+        ("limited optima lie on their limit, within a millionth of the limit", max(on_limit) < 1e-6),
         ("every limited objective is above the unlimited one", worse),
-        ("80 mm and 70 mm/s: each can be met, both cannot", refused),
+        ("the limits 80 mm and 70 mm/s can each be met alone, but not together", refused),
     )
 
 

@@ -46,7 +46,7 @@ def reproduce(variables: Variables) -> Reproduction:
         numbers.append(Printed(label, PRINTED[name], reductions[name], "%", PLACE, over_inputs=span))
     for name, (_, error) in MODELS.items():
         ours = 100 * abs(float(PRINTED[name]) - float(true)) / float(true)
-        numbers.append(Printed(f"relative error of {PRINTED[name]} % to 78.0 %", error, ours, "%", PLACE))
+        numbers.append(Printed(f"relative error of {PRINTED[name]} % compared with 78.0 %", error, ours, "%", PLACE))
     return Reproduction(
         summary="Without mitigation the obstacle arrives at 0.3 m/s. The letter's \"ratio l'/v_o\" is the reduction of "
         "that speed by mitigation, not the remaining speed (finding 3). As reductions, the model values agree.",

@@ -143,7 +143,7 @@ def test_a_wrong_answer_is_asked_again(
 def test_values_that_belong_together_say_so(tmp_path: Path) -> None:
     assert run("init", folder=tmp_path).returncode == 0
     text = (tmp_path / "scenario.toml").read_text(encoding="utf-8")
-    assert re.search(r"^velocity = .*# .*change the mean in \[uncertainty\] with it$", text, re.MULTILINE)
+    assert re.search(r"^velocity = .*# .*also change the mean in \[uncertainty\]$", text, re.MULTILINE)
     assert re.search(r"^# .*together with velocity in \[obstacle\]\nobstacle.velocity", text, re.MULTILINE)
     assert re.search(r"^robot_mass = .*# .*together with mass in \[robot\]$", text, re.MULTILINE)
     assert re.search(r"^mass = .*# .*together with robot_mass in \[impact\]$", text, re.MULTILINE)
@@ -171,7 +171,7 @@ def test_the_typical_curve_has_the_signal_of_the_part(tmp_path: Path) -> None:
         (["--contact-speed", "0.1"], "--contact-speed: found 0.1, expected a speed with its unit"),
         (["--recess", "5"], "--recess: found 5, expected a length with its unit"),
         (["--recess", "inf m"], "--recess: found inf m, expected a positive length"),
-        (["--columns", "distance=1,output=2"], "--columns: found without a calibration"),
+        (["--columns", "distance=1,output=2"], "--columns: this option needs a calibration"),
         (["--speed", "-3 m/s"], "positive"),
         (["missing.csv"], "missing.csv"),
         (["old.csv", "--recess", "1 m"], "--recess"),

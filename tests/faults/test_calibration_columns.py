@@ -317,7 +317,7 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("sensor,0,5,10\na,9,5,3\n", "line 1: the distances '0', '5', '10' have no unit"),
         ("0,5,10,20\n9,5,3,1\n", 'line 1: the first row contains numbers, but a header such as "distance [mm],'),
         ("0,5,10,20\n9,5,3,1\n", '--columns "distance=[mm]" if they are distances'),
-        ("1,1cm,2mm\n9,5,3\n", "line 1: the header '1' has no unit, but the other headers do and their units differ"),
+        ("1,1cm,2mm\n9,5,3\n", "line 1: the header '1' has no unit, and the units of the other headers differ"),
         ("-1cm,2cm\n9,5\n", "line 1: found the distance '-1 cm', which must not be negative"),
         ("0cm,1e400cm\n9,5\n", "line 1: found the distance '1e400 cm', expected a number of a magnitude"),
         ("0cm,1e99cm\n9,5\n", "line 1: found the distance '1e99 cm', expected a number of a magnitude"),

@@ -188,7 +188,7 @@ def test_an_option_of_the_command_line_may_be_a_bare_number() -> None:
         ("1e-3", "s", """such as "1e-3 ms", or 0.001 without quotes, which is in s"""),
         ("42.2 mm", "m/s", "found '42.2 mm', expected a quantity in m/s"),
         ("5 N*s", "N*s/m", "found '5 N*s', expected a quantity in N*s/m"),
-        ("5 m", "", "found '5 m', expected a quantity in a pure number"),
+        ("5 m", "", "found '5 m', expected a pure number"),
         ("5 %", "m", "found '5 %', expected a quantity in m"),
         ("5 counts", "V", "found '5 counts', expected a quantity in V"),
         ("5 parsec", "m", "'parsec' is not a valid unit: the symbol 'parsec' is unknown; known symbols are m, s, g,"),

@@ -163,7 +163,7 @@ def _rules_of_function(function: Callable[..., Any]) -> _Rules:
 
 
 def rules_of_fields(cls: Any) -> dict[str, Rule]:
-    """Return the type checks of a dataclass by field name; fields that hold physical quantities are left out.
+    """Return the type check of each field of a dataclass, except for fields that hold physical quantities.
 
     The rules are cached in the class, as RULES_ATTRIBUTE, and are freed with it.
     """
@@ -195,7 +195,7 @@ class _TypeCheckingOnly(type):
 
 
 class _Namespace(dict[str, Any]):
-    """Dictionary of the names in a module; a name that is missing gives a placeholder class."""
+    """Dictionary of the names in a module; the lookup of a missing name returns a placeholder class."""
 
     def __missing__(self, name: str) -> Any:
         if hasattr(builtins, name):
@@ -351,5 +351,5 @@ def _members(protocol: type) -> list[str]:
 
 
 def _has(value: Any, name: str) -> bool:
-    """Return True if an object has an attribute; the value of a property is not computed."""
+    """Return True if a value has an attribute; the getter of a property is not called."""
     return hasattr(type(value), name) or hasattr(value, name)

@@ -41,7 +41,7 @@ class Measured(Value):
 
 @dataclass(frozen=True, slots=True)
 class Named(Value):
-    """The name of a quantity with its symbol, shown as one cell of a table."""
+    """The name and the symbol of a quantity, shown together in one table cell."""
 
     words: str
     symbol: str = ""
@@ -113,7 +113,7 @@ class Picture(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Film(Picture):
-    """A figure in a report with an animation.
+    """A figure that an HTML report shows together with an animation.
 
     Its function in `pretouch.report.plots` draws the figure without the animation, for media that show a single figure.
     """
@@ -191,7 +191,7 @@ Block: TypeAlias = PageSection | PageTable | Paragraph | Listing | Picture | Cod
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page(Value):
-    """A report that consists of a headline, warnings, tables and figures, independently of the output medium.
+    """Content of a report: headline, warnings, tables and figures, in a form for every output medium.
 
     Args:
         kind: kind of the result, such as `Gain design`.
@@ -293,7 +293,7 @@ def page_as_text(page: Page) -> str:
 
 
 def _label(text: str) -> str:
-    """Return the word that announces a warning, with its code."""
+    """Return the label in front of a warning, such as `warning PT101`."""
     return f"warning {split_code(text)[0]}".strip()
 
 

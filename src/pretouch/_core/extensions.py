@@ -83,7 +83,7 @@ class Extensions:
 
 
 def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
-    """Create a function that checks whether an object is a subclass of a given base class.
+    """Create a function that checks the class and the name of an entry point, and returns the problem as text.
 
     Args:
         base: the base class; if a subclass has an attribute `kind` or `name`, this attribute must equal the name of the
@@ -109,7 +109,7 @@ def kind_problem(base: type, of: str) -> Callable[[str, Any], str]:
 
 
 def _incomplete(value: Any) -> str:
-    """Return why a scenario file cannot create objects of a class, or an empty text if a file can create them."""
+    """Return why a scenario file cannot create instances of a class; the text is empty if it can."""
     missing = ", ".join(sorted(getattr(value, "__abstractmethods__", ())))
     if missing:
         return f"the class lacks the methods {missing}"

@@ -54,7 +54,7 @@ _DATA_OFFSET: Final = _data_offset()
 
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL:
-    """Load the compiled library, and select the kernels for this processor or for `PRETOUCH_VARIANT`."""
+    """Load the compiled library, and select the kernels for this processor, or those that `PRETOUCH_VARIANT` names."""
     default = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
     path = Path(os.environ.get(_LIBRARY) or default)
     _check_file(path)
@@ -217,7 +217,7 @@ def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ..
 
 
 def columns(arrays: Sequence[NDArray[np.float64]], count: int | None = None) -> bytes:
-    """Pack the memory addresses of several arrays, each with the stride 0 or 1, as bytes for a compiled function.
+    """Pack address and stride (0 or 1) of each array into bytes that a compiled function reads.
 
     Args:
         arrays: arrays with one number for all encounters, or one number for each encounter.
@@ -273,7 +273,7 @@ class Structure(ctypes.Structure):
 
 
 def numbers(*names: str, kind: Any = ctypes.c_double) -> tuple[tuple[str, Any], ...]:
-    """Return the declaration of several fields of a C structure that all have one type.
+    """Declare several fields of a C structure that have the same type.
 
     Args:
         *names: names of the fields.

@@ -257,22 +257,22 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
         >>> to_si(-0.3, "m/s", name="velocity")
         -0.3
     """
-    expected = written_unit(unit) or "a pure number"
+    expected = _expected("a quantity in", unit)
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise UnitError(f"{name}: found {value!r}, expected a number or text with a unit of {expected}")
+        raise UnitError(f"{name}: found {value!r}, expected {_expected('a number or text with a unit of', unit)}")
     if isinstance(value, str):
         match = _QUANTITY.fullmatch(value)
         if match is None:
-            raise UnitError(f"{name}: found {value!r}, expected a number with a unit of {expected}")
+            raise UnitError(f"{name}: found {value!r}, expected {_expected('a number with a unit of', unit)}")
         try:
             parsed = parse_unit(match.group(2))
         except UnitError as error:
-            raise UnitError(f"{name}: {error}; expected a unit of {expected}") from None
+            raise UnitError(f"{name}: {error}; expected {_expected('a unit of', unit)}") from None
         required = parse_unit(unit)
         if not bare_text and (instead := missing_unit(value, unit)):
             raise UnitError(f"{name}: found {value!r}, expected {instead}")
         if match.group(2) and parsed.exponents != required.exponents:
-            raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
+            raise UnitError(f"{name}: found {value!r}, expected {expected}")
         number = _scaled(match.group(1), parsed.factor)
         if math.isinf(number) and "inf" not in match.group(1):
             raise UnitError(f"{name}: found {value!r}, which is larger than any float")
@@ -281,12 +281,16 @@ def to_si(value: float | str, unit: str, *, name: str, bare_text: bool = False) 
             number = float(value)
         except OverflowError:
             raise UnitError(
-                f"{name}: found an integer that is too large for a floating-point number, expected a quantity "
-                f"in {expected}"
+                f"{name}: found an integer that is too large for a floating-point number, expected {expected}"
             ) from None
     if math.isnan(number):
-        raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
+        raise UnitError(f"{name}: found {value!r}, expected {expected}")
     return number
+
+
+def _expected(words: str, unit: str) -> str:
+    """Return `words` followed by a unit, for messages, or `a pure number` if the unit is empty."""
+    return f"{words} {written_unit(unit)}" if unit else "a pure number"
 
 
 def has_workable_magnitude(value: float) -> bool:
@@ -325,9 +329,7 @@ def read_quantity(value: float | str, unit: str, *, name: str) -> float:
     """
     number = to_si(value, unit, name=name, bare_text=True)
     if not (math.isinf(number) or has_workable_magnitude(number)):
-        raise UnitError(
-            f"{name}: found {value!r}, expected a quantity in {written_unit(unit) or 'a pure number'} {WORKABLE}"
-        )
+        raise UnitError(f"{name}: found {value!r}, expected {_expected('a quantity in', unit)} {WORKABLE}")
     return number
 
 

@@ -101,7 +101,8 @@ _TABLE: Final = (
         "The offset contradicts the readings",
         "The offset is negative, larger than some readings, or does not agree with the readings at large distances.",
         "The offset does not cancel from the slope. With a wrong offset the virtual force is too weak or too strong.",
-        "Record the output with no object, as rows with the distance `inf`, or let the fit find it: `--offset fit`.",
+        "Record the output with no object, as rows with the distance `inf`, or let the fit determine the offset: "
+        "`--offset fit`.",
         "The declared offset of 90 counts is larger than some readings, such as 61 counts",
     ),
     (
@@ -273,7 +274,7 @@ _TABLE: Final = (
         "The computed motion is less accurate than usual",
         "The impulse of the computed virtual force differs from the gain times the change of ln xi.",
         "Every exact motion fulfills this balance. A larger error means that the numbers have fewer correct digits.",
-        "Check the curve for steps and kinks. Please report the scenario if it has none.",
+        "Check the curve for steps and kinks. If it has none, please report the scenario.",
         "the impulse balance of the computed motion has a relative error of 1e-07",
     ),
     (
@@ -525,7 +526,8 @@ _TABLE: Final = (
         "PT603",
         "Readings that the law cannot use",
         "Readings are saturated, not numbers, or nearer than the sensor can measure.",
-        "The law ignores saturated readings and NaN. A reading that is too near counts as the start of the curve.",
+        "The law ignores saturated readings and NaN. If the object is too near, the reading counts as the start of the "
+        "curve.",
         "Reduce the amplification, and check the driver of the sensor.",
         "312 of 5,000 readings are saturated, and the law ignores them",
     ),

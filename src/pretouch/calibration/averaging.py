@@ -49,12 +49,10 @@ class AveragedCurve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingNoise:
-    """Standard deviation of a single reading at a weak signal, as estimated from the readings.
+    """Noise of a single reading without averaging: a constant part, and a part that grows with the signal.
 
-    `sigma` is None if the readings do not determine it.
-
-    `freedom` is its number of degrees of freedom; `jitter` is the additional standard deviation of repeats relative to
-    the signal.
+    `sigma` is the standard deviation at a weak signal, with `freedom` degrees of freedom. It is None if the readings do
+    not determine it. `jitter` is the additional standard deviation of repeats relative to the signal.
     """
 
     sigma: float | None
@@ -173,7 +171,7 @@ def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
 
 
 def count_copies_once(calibration: Calibration) -> Calibration:
-    """Return a calibration without readings that are exact copies of other readings; the same object if there are none.
+    """Return the calibration without exact copies of readings; return it unchanged if there are no copies.
 
     There are copies if repeated readings are equal at every distance with repeats, or if every reading occurs equally
     often.

@@ -137,7 +137,7 @@ def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray,
 
 
 def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: OffsetEstimate | None) -> CeilingFits:
-    """Fit sensor curves that may saturate near the sensor to at least four averaged readings."""
+    """Fit sensor curves that may saturate near the sensor; at least four averaged readings are needed."""
     # An offset of None is fitted together with the curve.
     ceilings = [(above, p) for above in _ABOVE for p in _SHARPNESS]
     lanes = []

@@ -88,7 +88,7 @@ class Problem:
 
 
 def lowest_offset(curve: AveragedCurve) -> float:
-    """Return the smallest allowed offset for a fit; if no output is negative, it is at most slightly negative."""
+    """Return the smallest allowed offset of a fit, which is at most slightly negative if no output is negative."""
     lowest, reach = float(curve.output.min()), float(np.ptp(curve.output))
     return lowest - reach if lowest < 0 else max(-0.1 * reach, lowest - reach)
 

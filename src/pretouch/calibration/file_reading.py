@@ -73,7 +73,7 @@ def read_calibration(
     keys = {key: None for curve_labels, _ in curves for key in curve_labels}
     for key in wanted:
         if key not in keys:
-            available = ", ".join(sorted(keys)) or "none: the file holds one curve"
+            available = ", ".join(sorted(keys)) or "none, because the file contains one curve"
             raise CalibrationDataError(f"select: the file has no label column named {key!r} (available: {available})")
     selected = [curve for curve_labels, curve in curves if wanted.items() <= curve_labels.items()]
     if len(selected) == 1:

@@ -136,7 +136,7 @@ def estimates(
 
 
 def _check_identifiable(best: Fits, names: list[str]) -> None:
-    """Raise an error if readings cannot tell parameters of a fitted curve apart, because their effects are equal."""
+    """Raise an error if several parameters of a fitted curve have the same effect on the curve."""
     norms = np.linalg.norm(best.jacobian[0], axis=0)
     free = np.flatnonzero(norms)  # a parameter at its bound has no derivatives
     if not len(free):
@@ -173,7 +173,7 @@ def _parameters(
     unit: str,
     runaway: bool,
 ) -> dict[str, Estimate]:
-    """Convert the confidence intervals of a fit to the sensor curve's own parameters."""
+    """Convert the confidence intervals of a fit from its coordinates to the parameters of the sensor curve."""
     parameters = {}
     for i, declared in enumerate(sensor._declared()):
         name, meta, mapped = declared.name, declared.metadata, []

@@ -237,7 +237,7 @@ def is_named(title: str, kind: str) -> bool:
 
 
 def output_unit(text: str | None) -> tuple[str, float]:
-    """Convert an output unit to V or counts with a conversion factor, and return any other unit unchanged."""
+    """Return V or counts with the factor that converts an output unit to it; return any other unit unchanged."""
     try:
         unit = parse_unit(text or "")
     except UnitError:
@@ -307,7 +307,7 @@ def _exponents(unit: str | None) -> tuple[int, ...]:
 
 
 def output_column(table: TextTable, index: int, layout: Layout) -> Column:
-    """Return the output column from a file of readings without an object, and refuse a different unit."""
+    """Return the output column of a file with no-object readings, and refuse a unit other than the calibration's."""
     title = table.header[index]
     header_unit = split_title(title)[1]
     symbol, factor = output_unit(header_unit) if header_unit else (layout.unit, layout.pairs[0][1].factor)

@@ -128,9 +128,9 @@ def _headline(report: CalibrationReport) -> str:
 
 def _picture(report: CalibrationReport) -> Picture:
     caption = (
-        "Readings with offset, floor and clipping level. Logarithm of the signal above the offset, from which the "
-        "virtual force follows. Its slope g, compared with differences of neighboring readings. Residuals of the "
-        "models."
+        "Readings with offset, floor and clipping level. Logarithm of the signal above the offset. Slope g of this "
+        "logarithm, which determines the virtual force, compared with differences of neighboring readings. Residuals "
+        "of the models."
     )
     name = "Readings, log signal, slope and residuals over the distance"
     if report.best is None:

@@ -112,7 +112,7 @@ def _prepared(
     end: int,
     floor_sigmas: float,
 ) -> Prepared:
-    """Prepare that part of a calibration for fitting in which the output falls with distance."""
+    """Prepare a calibration for fitting, using only distances at which the output falls with distance."""
     place = np.arange(len(curve.distance))
     good = (place >= near.index) & (place < end)
     ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
@@ -209,7 +209,7 @@ _OF_A_RANGING_PART = (
 
 
 def _reports_distance(calibration: Calibration) -> str:
-    """Return an error message for a sensor that outputs a distance instead of a signal strength."""
+    """Return the warning about a sensor that outputs a distance instead of a signal strength."""
     return caution(
         "PT113",
         f"The sensor output is a distance in {calibration.unit}, and not a signal that falls with the distance: a "
@@ -218,7 +218,7 @@ def _reports_distance(calibration: Calibration) -> str:
 
 
 def _rising(calibration: Calibration) -> str:
-    """Return an error message for a sensor whose output rises with distance."""
+    """Return the warning about a sensor whose output rises with distance."""
     top = float(max([calibration.outputs.max(), *calibration.no_object]))
     step = 10.0 ** (math.floor(math.log10(float(np.ptp(calibration.outputs)))) - 1)
     highest = f"{(math.floor(top / step) + 1) * step:g} {calibration.unit}".rstrip()  # above all, since 0 means lost
@@ -265,7 +265,7 @@ def _measured_offset(readings: FloatArray, noise: ReadingNoise) -> OffsetEstimat
 def _without_signal(
     calibration: Calibration, curve: AveragedCurve, near: NearEnd, offset: OffsetEstimate | None, reason: str
 ) -> Prepared:
-    """Return the preparation result of a calibration without a usable signal, with the reason."""
+    """Return the preparation result, including the reason, for a calibration without a usable signal."""
     window = UsableWindow(
         distances=(),
         start_reason=near.reason,

@@ -50,7 +50,7 @@ class DrawnCurve(Value):
 
 
 class AllowedCurves(Protocol):
-    """Interface of an object that generates random sensor curves that fit the readings."""
+    """Interface of a class that generates random sensor curves that fit the readings."""
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
         """Return random monotone sensor curves that pass through all readings within the errors of the readings."""

@@ -292,8 +292,8 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Di
             )
         if bare and len(header_units) > 1:
             raise CalibrationDataError(
-                f"{table.place}: the header {table.header[bare[0]]!r} has no unit, but the other headers do and "
-                'their units differ; add the unit, such as "5 mm"'
+                f"{table.place}: the header {table.header[bare[0]]!r} has no unit, and the units of the other "
+                'headers differ; add the unit, such as "5 mm"'
             )
         return str(first)
     if option_unit is not None:

@@ -135,8 +135,8 @@ def find_window(
     sigma = reading_noise(calibration, curve).sigma if noise is None else float(nonnegative(noise, "noise"))
     if sigma is None:
         raise InvalidInputError(
-            "noise: found None and too few repeated or no-object readings to estimate it, expected the standard "
-            "deviation of one reading"
+            "noise: found None, but too few readings are repeated or without an object to estimate the noise; give the "
+            "standard deviation of one reading"
         )
     near = find_near_end(calibration, curve, saturation, near_field_peak)
     if near.index == len(curve.distance):

@@ -1,4 +1,4 @@
-"""Generate random sensor curves that agree with the calibration readings, to test a gain on alternatives to the fit.
+"""Generate random sensor curves that agree with the calibration readings, to test a gain on alternatives.
 
 The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's virtual
 force, L(2), is D_p times the change of ln(y - o). This impulse does not depend on the curve between the readings, or on
@@ -81,7 +81,7 @@ class Witness(Value):
 def witness_of(
     curve: AveragedCurve, offset: OffsetEstimate, noise: NoiseEstimate, ceilings: CeilingFits, farthest: float
 ) -> Witness | None:
-    """Return a source of random sensor curves from the readings, or None if fewer than two readings carry a signal."""
+    """Return a generator of random sensor curves that fit the readings; None if there are fewer than two signals."""
     part = curve.part((curve.output > offset.value) & (curve.distance <= farthest))
     if len(part.distance) < 2:
         return None

@@ -93,7 +93,7 @@ def _root(
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Choose the gain of a proximity-sensor-based preemptive impact controller without a single collision."""
+    """Choose the gain of a robot controller that softens impacts with proximity sensors, without a single collision."""
 
 
 def _run() -> int:

@@ -55,5 +55,5 @@ def read_selection(texts: list[str] | None) -> dict[str, str]:
 
 
 def selection_of(label: str) -> str:
-    """Return the options --select that select the curve with a label, as they are typed."""
+    """Return the options --select that a user types to select the curve with this label."""
     return " ".join(f"--select {shlex.quote(part)}" for part in label.split(", "))

@@ -50,7 +50,7 @@ def compare(
 
 
 def _tasks(files: list[Path], *, parts: bool) -> dict[str, Task]:
-    """Return the task of each candidate by its name: the name of the file, of the part, or of both."""
+    """Return a task for each candidate; its key is the name of the file, of the sensor part, or of both."""
     from pretouch.config import load_scenario  # noqa: PLC0415
     from pretouch.config.parts import load_with_parts  # noqa: PLC0415
 

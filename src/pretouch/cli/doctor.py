@@ -66,7 +66,7 @@ def _lines(
     *,
     page: bool,
 ) -> list[str]:
-    """Return the state of the installation as lines of text; `page`: the core of the studio's page exists."""
+    """Return the state of the installation as lines of text; `page` says whether the core of the studio page exists."""
     own = packages.pop("pretouch")
     lines = [f"pretouch {own}, Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
     lines.append(
@@ -105,7 +105,7 @@ def _core() -> dict[str, Any]:
 
 
 def _required(extra: str) -> list[str]:
-    """Return the packages that an extra installs on this machine; without an extra, those of pretouch itself."""
+    """Return the packages that an extra installs on this machine; an empty name means pretouch without extras."""
     names = []
     for line in requires("pretouch") or []:
         name = re.match(r"[\w.-]+", line)
@@ -116,7 +116,7 @@ def _required(extra: str) -> list[str]:
 
 
 def _no_dds() -> bool:
-    """Return whether there are no wheels of the DDS library for this machine."""
+    """Return True if the DDS library has no wheel for this machine."""
     return platform.python_version_tuple() >= ("3", "14") or (
         platform.system() == "Linux" and platform.machine() != "x86_64"
     )

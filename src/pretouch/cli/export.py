@@ -19,7 +19,7 @@ from .verbs import LoopFile, LoopGain, load_loop
 
 
 class Target(StrEnum):
-    """What a law is exported as; the names of `pretouch.export.TARGETS`."""
+    """Format of an exported law; the values are the names in `pretouch.export.TARGETS`."""
 
     C = "c"
     FMU = "fmu"

@@ -49,10 +49,11 @@ def init(
     rate: Annotated[str | None, option("RATE", 'Readings per second of another sensor, such as "100 Hz".')] = None,
     recess: Annotated[
         str | None,
-        option("DISTANCE", "Distance of the sensor behind the contact surface; by default as far as the fit needs."),
+        option("DISTANCE", "Distance of the sensor behind the contact surface; by default, the smallest usable one."),
     ] = None,
     distance: Annotated[
-        str | None, option("DISTANCE", "Distance at which the sensor sees the object; by default the usable range.")
+        str | None,
+        option("DISTANCE", "Distance at which the sensor sees the object; by default the end of the usable range."),
     ] = None,
     speed: Annotated[str | None, option("SPEED", 'Approach speed, such as "0.3 m/s".')] = None,
     excursion: Annotated[str | None, option("DISTANCE", 'How far the robot can retreat, such as "0.2 m".')] = None,
@@ -89,14 +90,14 @@ def _request(csv: Path | None, columns: str | None, labels: str | None, select: 
         )
     for name, value in (("columns", columns), ("labels", labels), ("select", select)):
         if value:
-            raise InvalidInputError(f"--{name}: found without a calibration, expected the name of a CSV file as well")
+            raise InvalidInputError(f"--{name}: this option needs a calibration; also give the name of a CSV file")
     return None
 
 
 def _init(
     request: FitRequest | None, output: Path, given: dict[str, str | None], *, drag: bool, force: bool, json: bool
 ) -> None:
-    """Collect the answers, check the file that they result in, and write it."""
+    """Create a scenario file from the options and answers of the user, check the file and write it."""
     from pretouch.config import load_document  # noqa: PLC0415 - keeps `pretouch --help` quick
     from pretouch.config.first_scenario import FirstScenario  # noqa: PLC0415
 
@@ -221,7 +222,7 @@ def _size(text: str, *, unit: str, zero: bool = False) -> float:
 
 
 def _part(name: str) -> SensorPart | None:
-    """Return the sensor part of a name in any case; None for another sensor."""
+    """Return the sensor part with this name, in upper or lower case; return None for the name `other`."""
     from pretouch.simulation import PARTS  # noqa: PLC0415
 
     if name.lower() == _NONE:
@@ -233,7 +234,7 @@ def _part(name: str) -> SensorPart | None:
 
 
 def _usable(request: FitRequest | None, part: SensorPart | None) -> tuple[float, float, tuple[str, ...]]:
-    """Return the smallest (in tenths of mm) and the largest usable distance [m], and warnings about the calibration."""
+    """Return the usable range [m], from the smallest distance rounded up to 0.1 mm, and warnings of the calibration."""
     if request is None:
         return 0.0, 0.1 if part is None else part.range[1], ()
     curves = request.read()

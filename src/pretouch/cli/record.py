@@ -43,7 +43,7 @@ class _Origin:
     distance_unit: str
 
     def open(self) -> ReadingSource:
-        """Open the source; without any choice, it is the only serial port."""
+        """Open the source of the readings; by default, this is the only serial port."""
         from pretouch.recording.sources.lines import LineFormat  # noqa: PLC0415 - keeps `pretouch --help` quick
 
         chosen = [
@@ -126,7 +126,7 @@ def record(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all warnings and files.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print a JSON object at the end.")] = False,
 ) -> None:
-    """Record a calibration at the bench, guided, and write it as CSV.
+    """Record a calibration at the bench, step by step, and write it as CSV.
 
     Records the empty scene first, then distance after distance. At each distance, waits until the output has settled.
     Names the distances that are still missing. Ends when the slope g is known well enough, for the scenario if FILE is
@@ -175,7 +175,7 @@ def record(
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """The options that choose the distances and the file."""
+    """The options about the distances, the unit, and the continuation of a recording."""
 
     distances: str | None
     stage: str | None
@@ -185,19 +185,19 @@ class _Steps:
 
     @property
     def wanted(self) -> tuple[float, ...]:
-        """The distances of the list [m]; empty without a list."""
+        """The distances [m] in the option --distances; empty without this option."""
         from pretouch.recording.record_distances import read_distances  # noqa: PLC0415
 
         if self.sent and (self.distances is not None or self.stage is not None):
             raise InvalidInputError(
-                "--distance-column: the source sends the distances, so --distances and --stage have no use"
+                "--distance-column: the source sends the distances, so --distances and --stage are not allowed"
             )
         if self.distances is None and self.stage is not None:
             raise InvalidInputError('--stage: needs the distances to move to, such as --distances "5 mm, 10 mm, 20 mm"')
         return () if self.distances is None else read_distances(self.distances)
 
     def plan(self, wanted: tuple[float, ...], done: tuple[float, ...]) -> DistancePlan:
-        """Return what sets the distances that are not recorded yet."""
+        """Return the plan of the remaining distances, which come from a list, or which the user types."""
         from pretouch.recording.record_distances import ListedDistances, TypedDistances  # noqa: PLC0415
 
         return ListedDistances(wanted, done, self.stage) if self.distances is not None else TypedDistances()

@@ -33,8 +33,8 @@ class PlainDisplay:
         """Print a question, and return the answer; None at the end of the input."""
         if self._answers is None:
             raise InvalidInputError(
-                "--stdin: standard input carries the readings, so pretouch cannot ask for the object; use --stage or "
-                "--distance-column, with --no-empty-scene"
+                "--stdin: standard input carries the readings, so pretouch cannot ask you to set the object; use "
+                "--stage or --distance-column, with --no-empty-scene"
             )
         self._write(question, end="")
         answer = self._answers.readline()
@@ -63,7 +63,7 @@ class PlainDisplay:
 
 
 class LiveDisplay(PlainDisplay):
-    """Shows live value, recorded distances and curve in a terminal, which is drawn again ten times per second.
+    """Shows live value, recorded distances and curve in a terminal, and redraws them ten times per second.
 
     Args:
         readings_on_stdin: whether standard input carries the readings, so that questions go to the terminal.

@@ -42,7 +42,8 @@ def replay(
     ] = None,
     before: Annotated[str, option("TIME", "Longest time from a detection to the contact that it announces.")] = "1 s",
     reference: Annotated[
-        str | None, option("TOPIC", "Another topic of the same motion, such as a distance; for the latency.")
+        str | None,
+        option("TOPIC", "Another topic of the same motion, such as a distance; needed to measure the latency."),
     ] = None,
     joints: Annotated[
         str | None, option("TOPIC", "Topic of joint states; with --model and --site, it replaces --reference.")
@@ -130,7 +131,7 @@ def _recordings(path: Path, topic: str, others: list[str], clock: str | None) ->
 
 
 def _distances(path: Path, joints: str, model: Path, site: str, *, axis: str, clock: str) -> Recording:
-    """Return the distances that a robot model and recorded joint states give, with the clock of another recording."""
+    """Compute distances from a robot model and recorded joint states, with the same clock as the sensor recording."""
     from pretouch.recording import distances_from_joints  # noqa: PLC0415 - MuJoCo, only when needed
     from pretouch.robots import SensorSite, load_model  # noqa: PLC0415
 
@@ -146,7 +147,7 @@ def _time(text: str, name: str) -> float:
 def _write(
     result: Replay, shown: Presentation, chain: Path | None, calibration: Path | None, mcap: Path | None
 ) -> tuple[str, ...]:
-    """Write the files that the options name, and return a line about each."""
+    """Write the files that the options name, and return a line of text about each file."""
     written = []
     pairs = None if calibration is None else result.pairs()  # before anything is written
     if chain is not None:

@@ -1,4 +1,4 @@
-"""Implement the command `pretouch studio`, which serves a page on which gains are chosen by dragging."""
+"""Implement the command `pretouch studio`, which serves a page on which the user chooses a gain by dragging."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def studio(
 
 
 def _studio(file: Path | None, port: int, *, browser: bool, output: Path | None, force: bool, json: bool) -> None:
-    """Serve the page, or write it to a file."""
+    """Serve the studio page, or write the page to a file."""
     from pretouch._core.files import as_json, refuse_input, write_text  # noqa: PLC0415 - keeps `pretouch --help` quick
 
     if output is not None:

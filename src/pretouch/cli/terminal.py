@@ -201,7 +201,7 @@ def reservations_about(task: Task, answer: Any) -> Reservations | None:
 
 
 def verb(run: Callable[..., None]) -> Callable[..., None]:
-    """Make a command from a function that shows one result, by adding the options for its output.
+    """Turn a function that shows one result into a command, and add the output options that all commands share.
 
     Args:
         run: function of a `Presentation` and of its own options, by name. Its docstring is the help text.
@@ -298,7 +298,7 @@ class Presentation:
         return as_text() if reservations is None else reservations.around_text(as_text())
 
     def _summary(self, result: Any, reservations: Reservations | None, lines: int) -> str:
-        """Return the summary of a result, including the answer to whether the calibration is good enough."""
+        """Return the summary of a result, including a verdict on the calibration."""
         from pretouch._core.blocks import page_of  # noqa: PLC0415 - `pretouch --help` stays fast
 
         from .summary import summary_of  # noqa: PLC0415

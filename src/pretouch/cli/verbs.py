@@ -218,7 +218,7 @@ def _series_of_verdict(verdict: Verdict, task: Task) -> tuple[Series, ...]:
 
 
 def floor_of(task: Task) -> float:
-    """Return the detection threshold of the controller of a task; NaN for a law without one."""
+    """Return the detection threshold of the controller of a task; NaN if its law has no threshold."""
     law = None if task.loop is None else task.loop.law
     return float(getattr(getattr(law, "conditioning", None), "floor", float("nan")))
 

@@ -320,7 +320,7 @@ class _Builder(Reading):
             self._check_impact(name, ("pareto", "quantities", i))
 
     def check_impact_of_drag(self) -> None:
-        """Report a mistake if a virtual drag is chosen by its impact force but the section [impact] is missing."""
+        """Report a mistake if the section [law] has the key impact_force but the section [impact] is missing."""
         if "impact_force" in (self.values("law") or {}):
             self._check_impact("impact_force", ("law", "impact_force"))
 

@@ -23,7 +23,7 @@ natural_frequency = "{frequency}"   # how fast the robot returns to its task; cr
 
 [obstacle]                        # what approaches; position when the sensor first sees it
 position = "{position}"
-velocity = "-{speed}"            # negative: toward the robot; change the mean in [uncertainty] with it
+velocity = "-{speed}"            # negative: toward the robot; also change the mean in [uncertainty]
 
 [objective]                       # what the design minimizes: retreat and contact speed, each relative to its scale
 kind = "excursion"
@@ -183,7 +183,7 @@ class FirstScenario(Value):
         return "".join(f"{line}\n" for line in lines)
 
     def _signal(self) -> tuple[float, float]:
-        """Return a distance and the output of the typical curve there."""
+        """Return a distance, and the output of the typical curve at this distance."""
         signal = None if self.part is None else self.part.signal
         return signal or (3.0 * self.distance, 1.0)
 

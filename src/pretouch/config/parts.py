@@ -24,7 +24,7 @@ _SIGMAS: Final = 3.0  # default floor in standard deviations of the noise
 
 
 def load_with_parts(path: str | os.PathLike[str]) -> dict[str, Task]:
-    """Read a scenario file once for each built-in sensor part, in place of the sensor chain of the file.
+    """Read a scenario file once for each built-in sensor part, and replace the sensor chain by that of the part.
 
     The curve keeps its shape. Its scale, the floor of the controller and the noise become those of the part.
 
@@ -57,7 +57,7 @@ def load_with_parts(path: str | os.PathLike[str]) -> dict[str, Task]:
 
 
 def _with_part(read: Callable[[Mapping[str, Any]], Task], data: dict[str, Any], base: Task, part: SensorPart) -> Task:
-    """Read the contents of a scenario file again, with the chain of a sensor part."""
+    """Create a task from the contents of a scenario file, with the sensor chain of a part."""
     changed = copy.deepcopy(data)
     chain: dict[str, Any] = {"part": part.name}
     rate = 1.0 / base.loop.law.period
@@ -80,5 +80,5 @@ def _with_part(read: Callable[[Mapping[str, Any]], Task], data: dict[str, Any], 
 
 
 def _scale_of(task: Task) -> float:
-    """Return the scale of the sensor curve of a task, which may be recessed."""
+    """Return the scale of the sensor curve of a task, also if the sensor has a recess."""
     return float(getattr(getattr(task.sensor, "sensor", task.sensor), "scale"))  # noqa: B009 - curves with a scale only

@@ -134,7 +134,7 @@ class Quantity:
             return value
         if self.unit == "rad/s" and isinstance(value, str) and "Hz" in value:
             raise UnfitValueError(
-                'expected an angular frequency in rad/s, because Hz is ambiguous here; 1 Hz is 2*pi = "6.2832 rad/s"'
+                'expected an angular frequency in rad/s, because Hz is ambiguous here; 1 Hz equals "6.2832 rad/s"'
             )
         number = self._number(value)
         if not isinstance(value, str) and abs(number) > self.largest_bare:

@@ -236,7 +236,7 @@ class Reading:
         return variant.make(**variant({}))
 
     def make(self, section: str, without: tuple[str, ...] = ()) -> Any:
-        """Make the object that a section of the scenario file describes, ignoring some keys of the section."""
+        """Create the instance that a section of the scenario file describes, ignoring some keys of the section."""
         if section not in self.sections:
             return None
         variant, values = self.sections[section]
@@ -344,7 +344,7 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
             "give either a model with its parameters, or a calibration to fit"
         )
     if name == "sensor" and owners == [CALIBRATION]:
-        return "found a key that belongs to a calibration, expected it only together with calibration = ..."
+        return "this key belongs to a calibration, so it is allowed only together with the key calibration"
     if name in OF_A_LAW:
         instead = _INSTEAD.get((name, key), f"only {takes}")
         return f'this key belongs to the law "{owners[0]}", but the scenario file uses another law; expected {instead}'

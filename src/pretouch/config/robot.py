@@ -1,4 +1,4 @@
-"""Read a robot model that a scenario file names, and project the robot to the axis of its sensor."""
+"""Read a robot model that a scenario file names, and compute its projection along the axis of its sensor."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RobotInPosture:
-    """A robot model in the posture of a scenario file, with its sensor.
+    """A robot model with its sensor, in the posture that a scenario file sets.
 
     Args:
         model: a `mujoco.MjModel`.

@@ -104,7 +104,7 @@ def _distribution_section(unit: str) -> Section:
 
 
 def _described_distribution(unit: str, name: str) -> Key | None:
-    """Return the file key for a type of distribution without a key of its own above, such as that of a package."""
+    """Return the file key for any other type of distribution, such as a type that an installed package adds."""
     described = DISTRIBUTION_KINDS.find(name)
     if described is None:
         return None

@@ -34,7 +34,7 @@ _GEOMETRY: Final = {
 
 
 def section_of_curve(curve: type[SensorModel]) -> Section:
-    """Describe the scenario-file section of a sensor curve by its parameters and lists of points."""
+    """Describe the scenario-file section of a sensor curve: its keys are the parameters or points of the curve."""
     points = {f.name: _points(f.metadata["points"]) for f in fields(curve) if "points" in f.metadata}
     return Section({**_GEOMETRY, **declared_keys(curve), "model": TAG, **points}, make=curve)
 
@@ -187,7 +187,7 @@ class FitRequest:
 
     def read(self) -> tuple[Calibration, ...]:
         """Read the calibration curves that match the labels in `select`; raise an error if no curve matches."""
-        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when required_sections
+        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
         try:
@@ -199,7 +199,8 @@ class FitRequest:
         selected = {f"{key}={value}" for key, value in self.select.items()}
         matches = tuple(curve for curve in curves if selected <= set(curve.label.split(", ")))
         if not matches:
-            labels = "; ".join(curve.label for curve in curves[:8] if curve.label) or "none: the file holds one curve"
+            labels = "; ".join(curve.label for curve in curves[:8] if curve.label)
+            labels = labels or "none, because the file contains one curve"
             more = f" and {len(curves) - 8} more" if len(curves) > 8 else ""
             message = (
                 f"select: the file has no curve with the labels {', '.join(sorted(selected))}; available in "
@@ -212,7 +213,7 @@ class FitRequest:
 
     def _is_calibration(self) -> bool:
         """Return True if the file is a readable calibration, so that messages may quote its contents."""
-        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when required_sections
+        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         try:
             read_calibrations(self.path)

@@ -40,7 +40,7 @@ INPUTS: Final = {p.symbol: p.value for p in (*APPROACH, *SENSORS["exponential-2"
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Check that motions near the published letter's uniform motion lose the energy of their deviation."""
+    """Check that the energy of deviations from the published letter's uniform motion falls along every motion."""
     a, b, around, same = (
         float(variables["a"]),
         float(variables["b"]),
@@ -57,7 +57,7 @@ def reproduce(variables: Variables) -> Reproduction:
     motions = {name: {field: getattr(variables[name], field) for field in course} for name in names}
     return Reproduction(
         summary="With δ = l - (A t + B), L(14) becomes M δ'' + (D + D_p g(l)) δ' + (K + 2 b_2 D_p A) δ = 0, without an "
-        "approximation. For the approaching root of L(17) the stiffness in it is K (1 + s)/2 > 0, with s² = 1 + 8 b_2 "
+        "approximation. For the approaching root of L(17) this stiffness is K (1 + s)/2 > 0, with s² = 1 + 8 b_2 "
         "D_p v_o / K, and the damping is positive wherever the output falls with the distance: the energy ½ M δ'² + ½ "
         "K (1 + s)/2 δ² can only fall. This proves, for every start, the attraction that the letter reports.",
         parameters=(*APPROACH, *SENSORS["exponential-2"], EXPERIMENT_GAIN),

@@ -45,7 +45,7 @@ def reproduce(variables: Variables) -> Reproduction:
     """Minimize the published letter's objective f_1 under limits of excursion and contact speed."""
     designs = [_design(case) for case in CASES]
     return Reproduction(
-        summary="The letter states that such limits can be passed to the solver, without an example. Here the optimum "
+        summary="The letter states without an example that such limits can be passed to the solver. Here the optimum "
         "lies on its limit until the limit is no longer active. If two limits conflict, the result names them and the "
         "amount of the conflict.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
@@ -77,13 +77,13 @@ def _limits_finding(designs: Sequence[GainDesign]) -> Finding:
     refused = neither.gain is None and all(o.achievable for o in neither.constraints)
     return finding(
         11,
-        "With an active limit, the optimum lies on it; conflicting limits are named",
+        "The optimum lies on an active limit; conflicting limits are named",
         "Section VI-B",
         "With the excursion limited to 80 mm, or the speed at contact to 70 mm/s, the optimum lies on that limit. Each "
         "of the two limits can be met alone. No gain meets both, and the design reports this instead of a gain.",
-        ("limited optima lie on their limit, to a millionth of it", max(on_limit) < 1e-6),
+        ("limited optima lie on their limit, within a millionth of the limit", max(on_limit) < 1e-6),
         ("every limited objective is above the unlimited one", worse),
-        ("80 mm and 70 mm/s: each can be met, both cannot", refused),
+        ("the limits 80 mm and 70 mm/s can each be met alone, but not together", refused),
     )
 
 

@@ -56,7 +56,7 @@ def reproduce(variables: Variables) -> Reproduction:
     rounded = over_rounding("exponential-1", _position)
     span = over_rounding("exponential-2", partial(_position, method="uniform-motion"))
     lag = "only the hardware has friction, servo lag and readings that deviate from the curve"
-    misprint = "with the parameters of Table I, L(19) gives another value for every rounding of them (finding 4)"
+    misprint = "with the parameters of Table I, L(19) gives another value, also with their rounding (finding 4)"
     reference = "the letter's reference is a measured motion, here the integrated inverse power curve"
     fits = {"exponential-1": "0.992", "exponential-2": "0.984"}
     r_squared = ((f"R² of {NAMES[name]}", printed, _r_squared(motions, name)) for name, printed in fits.items())

@@ -46,7 +46,7 @@ def reproduce(variables: Variables) -> Reproduction:
         numbers.append(Printed(label, PRINTED[name], reductions[name], "%", PLACE, over_inputs=span))
     for name, (_, error) in MODELS.items():
         ours = 100 * abs(float(PRINTED[name]) - float(true)) / float(true)
-        numbers.append(Printed(f"relative error of {PRINTED[name]} % to 78.0 %", error, ours, "%", PLACE))
+        numbers.append(Printed(f"relative error of {PRINTED[name]} % compared with 78.0 %", error, ours, "%", PLACE))
     return Reproduction(
         summary="Without mitigation the obstacle arrives at 0.3 m/s. The letter's \"ratio l'/v_o\" is the reduction of "
         "that speed by mitigation, not the remaining speed (finding 3). As reductions, the model values agree.",
@@ -95,5 +95,5 @@ def _reduction_finding(reductions: dict[str, float]) -> Finding:
         "published numbers are reductions, and the published errors of 9.74 and 4.62 % are errors of these "
         "reductions. The remaining speeds, which determine the impact, have errors of 35 and 16 %.",
         *steps,
-        ("the printed numbers are within 1 % of the reductions, and of no ratio", near),
+        ("the printed numbers are within 1 % of the reductions, but not of the ratios", near),
     )

@@ -70,13 +70,13 @@ def reproduce(variables: Variables) -> Reproduction:
 def _shift_finding(by_speed: float, spring: float, hertz: float) -> Finding:
     return finding(
         13,
-        "For a linear contact, the force objective changes nothing; for a curved one, it shifts the gain",
+        "For a linear contact, the force objective does not change the gain; for a Hertz contact, it does",
         "Section VI-B",
         "F_typ is the peak force without mitigation. On a spring the peak is √(μ k) |l'|, so the objective equals f₁, "
         "with the same optimum. By Hertz's law the force grows as |l'|^1.2, and the optimum moves.",
-        ("optimal gain by speed", by_speed, "N s"),
-        ("by force on the spring", spring, "N s"),
-        ("by force on the sphere", hertz, "N s"),
+        ("optimal gain for the speed", by_speed, "N s"),
+        ("optimal gain for the force on the spring", spring, "N s"),
+        ("optimal gain for the force on the sphere", hertz, "N s"),
         (
             "only the spring leaves the optimal gain unchanged",
             abs(spring / by_speed - 1) < 1e-6 < abs(hertz / by_speed - 1),

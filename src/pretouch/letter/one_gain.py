@@ -35,7 +35,7 @@ ALL, FAST, BEST = "one gain for all speeds", "one gain from 0.2 m/s on", "best g
 
 
 def reproduce(variables: Variables) -> Reproduction:
-    """Find the single gains with the smallest worst-case loss over a range of approach speeds."""
+    """Find, for each of two ranges of approach speeds, the single gain with the smallest worst-case loss."""
     speeds, best, final_speed = variables["speeds"], np.asarray(variables["designs"].gain), variables["final_speeds"]
     gain = {name: float(variables["candidates"][i]) for name, i in variables["best"].items()}
     loss = {name: np.asarray(variables["losses"][i]) for name, i in variables["best"].items()}

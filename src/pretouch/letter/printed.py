@@ -23,7 +23,7 @@ class Agreement(Enum):
 
     AGREES = "agrees", "\u25cf", "the computed number rounds to the printed digits"
     WITHIN_INPUTS = "agrees-within-inputs", "\u25cb", "agrees for other inputs that round to the printed inputs"
-    DISAGREES = "disagrees", "\u25b2", "neither; the reason is below the table"
+    DISAGREES = "disagrees", "\u25b2", "does not agree, even within the input rounding; the reason is below the table"
     MEASURED = "measured", "\u25a1", "measured on hardware: compared, agreement not required"
 
     shape: str

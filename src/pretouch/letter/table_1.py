@@ -85,7 +85,7 @@ def _recovered(fitted: Mapping[str, SensorModel], gains: Mapping[str, tuple[floa
     for name, curve in fitted.items():
         printed, values = sensor(name), curve.parameters
         errors = ((p, values[p.name], 100 * (values[p.name] / p.value - 1)) for p in SENSORS[name])
-        steps += [(f"{p.symbol} recovered, {value:.4g}: off by", error, "%") for p, value, error in errors]
+        steps += [(f"relative error of the fitted {p.symbol} = {value:.4g}", error, "%") for p, value, error in errors]
         difference = 100 * np.abs(curve.output(distance) - printed.output(distance)).max() / printed.output(0.0)
         steps.append(
             (

@@ -67,14 +67,14 @@ def reproduce(variables: Variables) -> Reproduction:
     columns |= {"(x / x_typ)²": (terms[0], ".4f"), "(l' / l'_typ)²": (terms[1], ".4f"), "f₁": (values[2], ".4f")}
     return Reproduction(
         summary="The motion L(4) with the inverse power curve L(3) is integrated, as in the letter's simulation. Two "
-        "entries of the table cannot be right (findings 1 and 2); the others agree. If a computed number misses the "
-        "last digit by less than one unit, parameters that round to the printed ones reproduce it.",
+        "entries of the table cannot be right (findings 1 and 2); the others agree. If a computed number differs by "
+        "less than one unit in the last digit, parameters that round to the printed ones reproduce the printed number.",
         parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
         comparisons=(*_columns(values, ranges), *(Printed(*way, "N s", "Section V-A") for way in optimal_gains)),
         findings=(_repetition_finding(values[:, 2], ranges[:, 2]), _column_finding(values, ranges[:, -1])),
         tables=(readings("Both terms of the objective", columns),),
         caption="The objective and its two terms, which cross near the optimum. Circles are the gains of the table; "
-        "the letter prints the values of the last one, -10 N s, under -1.0.",
+        "the letter prints the values of the gain -10 N s in the column -1.0.",
         numbers={
             "gain": gains,
             **dict(zip(("position", "relative_velocity", "objective"), values, strict=True)),
@@ -126,7 +126,7 @@ def _repetition_finding(values: FloatArray, ranges: FloatArray) -> Finding:
         f"f₁ = {f} in the same column.",
         ("x by L(4)", values[0], "m"),
         ("printed x is the printed l'", x == v),
-        ("no sensor that rounds to the printed one gives the printed x", not reached),
+        ("no sensor parameters that round to the printed ones give the printed x", not reached),
         ("largest f₁ that the printed x and l' allow; printed 0.107", largest),
         ("this f₁ is below all numbers that round to the printed f₁", largest < f_low),
         ("smallest |x| that the printed l' and f₁ allow", low, "m"),

@@ -133,9 +133,9 @@ def _trade_off() -> Finding:
         8,
         "The trade-off factors 2.65 and 1.83 come from percentages that were rounded first",
         "Section V-C",
-        "45/17 and 11/6 give the printed factors. From the times and forces of Table III they are 2.73 and 1.91. The "
-        "order of the factors, and so the letter's conclusion, is unchanged. Times and forces have only two or three "
-        "digits.",
+        "45/17 and 11/6 give the printed factors. Computed from the times and forces of Table III, the factors "
+        "are 2.73 and 1.91. The order of the factors, and so the letter's conclusion, is unchanged. Times and forces "
+        "have only two or three digits.",
         *steps,
     )
 

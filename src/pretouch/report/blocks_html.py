@@ -38,7 +38,7 @@ QUIET: Final = ' class="note"'
 
 
 def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
-    """Return an excerpt of a report page for notebooks: headline, warnings, first figure and first table.
+    """Return the HTML excerpt of a report page for notebooks: headline, warnings, lead figure and first brief table.
 
     Args:
         page: the page.
@@ -56,7 +56,7 @@ def page_as_excerpt(page: Page, draw: Callable[[Picture], str]) -> str:
 
 
 def page_as_html(page: Page, draw: Callable[[Picture], str]) -> str:
-    """Return a report page as HTML: first result, figure, key figures and warnings, then the collapsible sections.
+    """Return a report page as HTML: the result with figure, key figures and warnings, then collapsible sections.
 
     Args:
         page: the page.
@@ -141,7 +141,7 @@ def explained(page: Page) -> Page:
 
 
 def _explanation(code: str) -> PageSection:
-    """Return the section that explains one code."""
+    """Return the report section that explains one warning code."""
     entry = WARNING_CODES[code]
     rows = (
         ("meaning", entry.meaning),

@@ -1,4 +1,4 @@
-"""Plot a comparison of candidates: contact speed over excursion."""
+"""Plot a comparison of candidates, such as sensors or robots: contact speed versus excursion."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _AIR: Final = 1.2
 
 @check_arguments
 def candidates(comparison: CandidateComparison) -> Figure:
-    """Draw the mean speed at contact of each candidate over its mean largest excursion.
+    """Draw mean contact speed versus mean largest excursion, with one point for each candidate.
 
     Args:
         comparison: a comparison of candidates.

@@ -1,4 +1,4 @@
-"""Plot a gain design: objective and trade-off over the gain, and sensitivities of the optimal gain."""
+"""Plot a gain design: objective versus gain, contact speed versus excursion, and sensitivities of the optimal gain."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ _COLORS: Final = ("var(--blue)", "var(--red)")
 
 
 class Lane(NamedTuple):
-    """One run of an encounter.
+    """One run of an encounter, shown as one row of the animation.
 
     Args:
         label: what distinguishes the run, such as its gain.
@@ -64,7 +64,7 @@ def lane(
     relative_velocity: FloatArray,
     ends_with_contact: bool,
 ) -> Lane:
-    """Return a run from its distances and the motion of its obstacle.
+    """Return a row of the animation, computed from the distances of a run and the motion of the obstacle.
 
     Args:
         label: what distinguishes the run.
@@ -80,7 +80,7 @@ def lane(
 
 
 def encounter_animation(lanes: Sequence[Lane], sensor: SensorModel) -> str:
-    """Return an animation of runs of the same encounter as HTML, with a choice of its speed.
+    """Return an HTML animation of several runs of one encounter; readers can choose its speed.
 
     The animation consists of SVG shapes and CSS keyframes. On systems with the setting "reduced motion", and in print,
     the shapes show the last sample of each run.

@@ -139,7 +139,7 @@ def _figure(picture: Picture) -> Any:
 
 
 def _draw(picture: Picture) -> str:
-    """Return a figure as an SVG element, with text converted to outlines; a film as an animation."""
+    """Return a figure as an SVG element, with text converted to outlines; return a film as an animation."""
     if isinstance(picture, Film) and picture.figure == "robot_film":
         return film_html(picture.of)
     drawn = draw_svg(_figure(picture), picture.figure.replace("_", "-"))
@@ -150,7 +150,7 @@ def _draw(picture: Picture) -> str:
 
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
-    """Add a section on the sensor calibration to a report page, and its warnings to the top of the page."""
+    """Add the sensor calibration to a report page: a section at the end, and its main warning at the top."""
     from pretouch.calibration.page import fitted_blocks  # noqa: PLC0415 - only where there is one
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 

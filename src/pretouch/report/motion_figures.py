@@ -164,7 +164,7 @@ def runs_of(design: GainDesign) -> list[DrawnMotion]:
 
 
 def lanes_of(design: GainDesign) -> tuple[list[Lane], SensorModel]:
-    """Return the two motions of `motion` for an animation, and the sensor curve.
+    """Return the two motions that `motion` draws as rows of an animation, and the sensor curve.
 
     Args:
         design: the design.

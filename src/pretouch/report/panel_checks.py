@@ -16,7 +16,7 @@ from .style import CURVES
 
 
 def called(kind: str, label: str) -> str:
-    """Return the name of an object for error messages, made of its type and its label."""
+    """Return the name of a plot item for error messages, made of its type and its label."""
     return f"{kind} {label!r}" if label else kind
 
 
@@ -107,7 +107,7 @@ def check_style(style: Any, subject: str) -> None:
 
 
 def check_axis(panel: Any, axis: str) -> None:
-    """Check that labeled items are visible within the axis limits, and that logarithmic axes are positive."""
+    """Check that labeled items lie within the axis limits, and that all values on a logarithmic axis are positive."""
     ends = getattr(panel, f"{axis}_limits")
     if getattr(panel, f"{axis}_log"):
         for name, values in [*_numbers(panel, axis), (f"{axis}_limits", np.array(ends or ()))]:

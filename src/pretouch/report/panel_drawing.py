@@ -134,7 +134,7 @@ def _mark_style(mark: Any) -> dict[str, Any]:
 
 
 def _curve_sample(curve: Curve, look: _Look) -> dict[str, Any]:
-    """Return a sample of a curve's line style, as it appears in a legend."""
+    """Return the Matplotlib line style of a curve, which its legend entry also has."""
     return {
         "color": look.color,
         "linestyle": "None" if curve.kind == "points" else look.dashes,

@@ -62,7 +62,7 @@ def pareto(front: ParetoFront) -> Figure:
 
 @check_arguments
 def admittance(design: AdmittanceDesign) -> Figure:
-    """Draw the smallest objective that any gain reaches as a function of the admittance.
+    """Draw, for each admittance, the objective that the best gain reaches.
 
     Args:
         design: a design of gain and admittance, with at least one feasible admittance.
@@ -114,7 +114,7 @@ def admittance(design: AdmittanceDesign) -> Figure:
 
 
 def _plane(front: ParetoFront, i: int, k: int) -> Panel:
-    """Return a plot of a Pareto front over two quantities, with dominated points in the background."""
+    """Return a plot of a Pareto front in the plane of two quantities, with dominated points in the background."""
     names = front.quantities[i], front.quantities[k]
     across, up = (_scale(front, name, _all_values(front, name)) for name in names)
     x, y = front.of(names[0]) / across.factor, front.of(names[1]) / up.factor
@@ -141,7 +141,7 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
 
 
 def _bound(front: ParetoFront) -> Panel:
-    """Return a plot of the excursion versus the contact speed, compared with the bound for every controller."""
+    """Return a plot of the excursion versus the contact speed, compared with the physical bound of any controller."""
     c = front.comparison
     if c is None or front.result is None:
         raise InvalidInputError("front: this Pareto front has no physical bound to draw")

@@ -1,4 +1,4 @@
-"""Provide functions that plot results under short names, such as `plots.motion(design)`."""
+"""Provide short names for the functions that plot results, such as `plots.motion(design)`."""
 
 from .calibration_figures import calibration
 from .candidate_figures import candidates

@@ -69,7 +69,7 @@ def robot(result: RobotSimulation, run: int = 0) -> Figure:
 
 
 def workspace(dataset: Any) -> Figure:
-    """Draw maps of reflected mass, contact speed and remaining excursion at many places of a robot, for one gain.
+    """Draw maps of reflected mass, contact speed and remaining excursion over a robot's workspace, for one gain.
 
     Args:
         dataset: the dataset of a sweep after `Workspace.describe`.

@@ -131,7 +131,7 @@ def _film_of(result: RobotSimulation, run: int, count: int) -> _Film:
 
 
 def _label(time: float, distance: float, contact: SiteContact) -> str:
-    """Return the title of a still: its time and the distance of the first site."""
+    """Return the title of a still: its time, and the distance of the first site or the word `contact`."""
     clock = format_quantity(time, "s", 3)
     if time >= contact.time:
         return f"{clock}, {'contact' if time < contact.time + _MOMENT else 'after contact'}"
@@ -139,7 +139,7 @@ def _label(time: float, distance: float, contact: SiteContact) -> str:
 
 
 def _drawing(model: Any, configuration: FloatArray, camera: Camera) -> Frame:
-    """Draw a configuration with Matplotlib, as outlines in a plane."""
+    """Draw the robot in one configuration with Matplotlib, as outlines in a plane."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - Matplotlib, only when needed
 
     figure = new_figure(_SIZE[0] / _DPI, _SIZE[1] / _DPI)
@@ -157,7 +157,7 @@ def _drawing(model: Any, configuration: FloatArray, camera: Camera) -> Frame:
 
 
 def _address(frames: list[Frame]) -> str:
-    """Return images as a data address: a picture, or an animation that loops."""
+    """Return images as a data URI: one image as a picture, several images as an animation that loops."""
     from PIL import Image  # noqa: PLC0415 - Matplotlib brings it
 
     first, *others = [Image.fromarray(frame) for frame in frames]

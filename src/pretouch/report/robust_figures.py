@@ -68,7 +68,7 @@ def outcome(design: RobustDesign) -> Figure:
 
 @check_arguments
 def price(design: RobustDesign) -> Figure:
-    """Draw how much the objective would improve if one uncertain input were known exactly.
+    """Draw the best gain for each value of an uncertain input, and the loss of the robust gain at this value.
 
     Args:
         design: a design with a gain.

@@ -129,9 +129,7 @@ def test_a_mistake_names_its_key_and_no_temporary_file(studio, scenario):
 
 
 def test_changes_keep_comments_and_everything_else(scenario):
-    changed = change_text(
-        scenario, {"obstacle.position": "40 mm", "plant.velocity": "0 m/s", "sensor.exponent": "3"}
-    )
+    changed = change_text(scenario, {"obstacle.position": "40 mm", "plant.velocity": "0 m/s", "sensor.exponent": "3"})
     before, after = scenario.splitlines(), changed.splitlines()
     assert {line for line in before if line not in after} == {'position = "42.2 mm"', "exponent = 3.32"}
     assert changed.count("#") == scenario.count("#")

@@ -213,7 +213,7 @@ def test_a_design_on_a_loop_says_so() -> None:
     assert design.method == "loop"
     assert line(str(design), "motion") == "sampled loop, simulated with every gain"
     assert "nan" not in str(design)
-    assert any("one run with its noise" in w for w in design.warnings)
+    assert any("only for the noise of one run" in w for w in design.warnings)
     told = design.to_dict()
     assert told["method"] == "loop"
     assert told["contact"]["impulse_residual"] is None

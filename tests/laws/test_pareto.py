@@ -363,7 +363,7 @@ def test_a_users_own_evaluator_is_traded_with(letter_encounter: Scenario) -> Non
     plain = pareto_front(Task(letter_encounter, sensor, bounds=(-20.0, -0.02)))
     assert front.knee.gain == pytest.approx(plain.knee.gain / 2, rel=1e-5)
     assert front.comparison is None
-    assert "motions in continuous time, L(1), from the given state" in front.no_bound
+    assert "motions in continuous time, L(1), that start from the given state" in front.no_bound
 
 
 def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> None:
@@ -433,9 +433,9 @@ def test_arrays_and_admittances_without_a_ratio_are_refused(letter_encounter: Sc
         pareto_front(Task(many, sensor, bounds=BOUNDS))
     free = replace(letter_encounter, admittance=Admittance(mass=1.0, damping=1.0, stiffness=0.0))
     assert pareto_front(Task(free, sensor, bounds=BOUNDS)).status is FrontStatus.FOUND
-    with pytest.raises(InvalidInputError, match="no damping ratio exists to keep"):
+    with pytest.raises(InvalidInputError, match="there is no damping ratio to keep"):
         pareto_front(Task(free, sensor, bounds=BOUNDS, natural_frequency=(1.0, 2.0)))
-    with pytest.raises(InvalidInputError, match="no damping ratio exists; add bounds"):
+    with pytest.raises(InvalidInputError, match="the damping ratio is undefined; add bounds"):
         pareto_front(Task(free, sensor, bounds=BOUNDS, damping_ratio=(1.0, 2.0)))
     designs = design_gain(Task(many, sensor, F1, bounds=BOUNDS))
     with pytest.raises(InvalidInputError, match="array of designs"):

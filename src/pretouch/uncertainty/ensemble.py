@@ -179,7 +179,8 @@ def check_nominal(uncertainty: Uncertainty, scenario: Scenario, sensor: SensorMo
     Raises:
         InvalidInputError: the value of an uncertain input is outside the central 95 % of its distribution.
     """
-    names_of(uncertainty)
+    if uncertainty:
+        names_of(uncertainty)
     for name, text in contradictions(uncertainty, scenario, sensor):
         raise InvalidInputError(f"uncertainty {name}: {text}")
 

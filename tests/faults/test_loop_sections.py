@@ -75,7 +75,7 @@ MISTAKES = [
     ('"impedance"', '"position"', "stiffness", "robot.stiffness", 'belongs to "impedance", but'),
     ('mass = "4 kg"\n', "", "[robot]", "robot.mass", 'missing, expected a quantity in kg; add, for example'),
     ('"250 N*s/m"', '"250 N/m"', 'damping = "250', "robot.damping", "expected a quantity in N*s/m"),
-    ('"250 N*s/m"', '1\nbandwidth = 80\nviscous_friction = 1', "viscous", "robot.viscous_friction", "not allowed"),
+    ('"250 N*s/m"', '1\nbandwidth = 80\nviscous_friction = 1', "viscous", "robot.viscous_friction", "only without a"),
     ('"250 N*s/m"', "1\nfeedforward = 0", "feedforward", "robot.feedforward", "found 0, expected true or false"),
     ('"hunt-crossley"', '"hertz"', 'kind = "hertz"', "contact.kind", 'found "hertz", expected one of "hunt-crossley"'),
     (STIFF, 'stiffness = "1e6 N/m"', 'stiffness = "1e', "contact.stiffness", 'N/m^1.5, such as "1e6 N/m^1.5"'),

@@ -135,7 +135,7 @@ class ImpedancePlant(PlantModel):
         friction = self.coulomb_friction, self.friction_speed
         if rate and self.viscous_friction:
             raise InvalidInputError(
-                "viscous_friction: not allowed together with a servo bandwidth; use coulomb_friction instead"
+                "viscous_friction: allowed only without a servo bandwidth; use coulomb_friction instead"
             )
         return (self.mass, self.stiffness, self.damping, own_damping, ahead, rate, *friction)
 

@@ -253,7 +253,7 @@ def test_a_margin_does_not_hold_for_a_sweep_that_moves_the_limit(write, axes):
 def test_a_file_without_a_loop_has_no_limit_of_stability(write):
     problem = load_scenario(write(WHOLE))
     assert problem.stable_bounds() == problem.bounds
-    with pytest.raises(ScenarioFileError, match=r"^approach\.toml: loop: found none, .* in a file \[chain\] and \[co"):
+    with pytest.raises(ScenarioFileError, match=r"^approach\.toml: .*found no sections \[chain\] and \[controller\]"):
         pt.verify_gain(problem)
 
 

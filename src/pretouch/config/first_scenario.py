@@ -49,6 +49,7 @@ obstacle.velocity = {{ normal = ["-{speed}", "{spread}"], between = ["-{fastest}
 {chain}
 [controller]
 rate = "1 kHz"
+largest_excursion = "{excursion}"    # the law moves the robot no farther, even if the sensor fails
 {controller}
 [robot]                           # how the robot follows commands; replace by your robot
 kind = "impedance"

@@ -161,7 +161,8 @@ def test_a_start_beyond_the_data_is_said_first_where_it_is_decisive(run):
 
 
 def test_a_motion_that_leaves_the_data_names_the_calibration(run):
-    file = scenario("away.toml", CLIPPED + '\nrecess = "12 mm"', ('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"'))
+    away = ('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"'), ('"-0.31 m/s", "-0.29 m/s"', '"0.29 m/s", "0.31 m/s"')
+    file = scenario("away.toml", CLIPPED + '\nrecess = "12 mm"', *away)
     code, out, _ = run("design", file, "--no-report", "--verbose")
     assert code == 1
     assert out.startswith(

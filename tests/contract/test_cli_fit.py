@@ -149,9 +149,7 @@ def test_notes_are_wrapped_and_count_rows_without_an_output(run):
     Path("gap.csv").write_text("\n".join([header, *rows]) + "\n")
     out = run("fit", "gap.csv", "--columns", "output=2", "--labels", "none", "--no-report")[1]
     assert "note: Rows or cells without an output (empty, nan or -) are not used: 1.\n" in out
-    assert out.startswith(
-        "note: The column 'the output of the sensor without a unit' of sensor outputs has no unit, so"
-    )
+    assert "note: The column 'the output of the sensor without a unit' of sensor outputs has no unit, so" in out
     assert max(map(len, out.splitlines())) <= 100
 
 
@@ -289,11 +287,11 @@ def test_what_was_assumed_is_told(run, pages):
     Path("wide.csv").write_text("\n".join(["Bench 4, day 2", "  ".join(heads), *rows]) + "\n")
     code, out, err = run("fit", "wide.csv", "--columns", "output=[V]")
     assert (code, err) == (0, "")
-    assert out.splitlines()[:2] == [
-        "note: Line 1 is above the header and is not read.",
-        f"note: The column headers 0 mm to {heads[-2]} are interpreted as distances, and each row as one repetition of "
-        "the measurement.",
-    ]
+    assert out.startswith(
+        "note: Line 1 is above the header and is not read.\n"
+        f"note: The column headers 0 mm to {heads[-2]} are interpreted as distances, and each row as one repetition\n"
+        "  of the measurement.\n"
+    )
     assert run("fit", "wide.csv", "--json")[0] == 0
 
 
@@ -301,10 +299,11 @@ def test_gathered_distances_are_told_once(run):
     rows = [f"{0.2 * i:.1f},{3 * 2.718281828 ** (-0.012 * i):.3f}" for i in range(400)]
     Path("dense.csv").write_text("\n".join(["distance [mm],output [V]", *rows]) + "\n")
     out = run("fit", "dense.csv", "--no-report")[1]
-    assert [line for line in out.splitlines() if "combined" in line] == [
+    note = (
         "note: The readings at 400 distances were combined into 50 groups of neighboring distances, and averaged. "
         "Each group is 0.793 mm to 2.08 mm wide."
-    ]
+    )
+    assert (" ".join(out.split()).count(note), out.count("combined")) == (1, 1)
 
 
 def test_a_missing_file_ends_with_2(run):

@@ -217,7 +217,7 @@ def test_a_worst_encounter_is_shown_where_there_is_one(one: RobustDesign, page: 
     text = str(shown).partition("\nthe worst encounter\n")[2]
     assert text.split("\n")[0].split(maxsplit=1) == [
         "obstacle.velocity",
-        "-0.6 m/s (the objective decreases with it)",
+        "-0.6 m/s (the objective decreases with this input)",
     ]
     assert line(text, "upper bound for all encounters") == "0.3101"
     assert line(text, "boxes of inputs in the search") == "17"

@@ -87,7 +87,8 @@ def test_a_file_that_says_nothing_of_it_is_designed_and_not_robustly(write):
     problem = load_scenario(write(WHOLE))
     assert problem.uncertainty == {}
     with pytest.raises(
-        ScenarioFileError, match=r"^approach\.toml: uncertainty: found none, expected .* in a file \[uncertainty\]"
+        ScenarioFileError,
+        match=r"^approach\.toml: uncertainty: found none, expected .* in a scenario file, \[uncertainty\]",
     ):
         pt.robust.design_robust_gain(problem)
 

@@ -113,7 +113,7 @@ KEYS = [
         "sensor.rate",
         'but this section has the kind "inverse-power"',
     ),
-    ("exponent = 3.32", "exponent = 3\nselect = {}", "select", "sensor.select", "only together with calibration"),
+    ("exponent = 3.32", "exponent = 3\nselect = {}", "select", "sensor.select", "expected the key calibration as well"),
     (
         "model =",
         'calibration = "s.csv"\nmodel =',

@@ -344,7 +344,7 @@ def _key_of_another_variant(source: ScenarioSource, name: str, takes: str, conte
             "give either a model with its parameters, or a calibration to fit"
         )
     if name == "sensor" and owners == [CALIBRATION]:
-        return "this key belongs to a calibration, so it is allowed only together with the key calibration"
+        return "this key belongs to a calibration, expected the key calibration as well"
     if name in OF_A_LAW:
         instead = _INSTEAD.get((name, key), f"only {takes}")
         return f'this key belongs to the law "{owners[0]}", but the scenario file uses another law; expected {instead}'

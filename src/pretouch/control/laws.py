@@ -59,7 +59,7 @@ class Parts(NamedTuple):
 
 
 class Setting(Protocol):
-    """Interface of the controller settings on which the parameters of a control law may depend."""
+    """Interface of the controller settings from which a control law computes its parameters."""
 
     @property
     def period(self) -> float:

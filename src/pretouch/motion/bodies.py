@@ -89,7 +89,7 @@ class Obstacle(_Body):
                 )
 
     def velocity_at(self, time: Any) -> Any:
-        """Return the velocity of the obstacle [m/s] at given times [s] before contact."""
+        """Return the velocity of the obstacle [m/s] at given times [s] since the start; contact is ignored."""
         t, since, velocity = np.asarray(time, dtype=np.float64), 0.0, self.velocity
         for stretch in self.course:
             velocity = velocity + stretch.acceleration * np.clip(t - since, 0.0, stretch.until - since)
@@ -98,7 +98,7 @@ class Obstacle(_Body):
         return float_or_array(velocity + self.acceleration * remaining)
 
     def position_at(self, time: Any) -> Any:
-        """Return the position of the obstacle [m] at given times [s] before contact."""
+        """Return the position of the obstacle [m] at given times [s] since the start; contact is ignored."""
         t, since, position, velocity = np.asarray(time, dtype=np.float64), 0.0, self.position, self.velocity
         for stretch in self.course:
             passed = np.clip(t - since, 0.0, stretch.until - since)

@@ -166,7 +166,7 @@ class Integration:
             which = which[(below == 0) & (above == 0)]
 
     def _acceleration_limits(self, which: IntArray, delay: float) -> tuple[FloatArray, FloatArray]:
-        """Return both limits of l'' [m/s^2] as l' tends to zero: from an approach and from a recession."""
+        """Return l'' [m/s^2] as l' tends to zero: first from l' < 0 (approach), then from l' > 0 (recession)."""
         state = self._state(which)
         zero, later = np.zeros((len(which), 1)), np.full((len(which), 1), delay)
         force = self.law.at(state.value, state.distance, np.zeros(len(which)))

@@ -65,7 +65,7 @@ def evaluate(coefficients: FloatArray, at: FloatArray) -> FloatArray:
 
 
 def first_root(values: FloatArray, passed: BoolArray) -> FloatArray:
-    """Return the point in (0, 1] at which the interpolated values of each step first cross zero; each must cross it.
+    """Return for each step the first zero crossing of its interpolated values, in (0, 1]; every step must have one.
 
     Args:
         values: values at the nodes, shape (n, POINTS + 1).

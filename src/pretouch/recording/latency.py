@@ -97,7 +97,7 @@ def _unknown(correlation: float, reason: str) -> Latency:
 
 
 def _finite(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Remove values that are not finite, and sort by time; of equal times, only the first remains."""
+    """Remove samples that are not finite, and sort by time; of samples with equal times, keep the first."""
     kept = np.isfinite(values) & np.isfinite(time)
     unique, index = np.unique(time[kept], return_index=True)
     return unique, values[kept][index]

@@ -1,4 +1,4 @@
-"""Estimate offset, noise, resolution and saturation of a sensor from the readings of a moving or an empty scene."""
+"""Estimate offset, noise, resolution and saturation of a sensor from readings with a moving object, or with none."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _spread(deviations: FloatArray, resolution: float) -> float:
 
 
 def spread_of_course(values: FloatArray, regular: BoolArray) -> float | None:
-    """Return the robust standard deviation of values around their smooth course; None for too few values.
+    """Return the noise of a time series: its robust deviation around a smooth trend; None for too few values.
 
     Args:
         values: the values in the order of their times; those that are not finite are left out.

@@ -1,4 +1,4 @@
-"""Project a robot model in MuJoCo to the axis of a sensor, so that a gain can be designed for the robot."""
+"""Compute mass and limits of a MuJoCo robot model along the axis of a sensor, to design a gain for the robot."""
 
 from .centering import Centering
 from .drives import AxisLimits

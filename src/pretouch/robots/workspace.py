@@ -130,7 +130,7 @@ def project_workspace(
             except InvalidInputError as error:
                 omitted, reason = omitted + 1, str(error)
     if not projections:
-        raise InvalidInputError(f"postures: the robot cannot be projected in any of them; {reason}")
+        raise InvalidInputError(f"postures: the robot cannot be projected in any posture; {reason}")
     return Workspace(projections[0].site, tuple(projections), omitted)
 
 

@@ -79,7 +79,7 @@ class OpenedFiles:
         return self._files[name]
 
     def write_scenario(self, text: str) -> Path:
-        """Write the text of a scenario to a temporary file, and replace each file name in it by the path of that file.
+        """Write a scenario to a temporary file, with the full path of each opened file instead of its name.
 
         Returns:
             The path of the temporary file.

@@ -75,7 +75,7 @@ class Reservations(Value):
 
     @property
     def is_refuted(self) -> bool:
-        """Whether the readings allow a harder contact than without mitigation, which contradicts the prediction."""
+        """Whether contact is harder than without mitigation on a curve that fits the readings."""
         return self.witness is not None and self.witness.harder_count > 0
 
     @property
@@ -271,7 +271,7 @@ class Reservations(Value):
 
 
 def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
-    """Find warnings about the calibration on which a result depends, such as distances without readings.
+    """Find the warnings about a calibration that affect a result, such as missing readings at its distances.
 
     Args:
         report: the report of the fit that the sensor comes from.

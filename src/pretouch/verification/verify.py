@@ -157,7 +157,7 @@ def _verdict_fields(task: Task, design: GainDesign, gain: float, changes: bool) 
 
 
 def _rate_needed(design: GainDesign) -> float | None:
-    """If only the required gain margin makes the design infeasible, return the sensor rate [Hz] that it needs."""
+    """Return the sensor rate [Hz] that the required margin needs; None if another requirement is unmet, too."""
     task, free = design.problem.task, design.without_margin
     if free is None or task.stability_margin is None:
         return None

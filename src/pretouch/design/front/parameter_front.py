@@ -86,7 +86,7 @@ class _FrontPoints:
         self.add(start if point is None else point[0])
 
     def fill(self) -> None:
-        """Fill wide gaps between neighboring points by further searches, if the Pareto front has two quantities."""
+        """Search further points in wide gaps between neighboring points of a Pareto front of two quantities."""
         if self.values.shape[1] != 2:
             return
         for _ in range(_ROUNDS):

@@ -212,7 +212,7 @@ class WorstCase(Measure):
         return largest, largest, math.inf
 
     def difference(self, values: FloatArray, others: FloatArray) -> tuple[float, float]:
-        """Return the difference of two largest values; its standard error is unknown and therefore NaN."""
+        """Return the difference of the largest values of two samples, and NaN as its unknown standard error."""
         return float(np.max(others) - np.max(values)), math.nan
 
 

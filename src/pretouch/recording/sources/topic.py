@@ -72,7 +72,7 @@ class TopicSource:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on messages that were lost."""
+        """Notes on how many messages were lost on the way; empty if none were lost."""
         lost = self._lost()
         return (f"{self.name}: {lost:,} messages were lost on the way from the publisher.",) if lost else ()
 

@@ -505,6 +505,14 @@ _TABLE: Final = (
         "Rely on the simulation. Other warnings of the result name the reason, if it is known.",
         "The contact speed of the site fingertip differs from the prediction by up to 12 %",
     ),
+    (
+        "PT508",
+        "Joints without a range",
+        "Some hinges of the robot model have no range.",
+        "pretouch treats them as turning without end, so the robot may have less room to retreat than stated.",
+        "Add the range to each joint that has one.",
+        "The following hinges have no range in the model, and count as turning without end: elbow",
+    ),
     # --- recordings
     (
         "PT601",

@@ -350,6 +350,13 @@ def posture_warnings(
             "PT502",
             "The model does not limit the forces of all actuators, so that acceleration and force have no limit.",
         )
+    endless = [joint_label(model, int(j)) for j in drivetrain.joints if not model.jnt_limited[j]]
+    if endless:
+        yield caution(
+            "PT508",
+            "The following hinges have no range in the model, and count as turning without end: "
+            f"{', '.join(endless)}. If they have a range, add it, because the robot then has less room to retreat.",
+        )
     passive = [
         joint_label(model, int(j))
         for j in dict.fromkeys(np.asarray(model.dof_jntid)[drivetrain.base].tolist())

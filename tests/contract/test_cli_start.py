@@ -20,6 +20,7 @@ from pretouch.cli import doctor
 from pretouch.config.parts import load_with_parts
 from pretouch.errors import InvalidInputError
 from pretouch.simulation import PARTS
+from pretouch.studio import page_file
 from pretouch.verification import VerdictStatus, compare_candidates
 
 ROOT = Path(__file__).parents[2]
@@ -318,7 +319,7 @@ def test_the_doctor_tells_whether_the_studio_has_the_core_of_its_page(
     core = tmp_path / "core.wasm"
     if is_there:
         core.write_bytes(b"")
-    monkeypatch.setattr(doctor, "CORE", core)
+    monkeypatch.setattr(page_file, "CORE", core)
     pretouch = command(monkeypatch, capsys)
     code, out, _ = pretouch("doctor")
     line = next(line for line in out.splitlines() if line.startswith("  extra studio"))

@@ -13,7 +13,6 @@ import typer
 
 from pretouch._core.errors import PretouchError
 from pretouch._core.files import as_json
-from pretouch.studio.page_file import BUILD_CORE, CORE
 
 from .terminal import conclude, end, print_text
 
@@ -33,7 +32,7 @@ _PROGRAMS: Final = {
 
 
 def doctor(*, json: Annotated[bool, typer.Option("--json", help="Print only a JSON object.")] = False) -> None:
-    """Check the installation: versions, processor, extras, and how to get what is missing.
+    """Check the installation: versions, processor, extras, and how to install missing parts.
 
     Exit status: 0 pretouch works, though an extra may be missing, 1 the compiled core does not work, 2 a mistake in
     the request.
@@ -43,15 +42,17 @@ def doctor(*, json: Annotated[bool, typer.Option("--json", help="Print only a JS
 
 def _doctor(*, json: bool) -> None:
     """Collect the state of the installation and print it."""
+    from pretouch.studio.page_file import BUILD_CORE, CORE  # noqa: PLC0415 - keeps `pretouch --help` quick
+
     core = _core()
     extras = {name: _missing(name) for name in _EXTRAS}
     programs = {name: shutil.which(name) is not None for name in _PROGRAMS}
     packages = {name: _version(name) for name in ("pretouch", *_required(""))}
     works = "problem" not in core and None not in packages.values()
-    page = CORE.exists()
+    page = "" if CORE.exists() else BUILD_CORE
     if json:
         document = {"status": "works" if works else "broken", "python": platform.python_version(), "core": core}
-        parts = {"packages": packages, "missing_of_extras": extras, "page_core": page, "programs": programs}
+        parts = {"packages": packages, "missing_of_extras": extras, "page_core": not page, "programs": programs}
         print_text(as_json(document | parts))
     else:
         print_text("\n".join(_lines(core, packages, extras, programs, page=page)))
@@ -64,9 +65,9 @@ def _lines(
     extras: dict[str, list[str]],
     programs: dict[str, bool],
     *,
-    page: bool,
+    page: str,
 ) -> list[str]:
-    """Return the state of the installation as lines of text; `page` says whether the core of the studio page exists."""
+    """Return the state of the installation as lines of text; `page` says how to build a missing core of the studio."""
     own = packages.pop("pretouch")
     lines = [f"pretouch {own}, Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
     lines.append(
@@ -79,8 +80,8 @@ def _lines(
     for name, purpose in _EXTRAS.items():
         missing = extras[name]
         state = "installed" if not missing else f"missing {', '.join(missing)}: pip install 'pretouch[{name}]'"
-        if name == "studio" and not page:
-            state += f"; the core of its page is missing: {BUILD_CORE}"
+        if name == "studio" and page:
+            state += f"; the core of its page is missing: {page}"
         lines.append(f"  extra {name:<8} {state}  ({purpose})")
     for name, purpose in _PROGRAMS.items():
         state = "found" if programs[name] else f"not found: install {'a C compiler' if name == 'cc' else name}"

@@ -205,13 +205,11 @@ def _samples_at(
 
 def _derivative(above: FloatArray | None, below: FloatArray | None, step: float, middle: FloatArray) -> FloatArray:
     """Compute a derivative with respect to an input from samples, one-sided if only one side is valid."""
-    if above is not None and below is not None:
-        return np.asarray((above - below) / (2 * step))
-    if above is not None:
-        return np.asarray((above - middle) / step)
-    if below is not None:
-        return np.asarray((middle - below) / step)
-    return np.full_like(middle, np.nan)
+    sides = (above is not None) + (below is not None)
+    if not sides:
+        return np.full_like(middle, np.nan)
+    high, low = (middle if side is None else side for side in (above, below))
+    return np.asarray((high - low) / (sides * step))
 
 
 def _inputs(problem: GainProblem) -> _Inputs:
